@@ -1,0 +1,108 @@
+"""ImagePoints: photo coordinates in mm, reduced to the principal point, with standard deviations.
+
+Row k of `measurements` belongs to row k of the Block's `image_points`; what cannot be used is inactive, not missing.
+`corrections` lists what has been applied, so that nothing is applied twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from aatri.artifacts.suspects import Suspects
+from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, column, table
+
+
+@dataclass(frozen=True, eq=False)
+class ImageIds(Table):
+    """Images, as in the Block."""
+
+    id: Text = column("str", doc="id of the image")
+
+
+@dataclass(frozen=True, eq=False)
+class PointIds(Table):
+    """Points, as in the Block."""
+
+    id: Text = column("str", doc="id of the point")
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements(Table):
+    """Photo coordinates, row by row as in the Block's image_points."""
+
+    image: Int = column("i4", doc="row in images", refers="images")
+    point: Int = column("i4", doc="row in points", refers="points")
+    xy_mm: Float = column("f8", 2, unit="mm", doc="photo coordinates from the principal point; NaN if not determined",
+                          optional=True)  # fmt: skip
+    sigma_mm: Float = column("f8", 2, unit="mm", doc="standard deviation")
+    active: Bool = column("bool", doc="to be used")
+
+
+@dataclass(frozen=True, eq=False)
+class Interior(Table):
+    """Interior orientation of each image: photo = A (u, v) + t, from the measured system to the photo system.
+
+    `covariance` belongs to the six numbers d of the remaining correction dx = d0 + d1 x + d2 y, dy = d3 + d4 x + d5 y
+    in the photo system: what the fiducials leave open. It is zero where the transformation is exactly known.
+    """
+
+    image: Int = column("i4", doc="row in images", refers="images")
+    model: Text = column("str", doc="affine, similarity or calibrated")
+    matrix: Float = column("f8", 2, 3, unit="1 and mm", doc="[A | t]: photo from measured")
+    covariance: Float = column("f8", 6, 6, unit="mm and 1", doc="a priori covariance of d0 ... d5, see above")
+    sigma0: Float = column(
+        "f8", doc="a posteriori over a priori standard deviation; NaN without redundancy", optional=True
+    )
+    redundancy: Int = column("i4", doc="redundancy of the transformation")
+
+
+@dataclass(frozen=True, eq=False)
+class FiducialResiduals(Table):
+    """Residuals of the fiducial marks."""
+
+    row: Int = column("i4", doc="row in the Block's fiducial_points")
+    image: Int = column("i4", doc="row in images", refers="images")
+    fiducial: Text = column("str", doc="id of the mark")
+    residual_mm: Float = column("f8", 2, unit="mm", doc="transformed minus calibrated")
+    active: Bool = column("bool", doc="False if rejected")
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections(Table):
+    """Corrections already applied, in their order; none is applied twice."""
+
+    name: Text = column("str", doc="film_deformation, principal_point, distortion, refraction or earth_curvature")
+    largest_mm: Float = column("f8", unit="mm", doc="largest correction of any point")
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePoints(Artifact):
+    """Photo coordinates after interior orientation, and after image refinement."""
+
+    kind: ClassVar[str] = "ImagePoints"
+    schema_version: ClassVar[int] = 1
+
+    images: ImageIds = table()
+    points: PointIds = table()
+    measurements: Measurements = table()
+    interior: Interior = table()
+    fiducial_residuals: FiducialResiduals = table()
+    corrections: Corrections = table()
+    suspects: Suspects = table()
+
+    def metrics(self) -> dict[str, float | int | None]:
+        """Counts, and the pooled sigma0 of the interior orientations."""
+        pooled = int(self.interior.redundancy.sum())
+        squares = (self.interior.sigma0**2 * self.interior.redundancy)[self.interior.redundancy > 0].sum()
+        largest = {
+            f"largest_{n}_um": 1e3 * float(v) for n, v in zip(self.corrections.name, self.corrections.largest_mm)
+        }
+        return {
+            "images": len(self.interior),
+            "image_points": int(self.measurements.active.sum()),
+            "redundancy": pooled,
+            "sigma0": float((squares / pooled) ** 0.5) if pooled else None,
+            "suspects": len(self.suspects),
+            **largest,
+        }

@@ -1,0 +1,132 @@
+"""Solution: orientations, ground points and cameras. Every method of orientation ends in one.
+
+Rows of `images` and `points` are those of the Block. Rotations are `R`: X - X0 = lambda R (x, y, -c); their
+covariances belong to the increment d on the ground side, R <- exp([d]x) R. Standard deviations are a priori: sigma0 is
+not applied to them. NaN is *not determined*; covariances of methods that give none are NaN throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from aatri.artifacts.suspects import Suspects
+from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, attribute, column, table
+
+
+@dataclass(frozen=True, eq=False)
+class ImageOrientations(Table):
+    """Exterior orientation of all images of the Block."""
+
+    id: Text = column("str", doc="id of the image")
+    oriented: Bool = column("bool", doc="False if the image could not be oriented; then all else is NaN")
+    position_m: Float = column("f8", 3, unit="m", doc="projection centre X0", optional=True)
+    ground_from_image: Float = column("f8", 3, 3, doc="rotation matrix R", optional=True)
+    covariance: Float = column("f8", 6, 6, unit="m and rad", doc="of X0 Y0 Z0 d1 d2 d3", optional=True)
+    image_points: Int = column("i4", doc="image points used")
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPoints(Table):
+    """Adjusted ground coordinates of all points of the Block."""
+
+    id: Text = column("str", doc="id of the point")
+    xyz_m: Float = column("f8", 3, unit="m", doc="coordinates; NaN if not determined", optional=True)
+    covariance_m2: Float = column("f8", 3, 3, unit="m^2", doc="covariance", optional=True)
+    rays: Int = column("i4", doc="image points used")
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCameras(Table):
+    """Interior orientation of the cameras."""
+
+    id: Text = column("str", doc="id of the camera")
+    principal_distance_mm: Float = column("f8", unit="mm", doc="principal distance")
+    principal_point_mm: Float = column("f8", 2, unit="mm", doc="principal point as subtracted")
+
+
+@dataclass(frozen=True, eq=False)
+class StripTransformations(Table):
+    """Transformations of free strips, components or models to the ground."""
+
+    id: Text = column("str", doc="id of the strip or component")
+    model: Text = column("str", doc="similarity, polynomial_1, polynomial_2 ...")
+    parameter: Text = column("str", doc="name of the parameter")
+    value: Float = column("f8", doc="value")
+    sigma: Float = column("f8", doc="standard deviation", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters(Table):
+    """Estimated parameters that are neither orientation nor point: additional, interior, drift ..."""
+
+    group: Text = column("str", doc="interior, additional, drift ...")
+    object: Text = column("str", doc="id of the image, camera or set")
+    name: Text = column("str", doc="name of the parameter")
+    value: Float = column("f8", doc="value")
+    sigma: Float = column("f8", doc="standard deviation", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals(Table):
+    """Residuals: adjusted minus observed."""
+
+    kind: Text = column("str", doc="image_point, control, position or strip_tie")
+    row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
+    image: Text = column("str", doc="id of the image or strip, empty if none")
+    point: Text = column("str", doc="id of the point, empty if none")
+    residual: Float = column("f8", 3, unit="mm (image) or m", doc="residual per coordinate; NaN where there is none",
+                             optional=True)  # fmt: skip
+    sigma: Float = column("f8", 3, unit="mm (image) or m", doc="a priori standard deviation; 0 exact", optional=True)
+    active: Bool = column("bool", doc="False if rejected: then the residual is that of a predicted value")
+
+
+@dataclass(frozen=True, eq=False)
+class Iterations(Table):
+    """History of the adjustment."""
+
+    cost: Float = column("f8", doc="sum of squares of the weighted residuals before the step")
+    decrement: Float = column("f8", doc="Newton decrement of the step, in standard deviations", optional=True)
+    damping: Float = column("f8", doc="Levenberg-Marquardt damping; 0 Gauss-Newton")
+
+
+@dataclass(frozen=True, eq=False)
+class Solution(Artifact):
+    """Orientations, ground points, cameras: the result of an orientation or adjustment."""
+
+    kind: ClassVar[str] = "Solution"
+    schema_version: ClassVar[int] = 1
+
+    method: str = attribute(doc="role/variant that made it")
+    observations: int = attribute(doc="number of observations")
+    unknowns: int = attribute(doc="number of unknowns")
+    redundancy: int = attribute(doc="observations minus unknowns")
+    sigma0: float = attribute(doc="standard deviation a posteriori over a priori; NaN without redundancy")
+    sigma0_um: float = attribute(unit="um", doc="sigma0 in the image; NaN where no image points are adjusted")
+    iterations: int = attribute(doc="iterations of the last adjustment")
+    images: ImageOrientations = table()
+    points: GroundPoints = table()
+    cameras: SolvedCameras = table()
+    transformations: StripTransformations = table()
+    parameters: Parameters = table()
+    residuals: Residuals = table()
+    history: Iterations = table()
+    suspects: Suspects = table()
+
+    def metrics(self) -> dict[str, float | int | None]:
+        """Counts, redundancy and sigma0."""
+        known = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
+        return {
+            "images": int(self.images.oriented.sum()),
+            "points": int(np.isfinite(self.points.xyz_m).all(axis=1).sum()),
+            "image_points": int(self.images.image_points.sum()),
+            "observations": self.observations,
+            "unknowns": self.unknowns,
+            "redundancy": self.redundancy,
+            "sigma0": None if np.isnan(self.sigma0) else self.sigma0,
+            **known,
+            "iterations": self.iterations,
+            "suspects": len(self.suspects),
+        }

@@ -1,0 +1,105 @@
+"""Strips: models joined to strips, each in a frame of its own.
+
+The strip frame is that of the strip's first image; the unit of length is the base of its first model. A strip of the
+Block that is broken by a missing model gives several strips here, and a row in `gaps`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from aatri.artifacts.image_points import ImageIds, PointIds
+from aatri.artifacts.suspects import Suspects
+from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, column, table
+
+
+@dataclass(frozen=True, eq=False)
+class FreeStrips(Table):
+    """Free strips."""
+
+    id: Text = column("str", doc="id: the Block's strip, with .1 .2 ... where it is broken")
+
+
+@dataclass(frozen=True, eq=False)
+class StripImages(Table):
+    """Images in their strips, in order along the strip."""
+
+    strip: Int = column("i4", doc="row in strips", refers="strips")
+    image: Int = column("i4", doc="row in images", refers="images")
+    position: Float = column("f8", 3, unit="first base", doc="projection centre in the strip frame")
+    strip_from_image: Float = column("f8", 3, 3, doc="rotation matrix")
+
+
+@dataclass(frozen=True, eq=False)
+class StripPoints(Table):
+    """Points in their strips: weighted mean over the models."""
+
+    strip: Int = column("i4", doc="row in strips", refers="strips")
+    point: Int = column("i4", doc="row in points", refers="points")
+    xyz: Float = column("f8", 3, unit="first base", doc="coordinates in the strip frame")
+    covariance: Float = column("f8", 3, 3, unit="first base^2", doc="from the image coordinates, orientations held")
+    models: Int = column("i4", doc="number of models that hold the point")
+
+
+@dataclass(frozen=True, eq=False)
+class Joints(Table):
+    """Where two neighbouring models are joined: they share an image."""
+
+    strip: Int = column("i4", doc="row in strips", refers="strips")
+    image: Int = column("i4", doc="row in images: the common image", refers="images")
+    scale: Float = column("f8", doc="scale factor of the second model to the first")
+    sigma: Float = column("f8", doc="its standard deviation", optional=True)
+    points: Int = column("i4", doc="connection points used")
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancies(Table):
+    """Discrepancies of the connection points after joining."""
+
+    joint: Int = column("i4", doc="row in joints", refers="joints")
+    point: Int = column("i4", doc="row in points", refers="points")
+    xyz: Float = column("f8", 3, unit="first base", doc="second minus first model, strip frame")
+    log_scale: Float = column("f8", doc="logarithm of the point's own scale factor minus the joint's")
+    active: Bool = column("bool", doc="False if rejected")
+
+
+@dataclass(frozen=True, eq=False)
+class Gaps(Table):
+    """Where a strip of the Block is broken, and images left without a strip."""
+
+    strip: Text = column("str", doc="id of the Block's strip, empty if none")
+    left: Text = column("str", doc="id of the last image before the gap, empty at the start")
+    right: Text = column("str", doc="id of the first image after the gap, empty at the end")
+    reason: Text = column("str", doc="why")
+
+
+@dataclass(frozen=True, eq=False)
+class Strips(Artifact):
+    """Free strips."""
+
+    kind: ClassVar[str] = "Strips"
+    schema_version: ClassVar[int] = 1
+
+    images: ImageIds = table()
+    points: PointIds = table()
+    strips: FreeStrips = table()
+    strip_images: StripImages = table()
+    strip_points: StripPoints = table()
+    joints: Joints = table()
+    discrepancies: Discrepancies = table()
+    gaps: Gaps = table()
+    suspects: Suspects = table()
+
+    def metrics(self) -> dict[str, float | int | None]:
+        """Counts, and the RMS of the scale discrepancies."""
+        used = self.discrepancies.log_scale[self.discrepancies.active]
+        return {
+            "strips": len(self.strips),
+            "images": len(self.strip_images),
+            "points": len(self.strip_points),
+            "joints": len(self.joints),
+            "scale_discrepancy_rms_ppm": 1e6 * float((used**2).mean() ** 0.5) if len(used) else None,
+            "gaps": len(self.gaps),
+            "suspects": len(self.suspects),
+        }

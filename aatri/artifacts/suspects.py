@@ -1,0 +1,26 @@
+"""Suspects: observations a stage tested and did not believe. They travel from stage to stage.
+
+The next stage starts without what was rejected and tests each for re-admission.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aatri.tables.schema import Float, Int, Table, Text, column
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects(Table):
+    """Observations under suspicion, with the size of their gross error."""
+
+    kind: Text = column("str", doc="image_point, fiducial, control, position, model_tie or strip_tie")
+    row: Int = column("i4", doc="row of the observation in its table of the Block; -1 if it has none", optional=True)
+    image: Text = column("str", doc="id of the image or model, empty if none")
+    point: Text = column("str", doc="id of the point, empty if none")
+    stage: Text = column("str", doc="role of the stage that tested it")
+    size: Float = column("f8", doc="estimated gross error, in the unit of the observation", optional=True)
+    unit: Text = column("str", doc="unit of size and sigma")
+    sigma: Float = column("f8", doc="standard deviation of the size", optional=True)
+    test: Float = column("f8", doc="test statistic, in standard deviations", optional=True)
+    verdict: Text = column("str", doc="rejected, readmitted or kept")

@@ -1,0 +1,1 @@
+"""Interior geometry, distortion, refraction and earth curvature."""

@@ -1,0 +1,115 @@
+"""The one error tree of aatri. Every error a user can cause has a class here, and every class an exit code.
+
+A message says what is wrong, where (file:line:column or object id), the value, why, and what to do:
+`what` carries the first and the value, `where` the place, `remedy` what to do.
+
+Exit codes
+----------
+0 ok, 1 internal error, 2 command line or pipeline.yaml, 3 input data, 4 geometry or datum insufficient,
+5 not converged, 6 quality gate, 7 artifact integrity, 8 resources (disk, lock, permission), 9 plugin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class AatriError(Exception):
+    """Base of all errors that are reported without a traceback.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, with the value.
+    where : str, optional
+        `file:line:column`, or the id of the object.
+    remedy : str, optional
+        What the user can do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.where = where
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{text}\n    fix: {self.remedy}" if self.remedy else text
+
+
+class SpecError(AatriError, ValueError):
+    """The command line or pipeline.yaml is wrong."""
+
+    exit_code = 2
+
+
+class InputError(AatriError, ValueError):
+    """The input data are wrong."""
+
+    exit_code = 3
+
+
+class GeometryError(AatriError):
+    """Geometry or datum do not determine what was asked for; the message names what is open."""
+
+    exit_code = 4
+
+
+class ConvergenceError(AatriError):
+    """An iteration did not converge; no solution is written."""
+
+    exit_code = 5
+
+
+class GateError(AatriError):
+    """The run finished, but a quality gate failed."""
+
+    exit_code = 6
+
+
+class ArtifactError(AatriError, OSError):
+    """An artifact is missing, altered, of the wrong kind or not of its schema."""
+
+    exit_code = 7
+
+
+class ResourceError(AatriError, OSError):
+    """Disk, memory, lock or permission: trying again later makes sense."""
+
+    exit_code = 8
+
+
+class PluginError(AatriError):
+    """A stage is missing, defined twice or breaks its contract."""
+
+    exit_code = 9
+
+
+class Errors(AatriError):
+    """Several errors found together, reported at once.
+
+    Raises nothing itself; `raise_all` is the way to use it. The exit code is that of the first error.
+    """
+
+    def __init__(self, errors: Sequence[AatriError]) -> None:
+        self.errors = tuple(errors)
+        super().__init__("\n".join(str(error) for error in self.errors))
+        self.exit_code = self.errors[0].exit_code
+
+
+MOST_SHOWN = 50
+"""At most this many errors are shown at once; the rest is counted."""
+
+
+def raise_all(errors: Sequence[AatriError]) -> None:
+    """Raise the error, or all of them as one, if there are any."""
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        shown = list(errors[:MOST_SHOWN])
+        if len(errors) > MOST_SHOWN:
+            shown.append(type(errors[0])(f"... and {len(errors) - MOST_SHOWN} more"))
+        raise Errors(shown)

@@ -1,0 +1,1 @@
+"""Accuracy figures: control, check points, truth."""

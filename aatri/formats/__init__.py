@@ -1,0 +1,1 @@
+"""Files <-> Block and Solution."""

@@ -1,0 +1,1 @@
+"""Rotations, rays, intersections, similarities."""

@@ -1,0 +1,38 @@
+"""Directions: unit vectors and their tangents."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Float = npt.NDArray[np.float64]
+
+
+def unit(v: npt.ArrayLike) -> Float:
+    """Vectors of length 1.
+
+    Parameters
+    ----------
+    v : (..., 3) float64
+    """
+    v = np.asarray(v, dtype=np.float64)
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+def tangents(direction: npt.ArrayLike) -> Float:
+    """Two unit vectors orthogonal to a direction and to each other.
+
+    For a direction near +x they are near +y and +z, so that the turn of a base along them is by/bx and bz/bx.
+
+    Parameters
+    ----------
+    direction : (3,) float64, unit vector
+
+    Returns
+    -------
+    (3, 2) float64
+    """
+    b = np.asarray(direction, dtype=np.float64)
+    axes = np.roll(np.eye(3), -int(np.argmax(np.abs(b))), axis=0)
+    first = unit(axes[1] - b * (axes[1] @ b))
+    return np.stack([first, np.cross(b, first) * np.sign(b @ axes[0])], axis=1)

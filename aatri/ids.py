@@ -1,0 +1,57 @@
+"""Ids are text. They are stored once per table, sorted by their UTF-8 bytes, and referred to by int32 rows."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+MAX_BYTES = 255
+"""Longest id, in UTF-8 bytes."""
+
+
+def canonical(ids: Iterable[str]) -> list[str]:
+    """The distinct ids in canonical order: by their UTF-8 bytes, so that the order of input never matters."""
+    return sorted(set(ids), key=lambda text: text.encode("utf-8"))
+
+
+def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.NDArray[Any]) -> npt.NDArray[np.int32]:
+    """Row of each id in a table of ids; -1 where it is not there.
+
+    Parameters
+    ----------
+    ids : (n,) str
+    table : (m,) str, distinct
+
+    Returns
+    -------
+    (n,) int32
+    """
+    row = {str(text): k for k, text in enumerate(table)}
+    return np.array([row.get(str(text), -1) for text in ids], dtype=np.int32)
+
+
+def is_valid(text: str) -> bool:
+    """Whether the text may serve as an id: not empty, at most 255 bytes, no control characters, no outer blanks."""
+    return bool(text) and text == text.strip() and len(text.encode("utf-8")) <= MAX_BYTES and text.isprintable()
+
+
+def shown(texts: Iterable[str], most: int = 20) -> str:
+    """A list of ids for a message: the first ones and how many more there are."""
+    listed = [printable(text) for text in texts]
+    more = f" and {len(listed) - most} more" if len(listed) > most else ""
+    return ", ".join(listed[:most]) + more
+
+
+def printable(text: str) -> str:
+    """The text with control characters escaped, so that an id cannot drive the terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def did_you_mean(text: str, known: Iterable[str]) -> str:
+    """` - did you mean 'x'?`, or nothing if no known name is near."""
+    near = difflib.get_close_matches(text, list(known), n=1, cutoff=0.6)
+    return f" - did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,1 @@
+"""One file per observation type: residuals and Jacobians."""

@@ -1,0 +1,1 @@
+"""The methods of orientation, arrays in and out."""

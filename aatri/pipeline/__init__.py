@@ -1,0 +1,1 @@
+"""Spec, graph, registry, store and runner; knows no photogrammetry."""

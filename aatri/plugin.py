@@ -1,0 +1,142 @@
+"""What the author of a stage imports: `stage`, `Options`, `Field`, `InputPath`, `Context`, `SILENT`, `Role`.
+
+A stage is a plain function: artifacts in, one artifact out. Its signature is its declaration:
+
+    @stage(version=1)
+    def dependent(block: Block, image_points: ImagePoints, *,
+                  options: DependentOptions = DependentOptions(), context: Context = SILENT) -> Models:
+
+Positional arguments are ports, named as in the role; one with default None is optional. `options`, `context` and
+`rng` are passed only where the signature asks for them. A folder of stages is a role; its `__init__.py` declares
+`ROLE = Role(ports, kind)`, which every variant of the role keeps to.
+"""
+
+from __future__ import annotations
+
+import inspect
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ParamSpec, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+from aatri.errors import PluginError
+from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import Artifact
+
+__all__ = ["SILENT", "Context", "Field", "InputPath", "Options", "Port", "Role", "StageCard", "card_of", "stage"]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+Context = Reporter
+"""What a running stage may talk to."""
+
+
+class Options(BaseModel):
+    """Base of the options of a stage: a frozen pydantic model, unknown names refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+
+class InputFile:
+    """Marks a path option whose content counts as input."""
+
+
+def _from_project(path: Path, info: ValidationInfo) -> Path:
+    base = (info.context or {}).get("base")
+    return Path(base) / path if base is not None else path
+
+
+InputPath = Annotated[Path, AfterValidator(_from_project), InputFile()]
+"""A file or folder to read; relative to pipeline.yaml. Its content is part of what the stage depends on."""
+
+
+@dataclass(frozen=True)
+class Role:
+    """A role: ports by name with the kind of artifact they take, and the kind that every variant returns."""
+
+    ports: Mapping[str, type[Artifact]]
+    kind: type[Artifact]
+
+
+@dataclass(frozen=True)
+class Port:
+    """A port as a variant asks for it."""
+
+    name: str
+    kind: type[Artifact]
+    optional: bool
+
+
+@dataclass(frozen=True)
+class StageCard:
+    """All that is known of a variant without running it."""
+
+    function: Callable[..., Artifact]
+    role: str
+    variant: str
+    version: int
+    ports: tuple[Port, ...]
+    kind: type[Artifact]
+    options: type[Options] | None
+    wants_context: bool
+    wants_rng: bool
+    doc: str
+
+    @property
+    def name(self) -> str:
+        """`ROLE/VARIANT`."""
+        return f"{self.role}/{self.variant}"
+
+
+_SPECIAL = ("options", "context", "rng")
+
+
+def stage(*, version: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Declare a function to be a stage. A change of `version` makes earlier results stale."""
+
+    def declare(function: Callable[P, T]) -> Callable[P, T]:
+        function.__aatri_version__ = version  # type: ignore[attr-defined]
+        return function
+
+    return declare
+
+
+def card_of(function: Callable[..., Any], role: str) -> StageCard:
+    """Read the card off a stage function.
+
+    Raises
+    ------
+    PluginError
+        If the function is not declared with `@stage` or its signature breaks the contract.
+    """
+    where = f"{function.__module__}.{function.__name__}"
+    version = getattr(function, "__aatri_version__", None)
+    if version is None:
+        raise PluginError("not a stage", where=where, remedy="decorate it with @stage(version=1)")
+    hints = typing.get_type_hints(function)
+    kind = hints.get("return")
+    if not (isinstance(kind, type) and issubclass(kind, Artifact)):
+        raise PluginError(f"returns {kind}, not a kind of artifact", where=where)
+    parameters = inspect.signature(function).parameters
+    ports = tuple(_port(p, hints, where) for name, p in parameters.items() if name not in _SPECIAL)
+    options = hints.get("options")
+    if options is not None and not (isinstance(options, type) and issubclass(options, Options)):
+        raise PluginError("options are not a model derived from aatri.plugin.Options", where=where)
+    module_doc = inspect.getdoc(inspect.getmodule(function)) or ""
+    return StageCard(function, role, function.__name__, version, ports, kind, options,
+                     "context" in parameters, "rng" in parameters, module_doc)  # fmt: skip
+
+
+def _port(parameter: inspect.Parameter, hints: dict[str, Any], where: str) -> Port:
+    hint = hints.get(parameter.name)
+    optional = parameter.default is None
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        hint = next(k for k in typing.get_args(hint) if k is not type(None))
+    if not (isinstance(hint, type) and issubclass(hint, Artifact)):
+        raise PluginError(f"port {parameter.name!r} is {hint}, not a kind of artifact", where=where)
+    return Port(parameter.name, hint, optional)

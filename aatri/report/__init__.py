@@ -1,0 +1,1 @@
+"""Pages and pictures of any run, also of a failed one."""

@@ -1,0 +1,1 @@
+"""Made-up blocks: the physical forward model, independent of every correction."""

@@ -1,0 +1,187 @@
+"""Artifacts in HDF5: one group per table, one dataset per column, attributes at the root.
+
+Every dataset carries `units` and `description`, row numbers also `refers`, so that the file reads without aatri.
+`write` puts a whole file on disk and reads it back; making it appear atomically is the store's work.
+Files of others are read defensively: hard links only, no external storage, known filters and dtypes, and exactly the
+declared names.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import ArtifactError, ResourceError
+from aatri.ids import did_you_mean
+from aatri.tables.digest import content_digest
+from aatri.tables.schema import DTYPES, Artifact, Column, Table, attributes_of, columns_of, is_optional, tables_of
+
+A = TypeVar("A", bound=Artifact)
+
+_LIBVER = ("v110", "v110")  # metadata checksums, and a file left open by a crash refuses to open
+
+
+def write(artifact: Artifact, path: Path) -> str:
+    """Write the artifact to a new file, read it back, and return its content digest.
+
+    Raises
+    ------
+    ResourceError
+        If the file cannot be written whole (disk full, permission).
+    """
+    digest = content_digest(artifact)
+    try:
+        with h5py.File(path, "w-", libver=_LIBVER) as file:
+            file.attrs["aatri_kind"] = artifact.kind
+            file.attrs["schema_version"] = artifact.schema_version
+            file.attrs["content_digest"] = digest
+            for name, declared in attributes_of(type(artifact)).items():
+                file.attrs[name] = getattr(artifact, name)
+                file.attrs[f"{name}.description"] = declared.doc + (f" [{declared.unit}]" if declared.unit else "")
+            for name in tables_of(type(artifact)):
+                rows = getattr(artifact, name)
+                if rows is not None:
+                    _write_table(file.create_group(name), rows)
+        returned = content_digest(read(path, type(artifact)))
+    except ArtifactError:
+        raise
+    except OSError as error:
+        raise ResourceError(f"cannot write: {error}", where=str(path), remedy="free space or use --into") from error
+    if returned != digest:
+        raise ResourceError("reads back differently from what was written", where=str(path), remedy="check the disk")
+    return digest
+
+
+def read(path: Path, cls: type[A]) -> A:
+    """Read an artifact of the given kind.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing, no artifact, of another kind or not of the declared schema.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            return _read(file, cls, str(path))
+    except FileNotFoundError as error:
+        raise ArtifactError("no such artifact", where=str(path), remedy="run the stage that makes it") from error
+    except OSError as error:
+        if isinstance(error, ArtifactError):
+            raise
+        raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path), remedy="run it again") from error
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Kind, attributes and row counts of an artifact, without its data: `{"kind", "attributes", "tables"}`."""
+    try:
+        with h5py.File(path, "r") as file:
+            if "aatri_kind" not in file.attrs:
+                raise ArtifactError("an HDF5 file, but no aatri artifact", where=str(path))
+            attributes = {k: _scalar(v) for k, v in file.attrs.items() if not k.endswith(".description")}
+            tables = {name: _describe(file[name]) for name in file}
+    except FileNotFoundError as error:
+        raise ArtifactError("no such file", where=str(path)) from error
+    except OSError as error:
+        if isinstance(error, ArtifactError):
+            raise
+        raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path)) from error
+    return {"kind": attributes.pop("aatri_kind"), "attributes": attributes, "tables": tables}
+
+
+def _describe(group: h5py.Group) -> dict[str, Any]:
+    columns = {}
+    for name, dataset in group.items():
+        columns[name] = {"shape": dataset.shape, "units": _scalar(dataset.attrs.get("units", "")),
+                         "description": _scalar(dataset.attrs.get("description", ""))}  # fmt: skip
+    rows = next(iter(columns.values()))["shape"][0] if columns else 0
+    return {"rows": int(rows), "description": _scalar(group.attrs.get("description", "")), "columns": columns}
+
+
+def _write_table(group: h5py.Group, rows: Table) -> None:
+    group.attrs["description"] = (type(rows).__doc__ or "").strip().splitlines()[0]
+    for name, declared in columns_of(type(rows)).items():
+        values = getattr(rows, name)
+        data = _encoded(values) if declared.dtype == "str" else values
+        chunked = {"fletcher32": True, "chunks": True} if data.size else {}
+        dataset = group.create_dataset(name, data=data, **chunked)
+        dataset.attrs["units"] = declared.unit
+        dataset.attrs["description"] = declared.doc
+        if declared.refers:
+            dataset.attrs["refers"] = declared.refers
+
+
+def _encoded(texts: npt.NDArray[np.str_]) -> npt.NDArray[Any]:
+    data = np.char.encode(texts, "utf-8") if texts.size else np.zeros(texts.shape, "S1")
+    width = max(1, data.dtype.itemsize)
+    return data.astype(h5py.string_dtype("utf-8", width))
+
+
+def _read(file: h5py.File, cls: type[A], path: str) -> A:
+    kind = _scalar(file.attrs.get("aatri_kind", ""))
+    if kind != cls.kind:
+        what = f"an artifact of kind {kind}" if kind else "no aatri artifact"
+        raise ArtifactError(f"{what}, where {cls.kind} is wanted", where=path, remedy="check `from` in pipeline.yaml")
+    version = int(file.attrs["schema_version"])
+    if version != cls.schema_version:
+        raise ArtifactError(
+            f"{kind} of schema version {version}; this aatri reads version {cls.schema_version}",
+            where=path,
+            remedy="run the stage again",
+        )
+    fields: dict[str, Any] = {}
+    for name in attributes_of(cls):
+        if name not in file.attrs:
+            raise ArtifactError(f"{kind} without attribute {name}", where=path)
+        fields[name] = _scalar(file.attrs[name])
+    declared = tables_of(cls)
+    for name in file:
+        if name not in declared:
+            raise ArtifactError(f"{kind} has an unknown table {name!r}{did_you_mean(name, declared)}", where=path)
+    for name, table_cls in declared.items():
+        if name in file:
+            fields[name] = _read_table(_hard(file, name, path), table_cls, f"{path}:{name}")
+        elif not is_optional(cls, name):
+            raise ArtifactError(f"{kind} without table {name}", where=path)
+    return cls(**fields)
+
+
+def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
+    declared = columns_of(cls)
+    for name in group:
+        if name not in declared:
+            raise ArtifactError(f"unknown column {name!r}{did_you_mean(name, declared)}", where=where)
+    missing = [name for name in declared if name not in group]
+    if missing:
+        raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
+    return cls(**{name: _read_column(_hard(group, name, where), c, f"{where}/{name}") for name, c in declared.items()})
+
+
+def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDArray[Any]:
+    creation = dataset.id.get_create_plist()
+    if not isinstance(dataset, h5py.Dataset) or creation.get_external_count() or dataset.is_virtual:
+        raise ArtifactError("not a plain dataset", where=where)
+    values = dataset[()]
+    if declared.dtype == "str":
+        text = h5py.check_string_dtype(dataset.dtype)
+        if text is None:
+            raise ArtifactError(f"holds {dataset.dtype}, not text", where=where)
+        return np.char.decode(np.asarray(values, dtype=np.bytes_), "utf-8")
+    if values.dtype != np.dtype(DTYPES[declared.dtype]):
+        raise ArtifactError(f"holds {values.dtype}, not {declared.dtype}", where=where)
+    return np.asarray(values)
+
+
+def _hard(group: h5py.Group, name: str, where: str) -> Any:
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        raise ArtifactError(f"{name!r} is a link to elsewhere", where=where)
+    return group[name]
+
+
+def _scalar(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode()
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,198 @@
+"""Declaration of tables and artifacts: every field once, with dtype, shape, unit and description.
+
+A table is a frozen dataclass of columns of equal length; an artifact is a frozen dataclass of attributes and tables.
+Both are declared with the field functions below and checked whenever one is made, so also on read and before write.
+
+    @dataclass(frozen=True, eq=False)
+    class Images(Table):
+        '''Images of the block.'''
+        id: Text = column("str", doc="id of the image")
+        strip: Int = column("i4", doc="row in strips", refers="strips", optional=True)
+
+Dtypes are `f8 i4 i8 i1 bool str`. In `f8` NaN means *not given* and is allowed only in optional columns; in a row
+number -1 does. Infinities are never allowed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import ArtifactError
+
+Float: TypeAlias = npt.NDArray[np.float64]
+Int: TypeAlias = npt.NDArray[np.int32]
+Bool: TypeAlias = npt.NDArray[np.bool_]
+Text: TypeAlias = npt.NDArray[np.str_]
+
+DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
+ATTRIBUTE_TYPES = (str, int, float, bool)
+
+
+@dataclass(frozen=True)
+class Column:
+    """Declaration of one column; `digest` is False for provenance, which is not part of the content."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    unit: str
+    doc: str
+    refers: str
+    optional: bool
+    digest: bool
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """Declaration of one scalar of an artifact: text, integer, float or truth value."""
+
+    unit: str
+    doc: str
+
+
+def column(
+    dtype: str,
+    *shape: int,
+    unit: str = "",
+    doc: str,
+    refers: str = "",
+    optional: bool = False,
+    digest: bool = True,
+) -> Any:
+    """Field of a `Table`: one value of `shape` per row. `refers` names the table whose rows it holds."""
+    return dataclasses.field(metadata={"column": Column(dtype, shape, unit, doc, refers, optional, digest)})
+
+
+def attribute(*, unit: str = "", doc: str, default: Any = dataclasses.MISSING) -> Any:
+    """Field of an `Artifact`: one scalar."""
+    return dataclasses.field(default=default, metadata={"attribute": Attribute(unit, doc)})
+
+
+def table(*, doc: str = "", default: Any = dataclasses.MISSING) -> Any:
+    """Field of an `Artifact`: a table; with `default=None` an optional group."""
+    return dataclasses.field(default=default, metadata={"table": doc})
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Base of all tables: checks and converts its columns when made."""
+
+    def __post_init__(self) -> None:
+        lengths = {}
+        for name, declared in columns_of(type(self)).items():
+            values = _checked(type(self).__name__, name, declared, getattr(self, name))
+            object.__setattr__(self, name, values)
+            lengths[name] = len(values)
+        if len(set(lengths.values())) > 1:
+            raise ArtifactError(f"columns of {type(self).__name__} differ in length: {lengths}")
+
+    def __len__(self) -> int:
+        return len(getattr(self, next(iter(columns_of(type(self))))))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """The table without rows."""
+        return cls(**{name: np.zeros((0, *c.shape), DTYPES.get(c.dtype, "U1")) for name, c in columns_of(cls).items()})
+
+    def take(self, rows: npt.ArrayLike) -> Self:
+        """The table of the chosen rows (numbers or a mask), in their order."""
+        chosen = np.asarray(rows)
+        return type(self)(**{name: getattr(self, name)[chosen] for name in columns_of(type(self))})
+
+
+@dataclass(frozen=True, eq=False)
+class Artifact:
+    """Base of all kinds: `kind` and `schema_version` are class attributes; fields are attributes and tables."""
+
+    kind: ClassVar[str] = ""
+    schema_version: ClassVar[int] = 1
+
+    def __post_init__(self) -> None:
+        for name in attributes_of(type(self)):
+            value = getattr(self, name)
+            if not isinstance(value, ATTRIBUTE_TYPES):
+                raise ArtifactError(f"{self.kind}.{name} is {value!r}, not a text, number or truth value")
+        for name in tables_of(type(self)):
+            value = getattr(self, name)
+            if not isinstance(value, Table) and not (value is None and is_optional(type(self), name)):
+                raise ArtifactError(f"{self.kind}.{name} is {type(value).__name__}, not a table")
+        self._check_references()
+
+    def _check_references(self) -> None:
+        for name in tables_of(type(self)):
+            rows = getattr(self, name)
+            if rows is None:
+                continue
+            for column_name, declared in columns_of(type(rows)).items():
+                if not declared.refers:
+                    continue
+                target = getattr(self, declared.refers)
+                values = getattr(rows, column_name)
+                lowest = -1 if declared.optional else 0
+                if values.size and (values.min() < lowest or values.max() >= len(target)):
+                    raise ArtifactError(
+                        f"{self.kind}.{name}.{column_name} points at row {int(values.max())} or {int(values.min())} of "
+                        f"{declared.refers}, which has {len(target)} rows"
+                    )
+
+    def metrics(self) -> dict[str, float | int | None]:
+        """Figures of `aatri metrics`: name -> value, None for what was not determined."""
+        return {}
+
+
+def columns_of(cls: type[Table]) -> dict[str, Column]:
+    """The declared columns of a table, in order."""
+    return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
+
+
+def attributes_of(cls: type[Artifact]) -> dict[str, Attribute]:
+    """The declared attributes of an artifact, in order."""
+    return {f.name: f.metadata["attribute"] for f in dataclasses.fields(cls) if "attribute" in f.metadata}
+
+
+def tables_of(cls: type[Artifact]) -> dict[str, type[Table]]:
+    """The declared tables of an artifact, in order."""
+    import typing
+
+    hints = typing.get_type_hints(cls)
+    found = {}
+    for f in dataclasses.fields(cls):
+        if "table" in f.metadata:
+            kinds = [k for k in (typing.get_args(hints[f.name]) or (hints[f.name],)) if k is not type(None)]
+            found[f.name] = kinds[0]
+    return found
+
+
+def is_optional(cls: type[Artifact], name: str) -> bool:
+    """Whether the table may be absent."""
+    return any(f.name == name and f.default is None for f in dataclasses.fields(cls))
+
+
+def _checked(table_name: str, name: str, declared: Column, values: Any) -> npt.NDArray[Any]:
+    where = f"{table_name}.{name}"
+    array = np.asarray(values)
+    if declared.dtype == "str":
+        array = array.astype(np.str_) if array.size else np.zeros(array.shape, "U1")
+    else:
+        wanted = np.dtype(DTYPES[declared.dtype])
+        if array.dtype != wanted:
+            if not np.can_cast(array.dtype, wanted, "same_kind") and array.size:
+                raise ArtifactError(f"{where} is {array.dtype}, not {wanted}")
+            narrowed = array.astype(wanted)
+            if np.issubdtype(wanted, np.integer) and array.size and not np.array_equal(narrowed, array):
+                raise ArtifactError(f"{where} holds a number too large for {wanted}")
+            array = narrowed
+    if array.ndim != 1 + len(declared.shape) or array.shape[1:] != declared.shape:
+        raise ArtifactError(f"{where} has shape {array.shape}, not (n, {', '.join(map(str, declared.shape))})")
+    if declared.dtype == "f8" and array.size:
+        bad = np.isinf(array) if declared.optional else ~np.isfinite(array)
+        if bad.any():
+            row = int(np.argwhere(bad)[0][0])
+            raise ArtifactError(f"{where} holds {array[bad][0]} in row {row}")
+    array = np.ascontiguousarray(array)
+    array.flags.writeable = False
+    return array

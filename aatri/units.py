@@ -1,0 +1,42 @@
+"""Units at the border. Inside: metres, millimetres on the image, radians, seconds.
+
+Factors turn a value in the named unit into the inner unit: `value * ANGLE_RAD["deg"]`.
+"""
+
+from __future__ import annotations
+
+import math
+
+ANGLE_RAD = {
+    "rad": 1.0,
+    "mrad": 1e-3,
+    "deg": math.pi / 180.0,
+    "gon": math.pi / 200.0,
+    "mgon": math.pi / 200e3,
+    "arcmin": math.pi / 10800.0,
+    "arcsec": math.pi / 648000.0,
+}
+LENGTH_M = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "km": 1e3}
+LENGTH_MM = {"mm": 1.0, "um": 1e-3}
+TIME_S = {"s": 1.0, "ms": 1e-3}
+
+EARTH_RADIUS_M = 6_371_000.0
+"""Radius of the spherical earth used for the curvature correction."""
+
+
+def rad_from_dms(text: str) -> float:
+    """Angle in radians of `d-m-s`, `d:m:s`, `d m s` or a plain number of degrees; the sign leads.
+
+    Raises
+    ------
+    ValueError
+        If the text is none of these, or minutes or seconds are not in [0, 60).
+    """
+    body = text.strip()
+    negative = body.startswith("-")
+    parts = body.lstrip("+-").replace(":", " ").replace("-", " ").replace("°", " ").replace("'", " ").split()
+    numbers = [float(part) for part in parts]
+    if not 1 <= len(numbers) <= 3 or any(not 0 <= n < 60 for n in numbers[1:]):
+        raise ValueError(f"{text!r} is not an angle in degrees, minutes and seconds")
+    degrees = sum(number / 60.0**place for place, number in enumerate(numbers))
+    return math.radians(-degrees if negative else degrees)

@@ -1,0 +1,8 @@
+"""Role `accuracy`: how good a Solution is. block, solution -> Evaluation."""
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.plugin import Role
+
+ROLE = Role(ports={"block": Block, "solution": Solution}, kind=Evaluation)

@@ -1,0 +1,8 @@
+"""Role `bundle_adjustment`: all rays together. block, image_points, initial -> Solution."""
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.plugin import Role
+
+ROLE = Role(ports={"block": Block, "image_points": ImagePoints, "initial": Solution}, kind=Solution)
