@@ -117,7 +117,7 @@ def statistics(
     test : (n,) float64
     """
     v, J = linearise(result.state)
-    n, m = v.shape
+    m = v.shape[1]
     spread = np.einsum("nik,kl,njl->nij", J, result.covariance, J)
     eye = np.eye(m)
     cofactor = np.where(active[:, None, None], eye - spread, eye + spread)
