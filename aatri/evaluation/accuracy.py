@@ -1,0 +1,165 @@
+"""Accuracy of a Solution: empirical at check points and against truth, theoretical from its covariances.
+
+Three things are kept apart and never merged into one "accuracy":
+
+- control: solution minus given at points the adjustment was fitted to. It tells how well the fit went;
+- check: solution minus given at points it never saw, the only independent measure of a real block;
+- truth: solution minus truth at new points of a simulated block, beside the theoretical standard deviation
+  m_i = sqrt(Q_ii) (a priori, sigma0 = 1). Both RMS are over the same points, and their ratio should be near 1.
+
+The bias (mean) is given apart from the RMSE. The normalised squared error d' C^-1 d / 3, averaged over the points,
+tests whole covariances: its expectation is 1. Definitions of all figures: docs/methods/accuracy.md.
+Sources: ASPRS Positional Accuracy Standards, Edition 2 (30 check points); Foerstner and Wrobel 2016, 4.6.8.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.evaluation import Differences, Evaluation, Figures
+from aatri.artifacts.solution import Solution
+from aatri.evaluation.differences import (
+    PointDifferences,
+    check_differences,
+    control_differences,
+    is_new,
+    rejected_control,
+    truth_differences,
+)
+from aatri.evaluation.orientations import AXES, observed_position_figures, true_orientation_figures
+from aatri.evaluation.statistics import Float, bias, counts, largest, outside_hull, rmse, rmse_interval
+from aatri.evaluation.verdict import verdict
+
+
+def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enough: int = 30) -> Evaluation:
+    """Figures and differences of a Solution.
+
+    Parameters
+    ----------
+    block : Block
+        With control and check points, and the truth if it is simulated.
+    solution : Solution
+    confidence : float
+        Probability of the chi-square intervals.
+    enough : int
+        From how many check points on the check figures are taken without reserve.
+    """
+    control = control_differences(block, solution)
+    check = check_differences(block, solution)
+    truth = truth_differences(block, solution)
+    rejected = np.isin(control.point, rejected_control(block, solution))
+    figures = {
+        **_control_figures(control.take(~rejected), int(rejected.sum())),
+        **_check_figures(check, _extrapolated(block, solution, check), confidence),
+        **_truth_figures(truth, solution, _theory_points(block, solution, truth)),
+        **observed_position_figures(block, solution),
+        **true_orientation_figures(block, solution),
+    }
+    known = {name: value for name, value in figures.items() if not np.isnan(value)}
+    return Evaluation(
+        verdict=verdict(known, control_is_exact=_is_exact(block), enough=enough),
+        figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),
+        differences=_table(block, solution, {"control": control, "check": check, "truth": truth}),
+    )
+
+
+def _control_figures(control: PointDifferences, rejected: int) -> dict[str, float]:
+    return {
+        "control_points": len(control.point),
+        **({"control_rejected_points": rejected} if rejected else {}),
+        **_by_axis("control_rmse_{}_m", rmse(control.difference_m)),
+        **_by_axis("control_bias_{}_m", bias(control.difference_m)),
+        **_by_axis("control_max_{}_m", largest(control.difference_m)),
+    }
+
+
+def _check_figures(
+    check: PointDifferences, outside: npt.NDArray[np.bool_] | None, confidence: float
+) -> dict[str, float]:
+    root = rmse(check.difference_m)
+    low, high = rmse_interval(root, counts(check.difference_m), confidence)
+    figures = {
+        "check_points": float(len(check.point)),
+        **_by_axis("check_rmse_{}_m", root),
+        **_by_axis("check_rmse_{}_low_m", low),
+        **_by_axis("check_rmse_{}_high_m", high),
+        **_by_axis("check_bias_{}_m", bias(check.difference_m)),
+        **_by_axis("check_max_{}_m", largest(check.difference_m)),
+        **_by_axis("check_theory_rmse_{}_m", rmse(check.sigma_m)),
+    }
+    if outside is not None and outside.any():
+        figures |= {
+            "check_outside_points": float(outside.sum()),
+            **_by_axis("check_inside_rmse_{}_m", rmse(check.difference_m[~outside])),
+            **_by_axis("check_outside_rmse_{}_m", rmse(check.difference_m[outside])),
+        }
+    return figures
+
+
+def _truth_figures(truth: PointDifferences, solution: Solution, theory_m: Float) -> dict[str, float]:
+    theory = rmse(theory_m)
+    figures = _by_axis("theory_rmse_{}_m", theory)
+    if not len(truth.point):
+        return figures
+    root = rmse(truth.difference_m)
+    return {
+        "truth_points": float(len(truth.point)),
+        **_by_axis("truth_rmse_{}_m", root),
+        **_by_axis("truth_bias_{}_m", bias(truth.difference_m)),
+        **_by_axis("truth_max_{}_m", largest(truth.difference_m)),
+        **figures,
+        **_by_axis("truth_over_theory_{}", _ratio(truth, theory)),
+        "truth_nees": _nees(truth.difference_m, solution.points.covariance_m2[truth.point]),
+    }
+
+
+def _theory_points(block: Block, solution: Solution, truth: PointDifferences) -> Float:
+    """Theoretical standard deviations over the new points; with truth, over the points the truth figures have."""
+    if len(truth.point):
+        return truth.sigma_m
+    new = is_new(block) & np.isfinite(solution.points.xyz_m).all(axis=1)
+    return np.asarray(np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2[new])))
+
+
+def _ratio(truth: PointDifferences, theory: Float) -> Float:
+    """Empirical over theoretical, over the points that have both."""
+    both = np.where(np.isfinite(truth.sigma_m), truth.difference_m, np.nan)
+    return np.asarray(np.divide(rmse(both), theory, out=np.full(3, np.nan), where=np.nan_to_num(theory) > 0))
+
+
+def _nees(difference: Float, covariance: Float) -> float:
+    known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    known = np.asarray(known & (np.linalg.det(np.where(known[:, None, None], covariance, 0.0)) > 0))
+    if not known.any():
+        return float("nan")
+    d = difference[known]
+    return float(np.einsum("ni,ni->n", d, np.linalg.solve(covariance[known], d[:, :, None])[..., 0]).mean() / 3)
+
+
+def _extrapolated(block: Block, solution: Solution, check: PointDifferences) -> npt.NDArray[np.bool_] | None:
+    rows = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
+    plan = solution.points.xyz_m[:, :2]
+    return outside_hull(plan[check.point], plan[rows])
+
+
+def _is_exact(block: Block) -> bool:
+    role = block.ground_points.role == CONTROL
+    variance = np.einsum("nii->ni", block.ground_points.covariance_m2)
+    return bool(role.any() and (variance[role] == 0).all())
+
+
+def _table(block: Block, solution: Solution, parts: dict[str, PointDifferences]) -> Differences:
+    rows = np.concatenate([part.point for part in parts.values()])
+    return Differences(
+        point=block.points.id[rows],
+        kind=np.repeat(np.array(list(parts)), [len(part.point) for part in parts.values()]),
+        difference_m=np.concatenate([part.difference_m for part in parts.values()]),
+        sigma_m=np.concatenate([part.sigma_m for part in parts.values()]),
+        rays=solution.points.rays[rows],
+    )
+
+
+def _by_axis(name: str, values: Float) -> dict[str, float]:
+    return {name.format(axis): float(value) for axis, value in zip(AXES, values)}

@@ -1,0 +1,104 @@
+"""Differences solution minus given at control and check points, and solution minus truth at new points.
+
+Only what is determined takes part: a coordinate the solution has, of a point with image points of its own (a control
+point nobody measured agrees with itself). A control coordinate the adjustment rejected takes no part in the control
+figures; it is counted apart. New points are those without control role in any coordinate: check points are new points.
+
+The theoretical standard deviation belongs to the difference where both sides are independent (check: solution and
+given; truth: solution), and to the adjusted coordinate at control points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import CHECK, CONTROL, Block
+from aatri.artifacts.solution import Solution
+from aatri.ids import rows_of
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class PointDifferences:
+    """Differences at points of one kind; rows as in `points` of the Block.
+
+    Attributes
+    ----------
+    point : (n,) int32
+    difference_m : (n, 3) float64, m
+        NaN where a coordinate takes no part.
+    sigma_m : (n, 3) float64, m
+        NaN where unknown.
+    """
+
+    point: Int
+    difference_m: Float
+    sigma_m: Float
+
+    def take(self, rows: npt.NDArray[np.bool_]) -> PointDifferences:
+        """The chosen rows."""
+        return PointDifferences(self.point[rows], self.difference_m[rows], self.sigma_m[rows])
+
+
+def control_differences(block: Block, solution: Solution) -> PointDifferences:
+    """Solution minus given at control coordinates, the rejected ones included."""
+    given = block.ground_points
+    measured = solution.points.rays[given.point] > 0
+    variance = _variances(solution.points.covariance_m2)[given.point]
+    return _differences(block, solution, (given.role == CONTROL) & measured[:, None], variance)
+
+
+def check_differences(block: Block, solution: Solution) -> PointDifferences:
+    """Solution minus given at check coordinates."""
+    given = block.ground_points
+    variance = _variances(solution.points.covariance_m2)[given.point] + _variances(given.covariance_m2)
+    return _differences(block, solution, given.role == CHECK, variance)
+
+
+def truth_differences(block: Block, solution: Solution) -> PointDifferences:
+    """Solution minus truth at new points with all three coordinates; empty without truth."""
+    if block.true_points is None:
+        return PointDifferences(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))
+    point = block.true_points.point
+    difference = solution.points.xyz_m[point] - block.true_points.xyz_m
+    rows = is_new(block)[point] & np.isfinite(difference).all(axis=1)
+    sigma = np.sqrt(_variances(solution.points.covariance_m2))[point]
+    return PointDifferences(point, difference, sigma).take(rows)
+
+
+def is_new(block: Block) -> npt.NDArray[np.bool_]:
+    """Which points of the Block have no control role in any coordinate.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    new = np.ones(len(block.points), dtype=bool)
+    new[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = False
+    return new
+
+
+def rejected_control(block: Block, solution: Solution) -> Int:
+    """Rows in `points` of control points the adjustment rejected."""
+    residuals = solution.residuals
+    rows = (residuals.kind == "control") & ~residuals.active
+    return np.unique(rows_of(residuals.point[rows], block.points.id))
+
+
+def _differences(
+    block: Block, solution: Solution, takes_part: npt.NDArray[np.bool_], variance: Float
+) -> PointDifferences:
+    given = block.ground_points
+    difference = np.where(takes_part, solution.points.xyz_m[given.point] - given.xyz_m, np.nan)
+    sigma = np.where(takes_part, np.sqrt(variance), np.nan)
+    rows = np.asarray(np.isfinite(difference).any(axis=1))
+    return PointDifferences(given.point, difference, sigma).take(rows)
+
+
+def _variances(covariance: Float) -> Float:
+    return np.asarray(np.einsum("nii->ni", covariance))

@@ -1,0 +1,35 @@
+"""Accuracy of a Solution: control and check differences, truth against theory.
+
+Control differences tell how the fit went, check differences how good the block is, and a simulated block tells how
+good its theoretical standard deviations are. They are kept apart. RMSE = sqrt(sum d^2 / n), d = solution minus given;
+the bias is the mean of d. Definitions: docs/methods/accuracy.md.
+"""
+
+from __future__ import annotations
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.evaluation.accuracy import evaluate
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+
+class EvaluationOptions(Options):
+    """Options of the evaluation."""
+
+    confidence: float = Field(0.95, gt=0, lt=1, description="probability of the chi-square intervals of check RMSE")
+    enough_check_points: int = Field(30, ge=1, description="fewer check points than this are remarked upon")
+
+
+@stage(version=1)
+def evaluation(
+    block: Block,
+    solution: Solution,
+    *,
+    options: EvaluationOptions = EvaluationOptions(),
+    context: Context = SILENT,
+) -> Evaluation:
+    """Empirical and theoretical accuracy of a Solution."""
+    result = evaluate(block, solution, confidence=options.confidence, enough=options.enough_check_points)
+    context.log(result.verdict)
+    return result
