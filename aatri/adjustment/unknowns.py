@@ -1,0 +1,67 @@
+"""Unknowns: groups of blocks of equal size, with a status per scalar and a manifold.
+
+A group is, say, all poses (blocks of 6) or all ground points (blocks of 3). A scalar is free or held: held scalars are
+fixed, or absent as the height of a plan-only point. Weighted unknowns are free ones with a prior record. A group marked
+`eliminated` is eliminated block by block before all others: each of its blocks may meet any number of blocks of other
+groups, but never another block of an eliminated group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+State = Mapping[str, Any]
+"""Values of all groups, by name."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """One group of unknowns.
+
+    Attributes
+    ----------
+    name : str
+    free : (n, k) bool
+        False where the scalar is held.
+    labels : tuple of str
+        Names of the k scalars of a block.
+    ids : sequence of str
+        Names of the n blocks.
+    retract : callable
+        (value of the group, step (n, k)) -> value of the group: the manifold's update.
+    eliminated : bool
+    """
+
+    name: str
+    free: Bool
+    labels: tuple[str, ...]
+    ids: Sequence[str]
+    retract: Callable[[Any, Float], Any]
+    eliminated: bool = False
+
+    @property
+    def size(self) -> int:
+        """Scalars per block."""
+        return int(self.free.shape[1])
+
+    def label(self, block: int, scalar: int) -> str:
+        """Name of one unknown, as in `phi of image 319`."""
+        return f"{self.labels[scalar]} of {self.name} {self.ids[block]}"
+
+
+def add_step(value: Float, step: Float) -> Float:
+    """The manifold of plain numbers."""
+    return np.asarray(value + step)
+
+
+def retract_state(unknowns: Sequence[Unknowns], state: State, steps: Mapping[str, Float]) -> dict[str, Any]:
+    """The state after a step."""
+    return {**state, **{u.name: u.retract(state[u.name], steps[u.name]) for u in unknowns}}

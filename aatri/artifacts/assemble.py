@@ -1,0 +1,123 @@
+"""Pieces of a Solution that every method fills in the same way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import GroundPoints, ImageOrientations, Residuals, SolvedCameras
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import ArtifactError
+from aatri.tables.schema import Table, columns_of
+
+T = TypeVar("T", bound=Table)
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+Bool = npt.NDArray[np.bool_]
+
+
+def check_same_block(block: Block, image_ids: Sequence[str] | npt.NDArray[np.str_], what: str) -> None:
+    """Refuse an artifact that was made from another block: its images are others.
+
+    Raises
+    ------
+    ArtifactError
+    """
+    if not np.array_equal(np.asarray(image_ids, dtype=np.str_), block.images.id):
+        raise ArtifactError(
+            f"{what} belongs to another block than {block.name}: its images differ",
+            remedy="check `from` in pipeline.yaml",
+        )
+
+
+def oriented_images(
+    block: Block, position_m: Float, ground_from_image: Float, used: Int, covariance: Float | None = None
+) -> ImageOrientations:
+    """Orientation table; an image is oriented where its position is finite.
+
+    Parameters
+    ----------
+    block : Block
+    position_m : (n, 3) float64, m
+    ground_from_image : (n, 3, 3) float64
+    used : (n,) int
+        Image points used.
+    covariance : (n, 6, 6) float64, optional
+    """
+    n = len(block.images)
+    return ImageOrientations(
+        id=block.images.id,
+        oriented=np.isfinite(position_m).all(axis=1),
+        position_m=position_m,
+        ground_from_image=ground_from_image,
+        covariance=np.full((n, 6, 6), np.nan) if covariance is None else covariance,
+        image_points=used,
+    )
+
+
+def ground_points(block: Block, xyz_m: Float, rays: Int, covariance_m2: Float | None = None) -> GroundPoints:
+    """Point table."""
+    n = len(block.points)
+    return GroundPoints(
+        id=block.points.id,
+        xyz_m=xyz_m,
+        covariance_m2=np.full((n, 3, 3), np.nan) if covariance_m2 is None else covariance_m2,
+        rays=rays,
+    )
+
+
+def solved_cameras(block: Block) -> SolvedCameras:
+    """Cameras as the block gives them."""
+    return SolvedCameras(
+        id=block.cameras.id,
+        principal_distance_mm=block.cameras.principal_distance_mm,
+        principal_point_mm=block.cameras.principal_point_mm,
+    )
+
+
+def residuals(
+    kind: str, row: Int, image: npt.NDArray[np.str_], point: npt.NDArray[np.str_], value: Float, sigma: Float,
+    active: Bool | None = None,
+) -> Residuals:  # fmt: skip
+    """Residuals of one kind; values of fewer than three coordinates are filled with NaN.
+
+    Parameters
+    ----------
+    kind : str
+    row : (n,) int
+    image, point : (n,) str
+    value, sigma : (n, m) float64
+    active : (n,) bool, optional
+    """
+    n, m = value.shape
+    filled = [np.full((n, 3), np.nan), np.full((n, 3), np.nan)]
+    filled[0][:, :m], filled[1][:, :m] = value, sigma
+    return Residuals(
+        kind=np.full(n, kind),
+        row=row,
+        image=image,
+        point=point,
+        residual=filled[0],
+        sigma=filled[1],
+        active=np.ones(n, dtype=bool) if active is None else active,
+    )
+
+
+def stacked(tables: Sequence[T]) -> T:
+    """Tables of one class, one below the other."""
+    cls = type(tables[0])
+    return cls(**{name: np.concatenate([getattr(t, name) for t in tables]) for name in columns_of(cls)})
+
+
+def rejected_rows(suspects: Suspects, image_points: ImagePoints) -> Bool:
+    """Measurements that an earlier stage has rejected, (n,) bool by row of the measurements."""
+    rejected = np.zeros(len(image_points.measurements), dtype=bool)
+    chosen = (suspects.kind == "image_point") & (suspects.verdict == "rejected") & (suspects.row >= 0)
+    rejected[suspects.row[chosen]] = True
+    return rejected

@@ -1,0 +1,45 @@
+"""Observed values of unknowns themselves: ground coordinates of control, priors of interior unknowns.
+
+v = x - x_observed,    dv/dx = I
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+Bool = npt.NDArray[np.bool_]
+
+
+def value_records(
+    name: str, group: str, block: Int, value: Float, covariance: Float, observed: Bool | None = None
+) -> Records:
+    """Records that observe the blocks of a group directly.
+
+    Parameters
+    ----------
+    name : str
+        Name of the observation type.
+    group : str
+        Group of unknowns, of plain numbers.
+    block : (n,) int32
+    value : (n, k) float64
+        Only the observed components are looked at.
+    covariance : (n, k, k) float64
+    observed : (n, k) bool, optional
+        Default: all.
+    """
+    used = np.ones(value.shape, dtype=bool) if observed is None else observed
+    target = np.where(used, value, 0.0)
+    eye = np.broadcast_to(np.eye(value.shape[1]), covariance.shape)
+
+    def evaluate(state: State) -> tuple[Float, tuple[Float, ...]]:
+        return np.where(used, state[group][block] - target, 0.0), (eye * used[:, :, None],)
+
+    active = np.asarray(used.any(axis=1))
+    return Records(name, ((group, block),), evaluate, whitener_of_covariances(covariance, used), active)

@@ -1,0 +1,84 @@
+"""Image points: the collinearity equations as observations.
+
+v = computed - (measured + remaining film correction), in mm from the principal point. The six interior unknowns d of an
+image, where it has them, correct the measured photo coordinates (x, y from the fiducial centre),
+
+    dx = d0 + d1 x + d2 y,    dy = d3 + d4 x + d5 y,
+
+so that dv/dd = -(1, x, y) in each row. Their prior is the covariance of the interior orientation: what the fiducials
+leave open is common to all points of an image, and without it sigma0 of film comes out too large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.unknowns import State
+from aatri.geometry.collinearity import collinearity, in_image_axes
+from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+Bool = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ImagePointRows:
+    """Measured image points.
+
+    Attributes
+    ----------
+    image, point : (n,) int32
+        Blocks of unknowns.
+    xy_mm : (n, 2) float64, mm, from the principal point
+    sigma_mm : (n, 2) float64, mm
+    c_mm : (n,) float64, mm
+        Principal distance of each ray's camera.
+    principal_point_mm : (n, 2) float64, mm
+        Of each ray's camera, from the fiducial centre.
+    active : (n,) bool
+    """
+
+    image: Int
+    point: Int
+    xy_mm: Float
+    sigma_mm: Float
+    c_mm: Float
+    principal_point_mm: Float
+    active: Bool
+
+
+def image_point_records(rows: ImagePointRows, *, interior: bool) -> Records:
+    """Records of image points; with `interior` they also touch the interior unknowns of their image."""
+    photo = rows.xy_mm + rows.principal_point_mm
+    by_interior = np.zeros((len(photo), 2, 6))
+    by_interior[:, 0, 0] = by_interior[:, 1, 3] = -1.0
+    by_interior[:, 0, 1:3] = by_interior[:, 1, 4:6] = -photo
+
+    def evaluate(state: State) -> tuple[Float, tuple[Float, ...]]:
+        poses: Poses = state[POSE]
+        X0, R = poses.position_m[rows.image], poses.ground_from_image[rows.image]
+        xy, by_pose, by_point = collinearity(X0, R, state[POINT][rows.point], rows.c_mm)
+        v = xy - rows.xy_mm
+        if not interior:
+            return v, (by_pose, by_point)
+        v = v + np.einsum("nij,nj->ni", by_interior, state[INTERIOR][rows.image])
+        return v, (by_pose, by_point, by_interior)
+
+    touches = ((POSE, rows.image), (POINT, rows.point)) + (((INTERIOR, rows.image),) if interior else ())
+    return Records("image point", touches, evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active)
+
+
+def side_changes(rows: ImagePointRows, old: State, new: State) -> str:
+    """Whether a step moves points to the other side of their camera: then the linearisation means nothing."""
+    sides = []
+    for state in (old, new):
+        poses: Poses = state[POSE]
+        X0, R = poses.position_m[rows.image], poses.ground_from_image[rows.image]
+        sides.append(in_image_axes(X0, R, state[POINT][rows.point])[:, 2] < 0)
+    changed = int(((sides[0] != sides[1]) & rows.active).sum())
+    return f"{changed} image points change the side of the camera" if changed else ""

@@ -1,0 +1,50 @@
+"""Poses: the orientations of images as a group of unknowns.
+
+A block is (X0, Y0, Z0, d1, d2, d3): the projection centre and the rotation increment on the ground side,
+R <- exp([d]x) R.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.unknowns import Unknowns
+from aatri.geometry.rotations import exp_rotation
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+POSE = "image"
+POINT = "point"
+INTERIOR = "interior"
+"""Names of the groups of unknowns."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Orientations of n images.
+
+    Attributes
+    ----------
+    position_m : (n, 3) float64, m
+    ground_from_image : (n, 3, 3) float64
+    """
+
+    position_m: Float
+    ground_from_image: Float
+
+
+def retract_poses(poses: Poses, step: Float) -> Poses:
+    """Poses after a step (n, 6)."""
+    rotation = exp_rotation(step[:, 3:]) @ poses.ground_from_image
+    return Poses(poses.position_m + step[:, :3], rotation)
+
+
+def pose_unknowns(ids: Sequence[str], free: Bool) -> Unknowns:
+    """The group of poses; `free` is (n, 6)."""
+    return Unknowns(POSE, free, ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z"),
+                    ids, retract_poses)  # fmt: skip

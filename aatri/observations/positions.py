@@ -1,0 +1,42 @@
+"""Observed positions of projection centres or antennas (GNSS).
+
+    v = X0 + R a - X_observed,    dv/dX0 = I,    dv/dd = -[R a]x
+
+a is the lever arm, antenna minus projection centre in the axes of the camera; zero where the projection centre itself
+was observed. Source: photogrammetry.md F11.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.unknowns import State
+from aatri.geometry.rotations import skew
+from aatri.observations.poses import POSE, Poses
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+
+
+def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float) -> Records:
+    """Records of observed positions.
+
+    Parameters
+    ----------
+    image : (n,) int32
+    position_m : (n, 3) float64, m
+    covariance_m2 : (n, 3, 3) float64, m^2
+    lever_arm_m : (n, 3) float64, m, camera axes
+    """
+
+    def evaluate(state: State) -> tuple[Float, tuple[Float, ...]]:
+        poses: Poses = state[POSE]
+        arm = np.einsum("nij,nj->ni", poses.ground_from_image[image], lever_arm_m)
+        v = poses.position_m[image] + arm - position_m
+        by_pose = np.concatenate([np.broadcast_to(np.eye(3), (len(image), 3, 3)), -skew(arm)], axis=2)
+        return v, (by_pose,)
+
+    active = np.ones(len(image), dtype=bool)
+    return Records("position", ((POSE, image),), evaluate, whitener_of_covariances(covariance_m2), active)
