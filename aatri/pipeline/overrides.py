@@ -1,0 +1,84 @@
+"""Overrides of the command line: `--set STAGE.OPTION=VALUE` and `--use STAGE=ROLE/VARIANT`."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from aatri.errors import SpecError
+from aatri.ids import did_you_mean
+from aatri.pipeline.options import option_names
+from aatri.pipeline.registry import Registry
+from aatri.pipeline.spec import USE, Spec, StageSpec
+from aatri.strict_yaml import loads
+
+
+def with_set(spec: Spec, texts: Sequence[str]) -> Spec:
+    """The spec with options set; VALUE is YAML, OPTION may be dotted to reach into nested options.
+
+    Raises
+    ------
+    SpecError
+        If the text is no STAGE.OPTION=VALUE, the stage is unknown or the value is no YAML.
+    """
+    stages, places = dict(spec.stages), dict(spec.places)
+    for text in texts:
+        place = f"--set {text}"
+        target, equals, value = text.partition("=")
+        name, *path = target.split(".")
+        if not equals or not path or not all(path):
+            raise SpecError("not STAGE.OPTION=VALUE", where=place, remedy="for example --set bundle.max_iterations=9")
+        stage = _stage(stages, name, place)
+        options = copy.deepcopy(dict(stage.options))
+        _put(options, path, loads(value, place).value, place)
+        stages[name] = dataclasses.replace(stage, options=options)
+        places[(name, "with", *path)] = place
+    return dataclasses.replace(spec, stages=stages, places=places)
+
+
+def with_use(spec: Spec, texts: Sequence[str], registry: Registry) -> tuple[Spec, list[str]]:
+    """The spec with other variants, and notes that name the options which the new variants do not have.
+
+    Raises
+    ------
+    SpecError
+        If the text is no STAGE=ROLE/VARIANT or the stage is unknown.
+    PluginError
+        If there is no such variant.
+    """
+    stages, places, notes = dict(spec.stages), dict(spec.places), []
+    for text in texts:
+        place = f"--use {text}"
+        name, equals, use = text.partition("=")
+        if not equals or not USE.fullmatch(use):
+            raise SpecError("not STAGE=ROLE/VARIANT", where=place, remedy="see `aatri stages`")
+        stage = _stage(stages, name, place)
+        known = option_names(registry.card(use))
+        dropped = [option for option in stage.options if option not in known]
+        if dropped:
+            notes.append(f"{name}: {use} has no option {', '.join(dropped)}; not used")
+        kept = {option: value for option, value in stage.options.items() if option in known}
+        stages[name] = dataclasses.replace(stage, use=use, options=kept)
+        places[(name, "use")] = place
+    return dataclasses.replace(spec, stages=stages, places=places), notes
+
+
+def _stage(stages: dict[str, StageSpec], name: str, place: str) -> StageSpec:
+    if name not in stages:
+        hint = did_you_mean(name, stages) or f"; there are {', '.join(stages)}"
+        raise SpecError(f"no stage {name!r}{hint}", where=place)
+    return stages[name]
+
+
+def _put(options: dict[str, Any], path: Sequence[str], value: Any, place: str) -> None:
+    *parents, last = path
+    for key in parents:
+        inner = options.setdefault(key, {})
+        if inner is None:
+            inner = options[key] = {}
+        if not isinstance(inner, dict):
+            raise SpecError(f"{key} is {inner!r} and has no options of its own", where=place)
+        options = inner
+    options[last] = value

@@ -1,0 +1,181 @@
+"""pipeline.yaml: which stages there are, how they hang together, with which options.
+
+    run: runs/rc30                 where results go; relative to this file
+    seed: 1
+    stages:
+      NAME: {use: ROLE/VARIANT, from: {PORT: STAGE}, with: {OPTION: VALUE}}
+    variants:                      named patches of stages
+      NAME: {STAGE: {use: ..., from: ..., with: ...}}
+
+`from: {block}` is short for `{block: block}`. Every error of the file is found and reported at once, with its place.
+Whether stages, ports and options exist is checked by `graph`; here only the shape.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from aatri.errors import AatriError, SpecError, raise_all
+from aatri.ids import did_you_mean
+from aatri.strict_yaml import Document, load
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+USE = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*")
+
+_TOP_KEYS = ("run", "seed", "stages", "variants")
+_STAGE_KEYS = ("use", "from", "with")
+
+
+@dataclass(frozen=True)
+class StageSpec:
+    """One stage as written: the plugin, port -> stage, option -> value."""
+
+    name: str
+    use: str
+    inputs: Mapping[str, str]
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A pipeline as written. `places` holds where the command line, and not the file, gave a value."""
+
+    path: Path
+    run: Path
+    seed: int
+    stages: Mapping[str, StageSpec]
+    variants: Mapping[str, Any]
+    document: Document = field(repr=False)
+    places: Mapping[tuple[str, ...], str] = field(default_factory=dict, repr=False)
+
+    @property
+    def base(self) -> Path:
+        """Folder that relative paths refer to."""
+        return self.path.parent
+
+    def where(self, stage: str, *keys: str | int) -> str:
+        """Place of a value of a stage, in the file or on the command line."""
+        return self._given(stage, *keys) or self.document.where("stages", stage, *keys)
+
+    def where_key(self, stage: str, *keys: str | int) -> str:
+        """Place of a key of a stage, in the file or on the command line."""
+        return self._given(stage, *keys) or self.document.where_key("stages", stage, *keys)
+
+    def _given(self, stage: str, *keys: str | int) -> str | None:
+        path = (stage, *map(str, keys))
+        given = (self.places.get(path[:length]) for length in range(len(path), 0, -1))
+        return next((place for place in given if place), None)
+
+
+def load_spec(path: Path, into: Path | None = None) -> Spec:
+    """Read pipeline.yaml.
+
+    Parameters
+    ----------
+    path : Path
+    into : Path, optional
+        Folder of the results instead of `run:`.
+
+    Raises
+    ------
+    SpecError
+        With every error of the file at once.
+    """
+    document = load(path, SpecError)
+    errors: list[AatriError] = []
+    top = _mapping(document, (), _TOP_KEYS, errors)
+    run = into or _run_folder(document, top, path.parent, errors)
+    seed = top.get("seed", 1)
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        errors.append(SpecError(f"seed is {seed!r}, not a whole number from 0", where=document.where("seed")))
+    written = _mapping(document, ("stages",), None, errors)
+    if not written and not errors:
+        errors.append(SpecError("no stages", where=document.where(), remedy="`aatri new` writes an example"))
+    stages = {name: _stage(document, name, errors) for name in written}
+    variants = _variants(document, tuple(stages), errors)
+    raise_all(errors)
+    return Spec(path, run, seed, stages, variants, document)
+
+
+def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: list[AatriError]) -> Path:
+    run = top.get("run")
+    if not isinstance(run, str) or not run:
+        what = "run is missing" if run is None else f"run is {run!r}, not a folder"
+        errors.append(SpecError(what, where=document.where("run"), remedy="`run: runs/NAME` says where results go"))
+        return base
+    return base / run
+
+
+def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec:
+    at = ("stages", name)
+    if not NAME.fullmatch(name):
+        errors.append(SpecError(f"stage name {name!r}", where=document.where_key(*at),
+                                remedy="small letters, digits and _, beginning with a letter"))  # fmt: skip
+    entry = _mapping(document, at, _STAGE_KEYS, errors)
+    use = entry.get("use")
+    if not isinstance(use, str) or not USE.fullmatch(use):
+        what = f"stage {name} has no `use`" if use is None else f"use is {use!r}"
+        errors.append(
+            SpecError(what, where=document.where(*at, "use"), remedy="`use: ROLE/VARIANT`; see `aatri stages`")
+        )
+        use = ""
+    return StageSpec(name, use, _inputs(document, (*at, "from"), errors), _options(document, (*at, "with"), errors))
+
+
+def _inputs(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, str]:
+    inputs = {}
+    for port, source in _mapping(document, at, None, errors).items():
+        if source is not None and not isinstance(source, str):
+            errors.append(SpecError(f"port {port} is {source!r}, not a stage", where=document.where(*at, port)))
+            continue
+        inputs[port] = port if source is None else source
+    return inputs
+
+
+def _options(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, Any]:
+    return dict(_mapping(document, at, None, errors))
+
+
+def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriError]) -> dict[str, Any]:
+    variants = _mapping(document, ("variants",), None, errors)
+    for variant in variants:
+        for stage in _mapping(document, ("variants", variant), None, errors):
+            at = ("variants", variant, stage)
+            if stage not in stages:
+                errors.append(
+                    SpecError(f"no stage {stage!r}{did_you_mean(stage, stages)}", where=document.where_key(*at))
+                )
+            patch = _mapping(document, at, _STAGE_KEYS, errors)
+            use = patch.get("use", "role/variant")
+            if not isinstance(use, str) or not USE.fullmatch(use):
+                errors.append(SpecError(f"use is {use!r}, not ROLE/VARIANT", where=document.where(*at, "use")))
+            _inputs(document, (*at, "from"), errors)
+            _options(document, (*at, "with"), errors)
+    return dict(variants)
+
+
+def _mapping(
+    document: Document, at: tuple[str, ...], known: tuple[str, ...] | None, errors: list[AatriError]
+) -> Mapping[str, Any]:
+    """The mapping at a path; nothing where it is absent. Unknown keys and other types go to `errors`."""
+    value = document.value
+    for key in at:
+        value = value.get(key) if isinstance(value, dict) else None
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        shown = f"`{at[-1]}`" if at else "the file"
+        remedy = "write {block} or {PORT: STAGE}" if at[-1:] == ("from",) else "write `key: value`"
+        errors.append(
+            SpecError(f"{shown} is {value!r}, not keys with values", where=document.where(*at), remedy=remedy)
+        )
+        return {}
+    for key in value:
+        if known is not None and key not in known:
+            hint = did_you_mean(key, known) or f"; known are {', '.join(known)}"
+            errors.append(SpecError(f"unknown key {key!r}{hint}", where=document.where_key(*at, key)))
+    return value
