@@ -1,0 +1,313 @@
+"""Dependent relative orientation: the left image is fixed, the right one is oriented to it.
+
+Unknowns are the rotation R of the right image (increment d, R <- exp([d]x) R) and the direction of the base b (turn t
+along its two tangents T, b <- unit(b + T t)); the length of the base is 1. Every point gives one condition: its
+Sampson distance v = -F / s_F, the coplanarity F = b . (u1 x R u2) over its standard deviation propagated from the
+image coordinates (`geometry.coplanarity`). sum v^2 is minimised with exact derivatives; sigma0 a priori is 1. To first
+order this is the bundle of the two images.
+
+Nothing is assumed about the angles. The start is that of parallel images (`relative_start`); where that does not
+lead to a solution with few rejections and all points in front, the essential matrix gives the start.
+
+Only the y-parallax is seen: an error of x in an image point, along the epipolar line, moves the model point and
+nothing else; and whether the left or the right image point is wrong cannot be told.
+
+Source: photogrammetry.md A301-A311, F6; Mikhail, Bethel & McGlone, Introduction to Modern Photogrammetry, 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.dense import DenseResult, Linearise, adjust
+from aatri.adjustment.snooping import snoop, statistics
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.coplanarity import Rays, parallax, sampson
+from aatri.geometry.intersection import Intersection, intersect_pair
+from aatri.geometry.rotations import angles_from_rotation, exp_rotation
+from aatri.geometry.vectors import tangents, unit
+from aatri.orientation.essential import essential_starts
+from aatri.orientation.relative_start import parallel_start, refuse_degenerate
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+State = tuple[Float, Float]
+"""(left_from_right (3, 3), base (3,))."""
+
+UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base along tangent 1", "base along tangent 2")
+
+WEAK_RAD = 0.01
+"""A direction or rotation less certain than this is reported: the geometry is near a singular one."""
+
+MANY = 60
+"""With more points, gross errors are first rejected several at a time."""
+
+OPEN_RAD = 0.3
+"""A direction or rotation less certain than this is not determined."""
+
+
+@dataclass(frozen=True)
+class RelativeOrientation:
+    """Orientation of the right image to the left one, and the model.
+
+    Attributes
+    ----------
+    left_from_right : (3, 3) float64
+    base : (3,) float64, unit vector
+    covariance : (5, 5) float64, rad^2
+        Of d and t, a priori (sigma0 = 1).
+    sigma0 : float
+        NaN without redundancy.
+    redundancy, iterations : int
+    active : (n,) bool
+        Points used in the orientation.
+    parallax_mm : (n,) float64, mm
+        y-parallax of every point.
+    error_mm, error_sigma_mm : (n,) float64, mm
+        Estimated gross error of the y-parallax and its standard deviation; NaN where uncontrolled.
+    test : (n,) float64
+        |error| / sigma; NaN where uncontrolled.
+    behind : (n,) bool
+        Points behind one of the images, or without intersection; never active.
+    points : Intersection
+        Model points.
+    warnings : tuple of str
+    """
+
+    left_from_right: Float
+    base: Float
+    covariance: Float
+    sigma0: float
+    redundancy: int
+    iterations: int
+    active: Bool
+    parallax_mm: Float
+    error_mm: Float
+    error_sigma_mm: Float
+    test: Float
+    behind: Bool
+    points: Intersection
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Solution:
+    result: DenseResult[State]
+    active: Bool
+    test: Float
+    behind: Bool
+    good: bool
+
+
+def relative_orientation(
+    rays: Rays, *, snooping_limit: float = 4.0, max_iterations: int = 20, min_points: int = 5
+) -> RelativeOrientation:
+    """Orient the right image of a pair to the left one.
+
+    Parameters
+    ----------
+    rays : Rays
+        The points measured in both images.
+    snooping_limit : float
+        Points whose y-parallax is wrong by more than this many standard deviations are rejected, the worst first.
+    max_iterations : int
+    min_points : int
+        Fewer points, or fewer left after snooping, make no model. At least 5.
+
+    Raises
+    ------
+    GeometryError
+        If the points do not determine an orientation or fit none; the message says why.
+    """
+    refuse_degenerate(rays, max(min_points, 5))
+    solution = _best(rays, snooping_limit, max_iterations)
+    used = int(solution.active.sum())
+    n = len(solution.active)
+    if used < max(min_points, 5) or used < 0.3 * n:
+        raise GeometryError(
+            f"only {used} of {n} points fit one orientation, {int(solution.behind.sum())} lie behind an image",
+            remedy="check that the images belong together and the points carry the right ids",
+        )
+    return _finish(rays, solution, snooping_limit)
+
+
+def dependent_angles(left_from_right: Float, base: Float) -> Float:
+    """phi, omega, kappa of the right image in the Chinese system, mu = by/bx and nu = bz/bx.
+
+    Parameters
+    ----------
+    left_from_right : (3, 3) float64
+    base : (3,) float64
+
+    Returns
+    -------
+    (5,) float64, rad and 1
+    """
+    angles = angles_from_rotation(left_from_right, "phi-omega-kappa")
+    return np.concatenate([angles, base[1:] / base[0]])
+
+
+def _update(state: State, step: Float) -> State:
+    R, b = state
+    return exp_rotation(step[:3]) @ R, unit(b + tangents(b) @ step[3:])
+
+
+def _best(rays: Rays, limit: float, max_iterations: int) -> _Solution:
+    """The solution from the parallel start if it is good, else the best of all starts."""
+    best: _Solution | None = None
+    failures: list[GeometryError | ConvergenceError] = []
+    for start, inliers in _starts(rays, limit):
+        try:
+            solution = _solve(rays, start, inliers, limit, max_iterations)
+        except (GeometryError, ConvergenceError) as error:
+            failures.append(error)
+            continue
+        if best is None or _rank(solution) < _rank(best):
+            best = solution
+        if best.good:
+            return best
+    if best is None:
+        open_geometry = [error for error in failures if isinstance(error, GeometryError)]
+        raise (
+            open_geometry[0]
+            if open_geometry
+            else GeometryError(
+                f"no relation between the images fits one orientation: {failures[-1].what}",
+                remedy="check that the images belong together and the points carry the right ids",
+            )
+        )
+    return best
+
+
+def _starts(rays: Rays, limit: float) -> Iterator[tuple[State, Bool]]:
+    """Starts in the order of their cost: (state, points to begin with)."""
+    everything = np.ones(len(rays.left), dtype=bool)
+    yield parallel_start(rays), everything
+    for R, b in essential_starts(rays):
+        v = np.abs(sampson(R, b, tangents(b), rays)[0])
+        fitting = v < max(3 * limit, 5 * float(np.median(v)))
+        yield (R, b), fitting if fitting.sum() >= 6 else everything
+
+
+def _rank(solution: _Solution) -> tuple[int, float]:
+    squares = float(solution.result.residual @ solution.result.residual)
+    return -int(solution.active.sum()), squares
+
+
+def _solve(rays: Rays, start: State, active: Bool, limit: float, max_iterations: int) -> _Solution:
+    """Adjust with snooping; points that come to lie behind an image are taken out and it is adjusted again."""
+    n = len(active)
+    behind = np.zeros(n, dtype=bool)
+    for _ in range(3):
+        inside = np.flatnonzero(~behind)
+        part = rays.take(inside)
+        result, kept = _snooped(part, start, active[inside], limit, max_iterations)
+        active = np.zeros(n, dtype=bool)
+        active[inside] = kept
+        R, b = result.state
+        front = np.asarray((intersect_pair(R, b, rays).depth > 0).all(axis=1))
+        newly = active & ~front
+        if not newly.any():
+            break
+        behind |= newly
+        active &= ~newly
+        start = result.state
+        if active.sum() < 5:
+            raise ConvergenceError(f"only {int(active.sum())} of {n} points fit and lie in front of both images")
+    test = statistics(_linearise(rays), result, active)[1]
+    behind = ~front
+    controlled = result.redundancy > 1
+    fits = bool((test[active & np.isfinite(test)] <= limit).all()) or not controlled
+    good = fits and bool((active & front).sum() >= 0.8 * n) and bool(active.sum() >= 5)
+    return _Solution(result, active & front, test, behind, good)
+
+
+def _linearise(rays: Rays) -> Linearise[State]:
+    def linearise(state: State) -> tuple[Float, Float]:
+        v, J = sampson(state[0], state[1], tangents(state[1]), rays)
+        return v[:, None], J[:, None]
+
+    return linearise
+
+
+def _snooped(
+    rays: Rays, start: State, active: Bool, limit: float, max_iterations: int
+) -> tuple[DenseResult[State], Bool]:
+    """Adjustment with data snooping; with fewer than seven points an error is seen, but not located."""
+    n = len(active)
+    linearise = _linearise(rays)
+
+    def solve(use: Bool, state: State) -> DenseResult[State]:
+        part = rays.take(use)
+        return adjust(lambda s: sampson(s[0], s[1], tangents(s[1]), part), _update, state,
+                      names=UNKNOWNS, max_iterations=max_iterations, what="relative orientation")  # fmt: skip
+
+    if n < 7:
+        everything = np.ones(n, dtype=bool)
+        return solve(everything, start), everything
+    active, start = _coarsely_cleaned(solve, linearise, start, active, limit)
+    most_rejected = min(0.7 * n, n - 6.5)
+    snooped = snoop(solve, linearise, start, n, limit=limit, max_share=most_rejected / n, active=active)
+    return snooped.result, snooped.active
+
+
+def _coarsely_cleaned(
+    solve: Callable[[Bool, State], DenseResult[State]],
+    linearise: Linearise[State],
+    start: State,
+    active: Bool,
+    limit: float,
+) -> tuple[Bool, State]:
+    """With many points, those beyond half of the largest test statistic go together, until the rest is near."""
+    while active.sum() > MANY:
+        result = solve(active, start)
+        start = result.state
+        test = statistics(linearise, result, active)[1]
+        bound = max(2 * limit, 0.5 * float(np.nanmax(test[active])))
+        keep = test <= bound
+        if keep.sum() < MANY or (keep == active).all():
+            break
+        active = np.asarray(keep)
+    return active, start
+
+
+def _finish(rays: Rays, solution: _Solution, limit: float) -> RelativeOrientation:
+    result = solution.result
+    R, b = result.state
+    p, sigma = parallax(R, b, rays)
+    v, J = sampson(R, b, tangents(b), rays)
+    leverage = np.einsum("ni,ij,nj->n", J, result.covariance, J)
+    r = np.where(solution.active, 1.0 - leverage, 1.0 + leverage)
+    controlled = (r > 1e-6) & np.isfinite(solution.test)
+    r = np.where(controlled, r, np.nan)
+    error = np.where(solution.active, p / r, np.where(controlled, p, np.nan))
+    error_sigma = np.where(solution.active, sigma / np.sqrt(r), sigma * np.sqrt(r))
+    return RelativeOrientation(
+        left_from_right=R, base=b, covariance=result.covariance, sigma0=result.sigma0, redundancy=result.redundancy,
+        iterations=result.iterations, active=solution.active, parallax_mm=p, error_mm=error,
+        error_sigma_mm=error_sigma, test=np.abs(v) / np.sqrt(r), behind=solution.behind,
+        points=intersect_pair(R, b, rays), warnings=_warnings(solution, limit),
+    )  # fmt: skip
+
+
+def _warnings(solution: _Solution, limit: float) -> tuple[str, ...]:
+    result, found = solution.result, []
+    largest = float(np.sqrt(np.linalg.eigvalsh(result.covariance)[-1]))
+    if largest > OPEN_RAD:
+        raise GeometryError(
+            f"the orientation is open by {largest:.2g} rad: the points lie near a line or a critical surface",
+            remedy="measure points over the whole overlap, at different heights",
+        )
+    if largest > WEAK_RAD:
+        found.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; the points lie near a line, "
+                     "in a corner or on a critical surface")  # fmt: skip
+    if result.redundancy == 0:
+        found.append("exactly 5 points: no redundancy, nothing is checked")
+    elif result.redundancy == 1 and result.sigma0 > limit:
+        found.append(f"sigma0 is {result.sigma0:.1f} with one redundant point: there is a gross error, but which point "
+                     "has it cannot be told")  # fmt: skip
+    return tuple(found)

@@ -1,0 +1,73 @@
+"""Dependent relative orientation: the left image stays fixed, the right one is oriented to it.
+
+Every point measured in both images gives one condition, that base and rays are coplanar,
+
+    b . (u1 x R u2) = 0,   u = (x, y, -c),
+
+weighted by its standard deviation propagated from the image coordinates. Unknowns are the rotation R of the right
+image and the direction of the base b; the length of the base is 1. Pairs are the consecutive images of each strip.
+No approximate values are needed. Points with a wrong y-parallax are rejected by data snooping and listed as suspects.
+
+Errors of x of a point in two images cannot be seen here, and left and right cannot be told apart: the suspect names
+the right image's measurement.
+
+Source: photogrammetry.md A301-A311, F6; see aatri/orientation/relative.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.artifacts.assemble import check_same_block
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.pairs import models_of, neighbouring_images, pair_id, pairs_of
+from aatri.errors import GeometryError
+from aatri.orientation.relative import relative_orientation
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+
+class DependentOptions(Options):
+    """Options of the dependent relative orientation."""
+
+    max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
+    snooping_limit: float = Field(
+        4.0, gt=0, description="a point is rejected if its y-parallax is wrong by more standard deviations than this"
+    )
+    min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
+
+
+@stage(version=1)
+def dependent(
+    block: Block,
+    image_points: ImagePoints,
+    *,
+    options: DependentOptions = DependentOptions(),
+    context: Context = SILENT,
+) -> Models:
+    """Orient the consecutive images of every strip to each other."""
+    check_same_block(block, image_points.images.id, "image_points")
+    formed, unformed = [], []
+    pairs = pairs_of(block, image_points, neighbouring_images(block))
+    for done, pair in enumerate(pairs):
+        context.progress(done, len(pairs), "models")
+        try:
+            found = relative_orientation(
+                pair.rays,
+                snooping_limit=options.snooping_limit,
+                max_iterations=options.max_iterations,
+                min_points=options.min_points,
+            )
+        except GeometryError as error:
+            unformed.append((pair, error.what))
+            context.warn(f"no model {pair_id(block, pair)} ({len(pair.point)} common points): {error.what}")
+            continue
+        formed.append((pair, found))
+        for warning in found.warnings:
+            context.warn(f"model {pair_id(block, pair)}: {warning}")
+    models = models_of(block, image_points, formed, unformed)
+    context.progress(len(pairs), len(pairs), "models")
+    rejected = int(np.sum(~models.model_points.active))
+    context.log(f"{len(formed)} models, {len(unformed)} pairs without; {rejected} model points rejected")
+    return models
