@@ -1,0 +1,168 @@
+"""What all interior orientations share: from transformations of the images to the artifact ImagePoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import (
+    Corrections,
+    FiducialResiduals,
+    ImageIds,
+    ImagePoints,
+    Interior,
+    Measurements,
+    PointIds,
+)
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import InputError
+from aatri.ids import shown
+from aatri.plugin import Context
+from aatri.tables.schema import Float, Int
+
+from ._suspects import joined, suspects_of
+
+MOST_OUTSIDE = 0.05
+"""More points than this share outside the format of the image mean a wrong unit or origin."""
+
+FORMAT_TOLERANCE = 0.01
+"""A point this share of the format beyond its edge still counts as inside."""
+
+
+@dataclass(frozen=True)
+class Transformations:
+    """Photo from measured, one row per image of the Block; NaN in `matrix` where not determined.
+
+    Attributes
+    ----------
+    model : (n,) str
+    matrix : (n, 2, 3) float64, 1 and mm
+    covariance : (n, 6, 6) float64, mm and 1
+    sigma0 : (n,) float64
+    redundancy : (n,) int32
+    """
+
+    model: npt.NDArray[np.str_]
+    matrix: Float
+    covariance: Float
+    sigma0: Float
+    redundancy: Int
+
+
+def image_points_of(
+    block: Block,
+    transformations: Transformations,
+    *,
+    fiducial_residuals: FiducialResiduals,
+    suspects: Suspects,
+    film_deformation: Float | None = None,
+    context: Context,
+) -> ImagePoints:
+    """Transform all image points, subtract the principal point, and set aside what lies outside the format.
+
+    Parameters
+    ----------
+    film_deformation : (n, 2, 2) float64, optional
+        Per image: photo coordinates times this are the film deformation taken out by the transformation.
+    """
+    given = block.image_points
+    matrix = transformations.matrix[given.image]
+    camera = block.images.camera[given.image]
+    photo = np.einsum("nij,nj->ni", matrix[:, :, :2], given.xy) + matrix[:, :, 2]
+    active = given.active & np.isfinite(photo).all(axis=1)
+    outside = active & ~_inside_format(block, photo, camera)
+    _refuse_mostly_outside(block, active, outside)
+    if outside.any():
+        context.warn(f"{int(outside.sum())} image points outside the format are not used: {_names(block, outside)}")
+    principal_point = block.cameras.principal_point_mm[camera]
+    active &= ~outside
+    corrections = {}
+    if film_deformation is not None:
+        deformation = np.einsum("nij,nj->ni", film_deformation[given.image], photo)
+        corrections["film_deformation"] = _largest(deformation, active)
+    corrections["principal_point"] = _largest(principal_point, active)
+    oriented = np.flatnonzero(np.isfinite(transformations.matrix).all(axis=(1, 2))).astype(np.int32)
+    return ImagePoints(
+        images=ImageIds(id=block.images.id),
+        points=PointIds(id=block.points.id),
+        measurements=Measurements(
+            image=given.image,
+            point=given.point,
+            xy_mm=photo - principal_point,
+            sigma_mm=_sigma_along_photo_axes(matrix, given.sigma_mm),
+            active=active,
+        ),
+        interior=Interior(
+            image=oriented,
+            model=transformations.model[oriented],
+            matrix=transformations.matrix[oriented],
+            covariance=transformations.covariance[oriented],
+            sigma0=transformations.sigma0[oriented],
+            redundancy=transformations.redundancy[oriented],
+        ),
+        fiducial_residuals=fiducial_residuals,
+        corrections=Corrections(name=np.array(list(corrections)), largest_mm=np.array(list(corrections.values()))),
+        suspects=joined(suspects, _outside_suspects(block, photo, camera, outside)),
+    )
+
+
+def half_format_mm(block: Block) -> Float:
+    """Half the format of each camera, mm; NaN where not given, (n, 2)."""
+    digital = (block.cameras.kind == "digital")[:, None]
+    return np.asarray(np.where(digital, block.cameras.format * block.cameras.pixel_size_mm, block.cameras.format) / 2)
+
+
+def place(block: Block, file: int, line: int) -> str:
+    """`file:line` of an imported row; empty if not known."""
+    return f"{block.files.path[file]}:{line}" if file >= 0 else ""
+
+
+def _inside_format(block: Block, photo: Float, camera: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    allowed = half_format_mm(block)[camera] * (1 + FORMAT_TOLERANCE)
+    return np.asarray(~(np.abs(photo) > allowed).any(axis=1))
+
+
+def _refuse_mostly_outside(block: Block, active: npt.NDArray[np.bool_], outside: npt.NDArray[np.bool_]) -> None:
+    if outside.sum() <= MOST_OUTSIDE * active.sum():
+        return
+    first = int(np.flatnonzero(outside)[0])
+    raise InputError(
+        f"{int(outside.sum())} of {int(active.sum())} image points lie outside the format: {_names(block, outside)}",
+        where=place(block, int(block.image_points.file[first]), int(block.image_points.line[first])),
+        remedy="check the camera's format, image_coordinates, pixel size and pixel origin",
+    )
+
+
+def _names(block: Block, rows: npt.NDArray[np.bool_]) -> str:
+    image = block.images.id[block.image_points.image[rows]]
+    point = block.points.id[block.image_points.point[rows]]
+    return shown([f"{i}/{p}" for i, p in zip(image, point)])
+
+
+def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:
+    squares = np.where(np.isfinite(matrix[:, :, :2]), matrix[:, :, :2], np.eye(2)) ** 2
+    share = squares / squares.sum(axis=2, keepdims=True)
+    return np.asarray(np.sqrt(np.einsum("nij,nj->ni", share, sigma_mm**2)))
+
+
+def _largest(correction: Float, active: npt.NDArray[np.bool_]) -> float:
+    return float(np.sqrt((correction[active] ** 2).sum(axis=1)).max(initial=0.0))
+
+
+def _outside_suspects(
+    block: Block, photo: Float, camera: npt.NDArray[np.int32], outside: npt.NDArray[np.bool_]
+) -> Suspects:
+    rows = np.flatnonzero(outside)
+    beyond = np.abs(photo[rows]) - half_format_mm(block)[camera[rows]]
+    given = block.image_points
+    return suspects_of(
+        kind="image_point",
+        row=rows,
+        image=block.images.id[given.image[rows]],
+        point=block.points.id[given.point[rows]],
+        size=beyond.max(axis=1, initial=0.0),
+        verdict="rejected",
+    )

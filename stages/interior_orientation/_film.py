@@ -1,0 +1,112 @@
+"""The fiducial marks of a block as arrays, one row per film image, and back to tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import FiducialResiduals
+from aatri.camera.pixels import mm_from_pixel
+from aatri.errors import InputError
+from aatri.orientation.interior import AffineFit
+from aatri.tables.schema import Float
+
+from ._assembly import Transformations
+
+Rows = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class FilmMarks:
+    """Measured marks of n film images, up to m each.
+
+    Attributes
+    ----------
+    image : (n,) int64
+        Row in the Block's images.
+    row : (n, m) int64
+        Row in the Block's fiducial_points; -1 for padding.
+    measured : (n, m, 2) float64, mm or px
+    calibrated_mm, sigma_mm : (n, m, 2) float64, mm
+    present : (n, m) bool
+    nominal : (n, 2, 2) float64, mm per unit
+        To millimetres, x right, y up, by the nominal pixel size.
+    """
+
+    image: Rows
+    row: Rows
+    measured: Float
+    calibrated_mm: Float
+    sigma_mm: Float
+    present: npt.NDArray[np.bool_]
+    nominal: Float
+
+
+def film_images(block: Block) -> npt.NDArray[np.bool_]:
+    """Active images of film cameras whose coordinates need fiducial marks."""
+    cameras = block.cameras
+    needs = (cameras.kind == "film") & (cameras.image_coordinates != "photo")
+    return np.asarray(block.images.active & needs[block.images.camera])
+
+
+def film_marks(block: Block, images: Rows) -> FilmMarks:
+    """The marks of the given images, in the order of the Block."""
+    given = block.fiducial_points
+    order = np.argsort(given.image, kind="stable")
+    counts = np.bincount(given.image, minlength=len(block.images))
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    width = int(counts[images].max(initial=1))
+    slot = np.arange(max(width, 1))
+    present = slot < counts[images][:, None]
+    row = np.full(present.shape, -1, dtype=np.int64)
+    row[present] = order[(starts[images][:, None] + slot)[present]]
+
+    def padded(values: Float) -> Float:
+        out = np.full((*present.shape, 2), np.nan)
+        out[present] = values[row[present]]
+        return out
+
+    calibrated = block.fiducials.xy_mm[given.fiducial]
+    nominal = np.array([nominal_matrix(block, int(k)) for k in block.images.camera[images]]).reshape(-1, 2, 2)
+    return FilmMarks(images, row, padded(given.xy), padded(calibrated), padded(given.sigma_mm), present, nominal)
+
+
+def nominal_matrix(block: Block, camera: int) -> Float:
+    """Linear part of the measured system of a film camera: to mm, x right, y up, (2, 2)."""
+    cameras = block.cameras
+    if cameras.image_coordinates[camera] != "pixel":
+        return np.eye(2)
+    try:
+        centred = mm_from_pixel(cameras.pixel_size_mm[camera], "image-centre", cameras.pixel_y[camera], np.ones(2))
+    except InputError as error:
+        raise InputError(error.what, where=f"camera {cameras.id[camera]}", remedy=error.remedy) from error
+    return centred[:, :2]
+
+
+def with_film_transformations(others: Transformations, marks: FilmMarks, fit: AffineFit) -> Transformations:
+    """The transformations of all images: those of the film images put in their rows."""
+    good, rows = fit.determined, marks.image[fit.determined]
+    model = others.model.copy()
+    model[marks.image] = "affine"
+    matrix, covariance = others.matrix.copy(), others.covariance.copy()
+    sigma0, redundancy = others.sigma0.copy(), others.redundancy.copy()
+    matrix[rows], covariance[rows] = fit.matrix[good], fit.covariance[good]
+    sigma0[rows], redundancy[rows] = fit.sigma0[good], fit.redundancy[good].astype(np.int32)
+    return Transformations(model, matrix, covariance, sigma0, redundancy)
+
+
+def film_residuals(block: Block, marks: FilmMarks, fit: AffineFit) -> FiducialResiduals:
+    """Residuals of the marks of images with redundancy: without it they are zero by construction and say nothing."""
+    told = marks.present & (fit.determined & (fit.redundancy > 0))[:, None]
+    rows = marks.row[told].astype(np.int32)
+    given = block.fiducial_points
+    return FiducialResiduals(
+        row=rows,
+        image=given.image[rows],
+        fiducial=block.fiducials.id[given.fiducial[rows]],
+        residual_mm=fit.residual_mm[told],
+        active=fit.used[told],
+    )

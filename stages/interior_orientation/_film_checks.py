@@ -1,0 +1,198 @@
+"""Checks of the fiducial marks of film images, and what is reported of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import AatriError, GeometryError, InputError, raise_all
+from aatri.ids import shown
+from aatri.orientation.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
+from aatri.orientation.interior import FEWEST_MARKS, AffineFit
+from aatri.plugin import Context
+from aatri.tables.schema import Float
+
+from ._assembly import Transformations, place
+from ._film import FilmMarks, nominal_matrix
+from ._suspects import joined, suspects_of
+
+MOST_REJECTED = 0.05
+"""More film images than this share without interior orientation are an error."""
+
+LARGEST_SHEAR = 1e-3
+"""Affine deformation of film beyond this is unusual."""
+
+Bools = npt.NDArray[np.bool_]
+
+
+def check_film(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: float, context: Context) -> Bools:
+    """Which film images can be used, with every error and warning said.
+
+    Raises
+    ------
+    InputError
+        If marks have exchanged numbers, are mirrored or of a wrong scale.
+    GeometryError
+        If more than 5 % of the film images have no interior orientation.
+    """
+    usable = fit.determined.copy()
+    errors: list[AatriError] = []
+    reasons = []
+    for k, image in enumerate(marks.image):
+        wrong = _wrong_marks(block, marks, fit, k) if usable[k] else None
+        if wrong is not None:
+            errors.append(wrong)
+        reason = "" if wrong is not None else _reason_to_reject(marks, fit, k)
+        if reason:
+            usable[k] = False
+            reasons.append(f"{block.images.id[image]} ({reason})")
+    raise_all(errors)
+    if len(reasons) > MOST_REJECTED * len(usable):
+        raise GeometryError(
+            f"{len(reasons)} of {len(usable)} film images have no interior orientation: {shown(reasons)}",
+            remedy="measure at least three fiducial marks, not on one line, in every film image; four to check them",
+        )
+    if reasons:
+        context.warn(f"{len(reasons)} film images are not used, without interior orientation: {shown(reasons)}")
+    _warn(block, marks, fit, usable, sigma0_limit, context)
+    return usable
+
+
+def _wrong_marks(block: Block, marks: FilmMarks, fit: AffineFit, k: int) -> InputError | None:
+    """Numbering, mirroring or scale of the marks of one image, if wrong."""
+    present = marks.present[k]
+    calibrated = marks.calibrated_mm[k, present]
+    nominal = marks.measured[k, present] @ marks.nominal[k].T
+    from_nominal = fit.matrix[k, :, :2] @ np.linalg.inv(marks.nominal[k])
+    misfit, mirrored = is_misfit(fit.residual_mm[k, present], calibrated), is_mirrored(from_nominal)
+    scale = "" if misfit else scale_problem(from_nominal)
+    rows = marks.row[k, present]
+    given = block.fiducial_points
+    where = place(block, int(given.file[rows[0]]), int(given.line[rows[0]]))
+    image = f"image {block.images.id[marks.image[k]]}"
+    if scale:
+        return InputError(
+            f"{image}: {scale}",
+            where=where,
+            remedy="check the pixel size and the unit of the fiducial coordinates of the camera",
+        )
+    if not (misfit or mirrored):
+        return None
+    numbering = renumbering(nominal, calibrated)
+    names = block.fiducials.id[given.fiducial[rows]]
+    mapping = "" if numbering is None else ", ".join(f"{a} is {b}" for a, b in zip(names, names[numbering]) if a != b)
+    if mirrored and not misfit:
+        also = f", or exchange numbers: {mapping}" if mapping else ""
+        return InputError(
+            f"{image}: its fiducial marks fit only as a mirror image",
+            where=where,
+            remedy=f"check pixel: {{y: down}} or {{y: up}} of the camera (a comparator counts y up){also}",
+        )
+    if not mapping:
+        return None
+    return InputError(f"{image}: the numbers of its fiducial marks are exchanged", where=where, remedy=mapping)
+
+
+def _reason_to_reject(marks: FilmMarks, fit: AffineFit, k: int) -> str:
+    count = int(marks.present[k].sum())
+    if count < FEWEST_MARKS:
+        return f"{count} fiducial marks"
+    if not fit.determined[k]:
+        return "fiducial marks on one line"
+    used = fit.used[k]
+    if is_misfit(fit.residual_mm[k, used], marks.calibrated_mm[k, used]):
+        return f"no affine transformation fits its marks, residual {np.nanmax(np.abs(fit.residual_mm[k])):.2f} mm"
+    return ""
+
+
+def _warn(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, sigma0_limit: float, context: Context) -> None:
+    ids = block.images.id[marks.image]
+    exact = usable & (fit.redundancy == 0)
+    if exact.any():
+        context.warn(f"only three fiducial marks, no check of their measurement: {shown(ids[exact])}")
+    high = usable & (fit.sigma0 > sigma0_limit)
+    if high.any():
+        told = [f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high])]
+        context.warn(f"sigma0 of the interior orientation above {sigma0_limit:g}, a mark may be wrong: {shown(told)}")
+    rejected = usable[:, None] & marks.present & ~fit.used
+    if rejected.any():
+        names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
+        told = [f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names)]
+        context.warn(f"{len(told)} fiducial marks are rejected: {shown(told)}")
+    linear = fit.matrix[:, :, :2] @ np.linalg.inv(marks.nominal)
+    gram = linear.swapaxes(1, 2) @ linear
+    skewed = usable & (np.maximum(np.abs(gram[:, 0, 1]), np.abs(gram[:, 0, 0] - gram[:, 1, 1]) / 2) > LARGEST_SHEAR)
+    if skewed.any():
+        context.warn(f"film deformed by more than 1e-3 (shear or unequal scales): {shown(ids[skewed])}")
+    _warn_of_turned_scans(block, marks, linear, usable, context)
+
+
+def _warn_of_turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bools, context: Context) -> None:
+    """A few scans turned by a right angle against the rest may be marks numbered from another corner."""
+    angle = np.arctan2(linear[:, 1, 0] - linear[:, 0, 1], linear[:, 0, 0] + linear[:, 1, 1])
+    quarter = np.rint(np.where(usable, angle, 0.0) / (np.pi / 2)).astype(np.int64) % 4
+    camera = block.images.camera[marks.image]
+    for one in np.unique(camera[usable]):
+        mine = usable & (camera == one)
+        usual = int(np.bincount(quarter[mine], minlength=4).argmax())
+        turned = mine & (quarter != usual)
+        if turned.any():
+            context.warn(
+                f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that the "
+                f"fiducial marks are numbered from the same corner: {shown(block.images.id[marks.image[turned]])}"
+            )
+
+
+def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: float) -> Suspects:
+    """Marks rejected, images not used, images with a large sigma0."""
+    ids = block.images.id[marks.image]
+    image, slot = np.nonzero(fit.determined[:, None] & marks.present & ~fit.used)
+    rows = marks.row[image, slot]
+    size = np.sqrt((fit.residual_mm[image, slot] ** 2).sum(axis=1))
+    sigma = np.sqrt((marks.sigma_mm[image, slot] ** 2).mean(axis=1))
+    rejected = suspects_of(
+        kind="fiducial",
+        row=rows,
+        image=ids[image],
+        point=block.fiducials.id[block.fiducial_points.fiducial[rows]],
+        size=size,
+        sigma=sigma,
+        test=size / sigma,
+        verdict="rejected",
+    )
+    unused = ids[~fit.determined]
+    high = fit.determined & (fit.sigma0 > sigma0_limit)
+    return joined(
+        rejected,
+        suspects_of(kind="fiducial", row=-1, image=unused, point=np.full(len(unused), ""), verdict="rejected"),
+        suspects_of(
+            kind="fiducial", row=-1, image=ids[high], point=np.full(int(high.sum()), ""), test=fit.sigma0[high],
+            verdict="kept",
+        ),
+    )  # fmt: skip
+
+
+def film_deformation(block: Block, transformations: Transformations) -> Float:
+    """Per image the matrix that gives the film deformation at a photo coordinate, about the fiducial centre.
+
+    Photo coordinates by the affine transformation minus those by its rotation and the nominal scale alone.
+
+    Returns
+    -------
+    (n, 2, 2) float64
+    """
+    change = np.zeros((len(block.images), 2, 2))
+    for image in np.flatnonzero(transformations.model == "affine"):
+        A = transformations.matrix[image, :, :2]
+        if np.isfinite(A).all():
+            from_nominal = A @ np.linalg.inv(nominal_matrix(block, int(block.images.camera[image])))
+            change[image] = np.eye(2) - _rotation_part(from_nominal) @ np.linalg.inv(from_nominal)
+    return change
+
+
+def _rotation_part(matrix: Float) -> Float:
+    """The rotation nearest to a (2, 2) matrix."""
+    angle = np.arctan2(matrix[1, 0] - matrix[0, 1], matrix[0, 0] + matrix[1, 1])
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

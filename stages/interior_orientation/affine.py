@@ -1,0 +1,65 @@
+"""Interior orientation of film images by an affine transformation onto the calibrated fiducial marks.
+
+    x = a0 u + a1 v + a2 - x_p,   y = b0 u + b1 v + b2 - y_p
+
+(u, v) measured in comparator mm or pixels, (x_p, y_p) the principal point; least squares over the marks of each image,
+weighted by their standard deviations. The transformation takes out shift and rotation of the film on the comparator,
+and with them its affine deformation: two scales and a shear. Method and tests: aatri.orientation.interior.
+
+A mark with a gross error is rejected where the redundancy can locate it (not with four marks). An image whose sigma0
+exceeds a limit is reported. An image with fewer than three marks, or whose marks fit nothing, is not used; more than
+5 % of such images are an error, as are marks with exchanged numbers, mirrored marks and a wrong scale.
+
+Images whose camera gives photo coordinates, and digital ones, need no marks: they go the way of
+interior_orientation/calibrated, so that a block may hold both.
+
+Source: Kraus, Photogrammetry 1, sec. 3.2; photogrammetric practice for the limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.orientation.interior import snooped_affine
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._assembly import image_points_of
+from ._film import film_images, film_marks, film_residuals, with_film_transformations
+from ._film_checks import check_film, film_deformation, film_suspects
+from .calibrated import calibrated_transformations
+
+
+class AffineOptions(Options):
+    """Options of the affine interior orientation."""
+
+    test_limit: float = Field(
+        4.0, gt=0, description="a fiducial mark with a larger test statistic is rejected, in standard deviations"
+    )
+    sigma0_limit: float = Field(4.0, gt=0, description="an image whose sigma0 is larger is reported as suspect")
+
+
+@stage(version=1)
+def affine(block: Block, *, options: AffineOptions = AffineOptions(), context: Context = SILENT) -> ImagePoints:
+    """Photo coordinates of film by fiducial marks; of other images by calibration."""
+    film = film_images(block)
+    others = np.flatnonzero(block.images.active & ~film)
+    transformations = calibrated_transformations(block, others)
+    if not film.any():
+        context.log("no film image with comparator or pixel coordinates: no fiducial marks are needed")
+    marks = film_marks(block, np.flatnonzero(film))
+    fit = snooped_affine(marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, limit=options.test_limit)
+    usable = check_film(block, marks, fit, options.sigma0_limit, context)
+    fit = replace(fit, determined=usable)
+    transformations = with_film_transformations(transformations, marks, fit)
+    return image_points_of(
+        block,
+        transformations,
+        fiducial_residuals=film_residuals(block, marks, fit),
+        suspects=film_suspects(block, marks, fit, options.sigma0_limit),
+        film_deformation=film_deformation(block, transformations) if film.any() else None,
+        context=context,
+    )
