@@ -1,0 +1,91 @@
+"""What the verbs print: data on stdout, narration and errors on stderr; errors become exit codes here and nowhere else.
+
+Nothing heavy is imported at the top of any file of this folder, so that `aatri --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, ParamSpec, TypeVar
+
+import typer
+
+from aatri.errors import AatriError, Errors
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+INTERRUPTED = 130
+
+
+def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
+    """Let a verb end with a message and the exit code of its error; with `debug=True` also a traceback."""
+
+    @functools.wraps(verb)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return verb(*args, **kwargs)
+        except typer.Exit:
+            raise
+        except KeyboardInterrupt:
+            narrate("interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+        except AatriError as error:
+            if kwargs.get("debug"):
+                narrate(traceback.format_exc())
+            report_error(error)
+            raise typer.Exit(error.exit_code) from None
+        except Exception as error:
+            if kwargs.get("debug"):
+                narrate(traceback.format_exc())
+            narrate(f"error: internal error (a bug): {type(error).__name__}: {error}")
+            raise typer.Exit(1) from None
+
+    return guarded
+
+
+def report_error(error: AatriError) -> None:
+    """Print an error, or each of several."""
+    for single in error.errors if isinstance(error, Errors) else (error,):
+        narrate(f"error: {single}")
+
+
+def say(text: str = "") -> None:
+    """Print data."""
+    typer.echo(_escaped(text))
+
+
+def narrate(text: str) -> None:
+    """Print what is not data."""
+    typer.echo(_escaped(text), err=True)
+
+
+def say_json(value: Any) -> None:
+    """Print data as JSON."""
+    typer.echo(json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def say_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str] = ()) -> None:
+    """Print a table with aligned columns; those named in `numbers` to the right."""
+    cells = [[_escaped(cell).replace("\n", " ") for cell in row] for row in (head, *rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
+    for row in cells:
+        aligned = [c.rjust(w) if name in numbers else c.ljust(w) for c, w, name in zip(row, widths, head)]
+        typer.echo("  ".join(aligned).rstrip())
+
+
+def is_terminal() -> bool:
+    """Whether narration goes to a terminal."""
+    return sys.stderr.isatty()
+
+
+def _escaped(text: str) -> str:
+    if text.isascii() and text.replace("\n", "").isprintable():
+        return text
+    from aatri.ids import printable
+
+    return "\n".join(printable(line) for line in text.split("\n"))

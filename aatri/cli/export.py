@@ -1,0 +1,86 @@
+"""`aatri export`: artifacts as tables."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aatri.cli.console import narrate, reports_errors, say
+from aatri.cli.locate import Run, find_run, split_stage
+from aatri.errors import ArtifactError, SpecError
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
+
+class Form(StrEnum):
+    """Forms that artifacts can be exported to."""
+
+    tables = "tables"
+
+
+@reports_errors
+def export(
+    what: Annotated[str, typer.Argument(metavar="RUN[:STAGE]", help="Without STAGE the last Solution.")],
+    form: Annotated[Form, typer.Argument(help="Form of the export.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")],
+    overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
+) -> None:
+    """Export a Solution or a Block as CSV tables."""
+    del form  # there is one so far
+    path, stage = split_stage(what)
+    run = find_run(path)
+    name = run.stage(stage)["stage"] if stage else _last_solution(run)
+    if folder.exists() and not folder.is_dir():
+        raise SpecError("not a folder", where=str(folder))
+    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+        raise SpecError("the folder is not empty", where=str(folder), remedy="another folder, or --overwrite")
+    _write(run, name, folder)
+    narrate(f"{name} of {run.folder} written as tables")
+    say(str(folder))
+
+
+def _write(run: Run, name: str, folder: Path) -> None:
+    kind = _record(run, name)["output"]["kind"]
+    if kind == "Block":
+        from aatri.formats.block_writer import write_block
+
+        write_block(_block(run, name), folder)
+    elif kind == "Solution":
+        from aatri.artifacts.solution import Solution
+        from aatri.formats.solution_tables import write_solution_tables
+        from aatri.pipeline import store
+
+        source = _record(run, name)["inputs"]["block"]["stage"]
+        write_solution_tables(store.load(run.folder, name, Solution), _block(run, source), folder)
+    else:
+        raise SpecError(f"{name} gives {kind}; a Solution or a Block can be exported", where=str(run.folder))
+
+
+def _block(run: Run, name: str) -> Block:
+    from aatri.artifacts.block import Block
+    from aatri.pipeline import store
+
+    return store.load(run.folder, name, Block)
+
+
+def _record(run: Run, name: str) -> dict[str, Any]:
+    from aatri.pipeline import store
+
+    record = store.current_record(run.folder, name)
+    if record is None:
+        raise ArtifactError(f"stage {name} has no result", where=str(run.folder), remedy="aatri run")
+    return record
+
+
+def _last_solution(run: Run) -> str:
+    from aatri.pipeline import store
+
+    for entry in reversed(run.stages):
+        record = store.current_record(run.folder, entry["stage"])
+        if record is not None and record["output"]["kind"] == "Solution":
+            return str(entry["stage"])
+    raise ArtifactError("no stage with a Solution", where=str(run.folder), remedy="aatri run")

@@ -1,0 +1,30 @@
+"""`aatri metrics`: figures of all stages of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aatri.cli.console import reports_errors, say_json, say_table
+from aatri.cli.figures import number
+from aatri.cli.locate import find_run
+
+
+@reports_errors
+def metrics(
+    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
+) -> None:
+    """Show the figures of all stages of a run."""
+    from aatri.pipeline import store
+
+    found = find_run(run)
+    records = {entry["stage"]: store.current_record(found.folder, entry["stage"]) for entry in found.stages}
+    values = {name: {**r["metrics"], "seconds": r["seconds"]} for name, r in records.items() if r is not None}
+    if json:
+        say_json(values)
+        return
+    rows = [[stage, name, number(value)] for stage, figures in values.items() for name, value in figures.items()]
+    say_table(("stage", "metric", "value"), rows, ("value",))

@@ -1,0 +1,78 @@
+"""`aatri new`: write a pipeline.yaml to start from."""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aatri.cli.console import narrate, reports_errors, say
+from aatri.errors import ResourceError, SpecError
+
+
+class Source(StrEnum):
+    """Where the block comes from."""
+
+    simulate = "simulate"
+    tables = "tables"
+    wucaps = "wucaps"
+
+
+_HEAD = {
+    Source.tables: """\
+# A block given as tables: put block.yaml, images.csv, image_points.csv ... into the folder `block` beside this file.
+# Film has measured fiducials and needs interior_orientation/affine; digital images take interior_orientation/calibrated.
+""",
+    Source.wucaps: """\
+# A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
+# this file. Image coordinates of such blocks are reduced and corrected already, so neither is done again.
+""",
+}
+_LINES = {
+    Source.tables: {"block": "{use: block/tables, with: {path: block}}"},
+    Source.wucaps: {
+        "block": "{use: block/wucaps, with: {path: block}}",
+        "interior": "{use: interior_orientation/calibrated, from: {block}}",
+        "refined": "{use: image_refinement/systematic, from: {block, image_points: interior}, "
+        "with: {refraction: false, earth_curvature: false}}",
+    },
+}
+
+
+@reports_errors
+def new(
+    folder: Annotated[Path, typer.Argument(help="Folder to write to.")] = Path(),
+    block: Annotated[Source, typer.Option(help="Where the block comes from.")] = Source.simulate,
+) -> None:
+    """Write a pipeline.yaml to start from: the demo, or one for a block of your own."""
+    path = folder / "pipeline.yaml"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(_text(block))
+    except FileExistsError as error:
+        raise SpecError("is there already", where=str(path), remedy="another folder, or remove it first") from error
+    except OSError as error:
+        raise ResourceError(f"cannot write: {error.strerror}", where=str(path)) from error
+    say(str(path))
+    narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {path}"))
+
+
+def _text(block: Source) -> str:
+    demo = _demo().read_text(encoding="utf-8")
+    if block is Source.simulate:
+        return demo
+    body = demo[demo.index("run:") :].replace("runs/demo", "runs/block")
+    for stage, value in _LINES[block].items():
+        body = re.sub(rf"^(  {stage}: +).*$", rf"\g<1>{value}", body, flags=re.MULTILINE)
+    return _HEAD[block] + body
+
+
+def _demo() -> Path:
+    """The demo pipeline: beside the code in a wheel, at the top of a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    packed = package / "pipeline" / "demo.yaml"
+    return packed if packed.is_file() else package.parent / "pipeline.yaml"

@@ -1,0 +1,81 @@
+"""`aatri show`: what an artifact holds and where it comes from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.locate import find_run, split_stage
+from aatri.errors import SpecError
+
+
+@reports_errors
+def show(
+    what: Annotated[str, typer.Argument(metavar="RUN:STAGE|FILE.h5", help="`:STAGE` means the default run.")],
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """Show what an artifact holds and where it comes from."""
+    from aatri.tables.hdf5 import read_header
+
+    path = _file(what)
+    header = read_header(path)
+    record = _record(path)
+    if json:
+        say_json({"file": str(path), **header, "record": record})
+        return
+    say(f"{header['kind']}  {path}")
+    say()
+    say_table(("attribute", "value"), [[name, str(value)] for name, value in header["attributes"].items()])
+    for name, table in header["tables"].items():
+        say()
+        say(f"{name}: {table['rows']} rows. {table['description']}")
+        rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in table["columns"].items()]
+        say_table(("  column", "shape", "unit", "description"), rows)
+    say()
+    _say_provenance(record)
+
+
+def _file(what: str) -> Path:
+    from aatri.pipeline import store
+
+    if what.endswith(".h5"):
+        return Path(what)
+    path, stage = split_stage(what)
+    if stage is None:
+        raise SpecError(f"{what}: no stage", remedy="RUN:STAGE, :STAGE or FILE.h5; `aatri status` lists the stages")
+    run = find_run(path)
+    run.stage(stage)
+    return store.artifact_path(run.folder, stage)
+
+
+def _record(path: Path) -> dict[str, Any] | None:
+    """The record beside the artifact: in its object folder, or beside the link in `current`."""
+    from aatri.pipeline import store
+
+    return store.read_json(path.resolve().parent / "record.json") or store.read_json(path.with_suffix(".json"))
+
+
+def _shape(shape: Any) -> str:
+    return "x".join(str(n) for n in shape)
+
+
+def _say_provenance(record: dict[str, Any] | None) -> None:
+    if record is None:
+        say("no record beside the file: its origin is not known")
+        return
+    inputs = [f"{port} = {given['stage']} ({given['content_digest'][:12]})" for port, given in record["inputs"].items()]
+    options = [f"{name} = {value}" for name, value in record["options"].items()]
+    rows = [
+        ["made by", f"{record['plugin']} version {record['version']}, stage {record['stage']}, key {record['key']}"],
+        ["from", ", ".join(inputs) or "nothing"],
+        ["options", ", ".join(options) or "none"],
+        ["content digest", record["output"]["content_digest"]],
+        ["SHA-256 of the file", record["output"]["sha256"]],
+        ["time", f"{record['started']} to {record['ended']}, {record['seconds']} s"],
+        ["with", ", ".join(f"{name} {value}" for name, value in record["environment"].items())],
+        *[["warning", text] for text in record["warnings"]],
+    ]
+    say_table(("provenance", ""), rows)

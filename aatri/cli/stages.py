@@ -1,0 +1,124 @@
+"""`aatri stages`: roles, variants, and all about one variant."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aatri.cli.console import reports_errors, say, say_json, say_table
+
+if TYPE_CHECKING:
+    from aatri.pipeline.registry import Registry
+    from aatri.plugin import StageCard
+
+
+@reports_errors
+def stages(
+    name: Annotated[str | None, typer.Argument(metavar="[ROLE[/VARIANT]]", help="A role or a variant.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """List roles and their variants, or describe one variant: method, ports, options."""
+    from aatri.pipeline.registry import find_stages
+
+    registry = find_stages()
+    if name and "/" in name:
+        described = _described(registry.card(name))
+        if json:
+            say_json(described)
+        else:
+            _say_variant(described)
+        return
+    listed = _listed(registry, name)
+    if json:
+        say_json(listed)
+    else:
+        _say_roles(listed)
+
+
+def _listed(registry: Registry, only: str | None) -> dict[str, Any]:
+    from aatri.pipeline.registry import first_line
+
+    listed = {}
+    for role in [only] if only else registry.roles:
+        declared = registry.role(role)
+        mine = [variant for variant in registry.variants if variant.startswith(f"{role}/")]
+        listed[role] = {
+            "ports": {port: kind.kind for port, kind in declared.ports.items()},
+            "kind": declared.kind.kind,
+            "variants": {variant: first_line(registry, variant) for variant in mine},
+        }
+    return listed
+
+
+def _say_roles(listed: dict[str, Any]) -> None:
+    for role, about in listed.items():
+        say(f"{role}: {', '.join(about['ports']) or 'nothing'} -> {about['kind']}")
+        rows = [[f"  {variant}", line] for variant, line in about["variants"].items()] or [["  (none)", ""]]
+        width = max(len(row[0]) for row in rows)
+        for variant, line in rows:
+            say(f"{variant.ljust(width)}  {line}".rstrip())
+
+
+def _described(card: StageCard) -> dict[str, Any]:
+    schema = card.options.model_json_schema() if card.options else {}
+    ports = {port.name: {"kind": port.kind.kind, "optional": port.optional} for port in card.ports}
+    return {"name": card.name, "version": card.version, "kind": card.kind.kind, "ports": ports,
+            "random": card.wants_rng, "method": card.doc, "options": schema}  # fmt: skip
+
+
+def _say_variant(described: dict[str, Any]) -> None:
+    say(f"{described['name']}  version {described['version']}")
+    say()
+    say(described["method"])
+    say()
+    ports = [f"{name}: {p['kind']}{' (optional)' if p['optional'] else ''}" for name, p in described["ports"].items()]
+    say(f"ports    {', '.join(ports) or 'none'}")
+    say(f"returns  {described['kind']}")
+    say()
+    rows = _option_rows(described["options"], described["options"].get("$defs", {}), "", [])
+    if rows:
+        say_table(("option", "default", "allowed", "description"), rows)
+    else:
+        say("no options")
+
+
+def _option_rows(schema: dict[str, Any], defs: dict[str, Any], prefix: str, rows: list[list[str]]) -> list[list[str]]:
+    required = schema.get("required", [])
+    for name, about in schema.get("properties", {}).items():
+        default = "required" if name in required else _yaml(about.get("default"))
+        inner = _inner(about, defs)
+        rows.append([prefix + name, default, _allowed(about, defs), about.get("description", "")])
+        if inner is not None:
+            _option_rows(inner, defs, f"{prefix}{name}.", rows)
+    return rows
+
+
+def _inner(about: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any] | None:
+    """The schema of nested options, if there are any."""
+    for choice in (about, *about.get("anyOf", ())):
+        target = defs.get(choice.get("$ref", "").rpartition("/")[2], {})
+        if "properties" in target:
+            return dict(target)
+    return None
+
+
+def _allowed(about: dict[str, Any], defs: dict[str, Any]) -> str:
+    if "anyOf" in about:
+        return " or ".join(_allowed(choice, defs) for choice in about["anyOf"])
+    if "$ref" in about:
+        return _allowed(defs.get(about["$ref"].rpartition("/")[2], {}), defs)
+    if "enum" in about:
+        return ", ".join(_yaml(value) for value in about["enum"])
+    if "const" in about:
+        return _yaml(about["const"])
+    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    limits = [f"{sign} {about[key]}" for key, sign in signs.items() if key in about]
+    kind = {"object": "options", "null": "empty"}.get(about.get("type", ""), about.get("type", ""))
+    return " ".join([kind, *limits]).strip()
+
+
+def _yaml(value: Any) -> str:
+    import json
+
+    return value if isinstance(value, str) and value else json.dumps(value, ensure_ascii=False)
