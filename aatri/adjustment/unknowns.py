@@ -18,6 +18,7 @@ import numpy.typing as npt
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
+Ids = Sequence[str] | npt.NDArray[np.str_]
 State = Mapping[str, Any]
 """Values of all groups, by name."""
 
@@ -43,7 +44,7 @@ class Unknowns:
     name: str
     free: Bool
     labels: tuple[str, ...]
-    ids: Sequence[str]
+    ids: Ids
     retract: Callable[[Any, Float], Any]
     eliminated: bool = False
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,13 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import GroundPoints, ImageOrientations, Residuals, SolvedCameras
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ArtifactError
+from aatri.geometry.vectors import finite_rows
 from aatri.tables.schema import Table, columns_of
 
 T = TypeVar("T", bound=Table)
 
 Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
+Int = npt.NDArray[np.integer[Any]]
 Bool = npt.NDArray[np.bool_]
 
 
@@ -53,11 +54,11 @@ def oriented_images(
     n = len(block.images)
     return ImageOrientations(
         id=block.images.id,
-        oriented=np.isfinite(position_m).all(axis=1),
+        oriented=finite_rows(position_m),
         position_m=position_m,
         ground_from_image=ground_from_image,
         covariance=np.full((n, 6, 6), np.nan) if covariance is None else covariance,
-        image_points=used,
+        image_points=used.astype(np.int32),
     )
 
 
@@ -68,7 +69,7 @@ def ground_points(block: Block, xyz_m: Float, rays: Int, covariance_m2: Float | 
         id=block.points.id,
         xyz_m=xyz_m,
         covariance_m2=np.full((n, 3, 3), np.nan) if covariance_m2 is None else covariance_m2,
-        rays=rays,
+        rays=rays.astype(np.int32),
     )
 
 
@@ -100,7 +101,7 @@ def residuals(
     filled[0][:, :m], filled[1][:, :m] = value, sigma
     return Residuals(
         kind=np.full(n, kind),
-        row=row,
+        row=row.astype(np.int32),
         image=image,
         point=point,
         residual=filled[0],

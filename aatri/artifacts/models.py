@@ -23,8 +23,9 @@ class Orientations(Table):
     right: Int = column("i4", doc="row in images", refers="images")
     left_from_right: Float = column("f8", 3, 3, doc="rotation matrix")
     base: Float = column("f8", 3, unit="base", doc="unit vector from left to right projection centre")
-    covariance: Float = column("f8", 5, 5, unit="rad^2", doc="of the rotation increment d (R <- exp([d]x) R) and of the "
-                               "base's turn along its two tangents (geometry.vectors.tangents)")  # fmt: skip
+    covariance: Float = column(
+        "f8", 5, 5, unit="rad^2", doc="of the increment d (R <- exp([d]x) R) and the base's turn along its two tangents"
+    )
     sigma0: Float = column(
         "f8", doc="a posteriori over a priori standard deviation; NaN without redundancy", optional=True
     )

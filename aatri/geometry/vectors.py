@@ -36,3 +36,18 @@ def tangents(direction: npt.ArrayLike) -> Float:
     axes = np.roll(np.eye(3), -int(np.argmax(np.abs(b))), axis=0)
     first = unit(axes[1] - b * (axes[1] @ b))
     return np.stack([first, np.cross(b, first) * np.sign(b @ axes[0])], axis=1)
+
+
+def finite_rows(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Whether all numbers of each row are given.
+
+    Parameters
+    ----------
+    values : (n, ...) float64
+
+    Returns
+    -------
+    (n,) bool
+    """
+    finite = np.isfinite(np.asarray(values, dtype=np.float64))
+    return np.asarray(finite.reshape(len(finite), int(np.prod(finite.shape[1:]))).all(axis=1))

@@ -6,13 +6,12 @@ R <- exp([d]x) R.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.unknowns import Unknowns
+from aatri.adjustment.unknowns import Ids, Unknowns
 from aatri.geometry.rotations import exp_rotation
 
 Float = npt.NDArray[np.float64]
@@ -44,7 +43,7 @@ def retract_poses(poses: Poses, step: Float) -> Poses:
     return Poses(poses.position_m + step[:, :3], rotation)
 
 
-def pose_unknowns(ids: Sequence[str], free: Bool) -> Unknowns:
+def pose_unknowns(ids: Ids, free: Bool) -> Unknowns:
     """The group of poses; `free` is (n, 6)."""
     return Unknowns(POSE, free, ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z"),
                     ids, retract_poses)  # fmt: skip

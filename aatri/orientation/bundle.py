@@ -12,7 +12,6 @@ Source: Kraus, Photogrammetry; photogrammetry.md A901-A910.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,8 @@ import numpy.typing as npt
 from aatri.adjustment.covariance import block_covariances, eliminated_covariances, kept_inverse
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Adjusted, adjust_large
-from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.adjustment.unknowns import Ids, Unknowns, add_step
+from aatri.geometry.vectors import finite_rows
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_points import ImagePointRows, image_point_records, side_changes
 from aatri.observations.poses import INTERIOR, POINT, POSE, Poses, pose_unknowns
@@ -64,7 +64,7 @@ class BundleInput:
 
     Attributes
     ----------
-    image_ids, point_ids : sequence of str
+    image_ids, point_ids : str
     rays : ImagePointRows
     poses : Poses
         Start; NaN where unknown.
@@ -76,8 +76,8 @@ class BundleInput:
         Priors of the interior unknowns; an image with a zero matrix has none.
     """
 
-    image_ids: Sequence[str]
-    point_ids: Sequence[str]
+    image_ids: Ids
+    point_ids: Ids
     rays: ImagePointRows
     poses: Poses
     xyz_m: Float
@@ -125,9 +125,8 @@ def determinable(given: BundleInput) -> tuple[Bool, Bool, Bool]:
     ray, image, point : bool arrays
     """
     rays, n_images, n_points = given.rays, len(given.image_ids), len(given.point_ids)
-    image: Bool = np.asarray(np.isfinite(given.poses.position_m).all(axis=1))
-    image &= np.isfinite(given.poses.ground_from_image).all(axis=(1, 2))
-    point: Bool = np.asarray(np.isfinite(given.xyz_m).all(axis=1))
+    image = finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image)
+    point = finite_rows(given.xyz_m)
     control = np.zeros(n_points, dtype=np.int64)
     np.add.at(control, given.control.point, (given.control.observed | given.control.held).sum(axis=1))
     positioned = np.bincount(given.positions.image, minlength=n_images) > 0

@@ -28,6 +28,7 @@ from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.intersection import intersect_rays
+from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
@@ -69,7 +70,7 @@ def bundle(
         given, max_iterations=options.max_iterations, covariances=options.standard_deviations, reporter=context
     )
     _report_left_out(block, given, result, context)
-    return _solution(block, image_points, control, positions, given, result, suspects)
+    return _solution(block, control, positions, given, result, suspects)
 
 
 def _no_positions(positions: Positions) -> Positions:
@@ -91,7 +92,7 @@ def _input(
         m.sigma_mm,
         block.cameras.principal_distance_mm[camera],
         block.cameras.principal_point_mm[camera],
-        m.active & np.isfinite(m.xy_mm).all(axis=1) & ~assemble.rejected_rows(suspects, image_points),
+        m.active & finite_rows(m.xy_mm) & ~assemble.rejected_rows(suspects, image_points),
     )
     poses = _start_poses(block, initial)
     prior = None
@@ -114,7 +115,7 @@ def _start_poses(block: Block, initial: Solution | None) -> Poses:
     if initial is not None:
         return Poses(initial.images.position_m, initial.images.ground_from_image)
     position, rotation = given_orientations(block)
-    if not (np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))).any():
+    if not (finite_rows(position) & finite_rows(rotation)).any():
         raise GeometryError(
             "no image has a starting orientation",
             where=f"block {block.name}",
@@ -125,16 +126,16 @@ def _start_poses(block: Block, initial: Solution | None) -> Poses:
 
 def _start_points(block: Block, initial: Solution | None, rays: ImagePointRows, poses: Poses) -> Float:
     xyz = np.full((len(block.points), 3), np.nan) if initial is None else initial.points.xyz_m.copy()
-    missing = ~np.isfinite(xyz).all(axis=1)
-    use = rays.active & missing[rays.point] & np.isfinite(poses.position_m[rays.image]).all(axis=1)
-    use &= np.isfinite(poses.ground_from_image[rays.image]).all(axis=(1, 2))
+    missing = ~finite_rows(xyz)
+    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
+    use = rays.active & missing[rays.point] & oriented[rays.image]
     looking = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])
     direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[use]], looking)
     found = intersect_rays(poses.position_m[rays.image[use]], direction, rays.point[use], len(xyz))
     given = np.full_like(xyz, np.nan)
     given[block.ground_points.point] = block.ground_points.xyz_m
     start = np.where(missing[:, None], found, xyz)
-    return np.asarray(np.where(np.isfinite(start).all(axis=1)[:, None], start, given))
+    return np.asarray(np.where(finite_rows(start)[:, None], start, given))
 
 
 def _report_left_out(block: Block, given: BundleInput, result: BundleResult, context: Context) -> None:
@@ -148,7 +149,7 @@ def _report_left_out(block: Block, given: BundleInput, result: BundleResult, con
 
 
 def _solution(
-    block: Block, image_points: ImagePoints, control: Control, positions: Positions, given: BundleInput,
+    block: Block, control: Control, positions: Positions, given: BundleInput,
     result: BundleResult, suspects: Suspects,
 ) -> Solution:  # fmt: skip
     adjusted = result.adjusted
