@@ -1,0 +1,181 @@
+"""Everything simulated put into a Block: ids in canonical order, tables, truth.
+
+Truth is in the frame of the Block: on a flat earth and in a map, coordinates with the false origin and rotations to the
+axes (east, north, up) of each station; in a tangent frame, Cartesian coordinates and rotations to its axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts import block as b
+from aatri.simulation import film, measured
+from aatri.simulation.flight import Plan
+from aatri.simulation.measured import Disturbance, no_source
+from aatri.simulation.points import GroundTargets
+from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
+from aatri.simulation.settings import BROWN, Camera, Film, Gnss
+from aatri.units import LENGTH_MM
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The true state of affairs."""
+
+    name: str
+    earth: str  # flat, tangent or map
+    false_origin_m: tuple[float, float]
+    plan: Plan
+    photography: Photography
+    points: GroundTargets
+
+    def in_block_frame(self, local_m: Float) -> Float:
+        """Coordinates of the Block from local (E, N, h)."""
+        if self.earth == "tangent":
+            return cartesian(local_m, True)
+        return np.asarray(local_m + np.array([*self.false_origin_m, 0.0]))
+
+
+def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance) -> b.Block:
+    """The Block of a scene as the instruments saw it."""
+    camera, points, plan = scene.photography.camera, scene.points, scene.plan
+    of_image, of_point = _canonical(plan.id), _canonical(points.id)
+    image_row, point_row = np.argsort(of_image), np.argsort(of_point)
+    image, point = image_row[points.rays.image], point_row[points.rays.point]
+    order = np.lexsort((point, image))
+    marks = film.fiducial_marks(camera)
+    placement = film.placed(len(of_image), settings, disturbance.streams["film"])
+    stations, xyz = scene.in_block_frame(scene.photography.station_m), scene.in_block_frame(points.local_m)
+    known = np.flatnonzero((points.role[of_point] > 0).any(axis=1))
+    image_points, gross_image = measured.image_points(
+        image[order], point[order], points.rays.photo_mm[order], camera, placement, disturbance
+    )
+    fiducial_points, gross_fiducial = measured.fiducial_points(
+        len(of_image), np.array(list(marks.values())).reshape(-1, 2), placement, disturbance
+    ) if marks else (b.FiducialPoints.empty(), None)  # fmt: skip
+    ground, gross_control = measured.ground_points(
+        known, xyz[of_point[known]], points.role[of_point[known]], disturbance
+    )
+    exterior, gross_position = measured.exterior(
+        stations[of_image], scene.in_block_frame(plan.position_m)[of_image], plan, of_image, gnss, disturbance
+    )
+    return b.Block(
+        name=scene.name,
+        rotation="omega-phi-kappa",
+        earth_curvature="correct" if scene.earth == "map" else "ignore",
+        terrain_height_m=scene.photography.terrain_height_m,
+        files=b.Files.empty(),
+        frames=b.Frames(id=[_FRAME[scene.earth]], axes=["east,north,up"], crs=["local"], vertical=[""]),
+        **_camera_tables(camera, marks),
+        **_images(plan, of_image),
+        fiducial_points=fiducial_points,
+        points=b.Points(id=np.array(points.id)[of_point]),
+        image_points=image_points,
+        ground_points=ground,
+        exterior=exterior,
+        geodetic=b.Geodetic.empty(),
+        geodetic_covariances=b.GeodeticCovariances.empty(),
+        relative_control=b.RelativeControl.empty(),
+        relative_control_members=b.RelativeControlMembers.empty(),
+        rejects=b.Rejects.empty(),
+        true_images=_true_images(scene, stations, of_image),
+        true_points=b.TruePoints(point=np.arange(len(xyz)), xyz_m=xyz[of_point]),
+        gross_errors=_gross([gross_image, gross_fiducial, gross_control, gross_position]),
+    )
+
+
+_FRAME = {"flat": "local", "tangent": "tangent", "map": "map"}
+
+
+def _canonical(ids: list[str]) -> Int:
+    """Rows in the order of the ids' bytes (for ASCII the order of NumPy's text)."""
+    return np.argsort(np.array(ids), kind="stable")
+
+
+def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dict[str, Any]:
+    digital = camera.kind == "digital"
+    brown = [n for n in sorted(BROWN) if n in camera.brown] if camera.distortion == "brown" else []
+    table = camera.distortion == "table"
+    radius = np.array(camera.table_radius_mm if table else (), dtype=float)
+    correction = np.array(camera.table_correction_um if table else (), dtype=float) * LENGTH_MM["um"]
+    return {
+        "cameras": b.Cameras(
+            id=[camera.id],
+            kind=[camera.kind],
+            image_coordinates=["pixel" if digital else "comparator"],
+            pixel_size_mm=[[camera.pixel_size_mm if digital else np.nan] * 2],
+            pixel_origin=["top-left-corner" if digital else ""],
+            pixel_y=["down" if digital else ""],
+            format=[camera.format],
+            principal_distance_mm=[camera.principal_distance_mm],
+            principal_point_mm=[camera.principal_point_mm],
+            symmetry_point_mm=[camera.symmetry_point_mm],
+            distortion=[camera.distortion],
+            lever_arm_m=np.zeros((1, 3)),
+            boresight_rad=np.zeros((1, 3)),
+        ),
+        "camera_parameters": b.CameraParameters(
+            camera=np.zeros(len(brown), int),
+            name=np.array(brown, dtype=np.str_),
+            value=np.array([camera.brown[n] for n in brown], dtype=float),  # type: ignore[index]
+            sigma=np.full(len(brown), np.nan),
+            free=np.zeros(len(brown), dtype=bool),
+        ),
+        "distortion_table": b.DistortionTable(
+            camera=np.zeros(len(radius), int), radius_mm=radius, correction_mm=correction
+        ),
+        "fiducials": b.Fiducials(
+            camera=np.zeros(len(marks), int),
+            id=np.array(list(marks), dtype=np.str_),
+            xy_mm=np.array(list(marks.values())).reshape(-1, 2),
+        ),
+    }
+
+
+def _images(plan: Plan, of_image: Int) -> dict[str, Any]:
+    n = len(of_image)
+    strips, strip = np.unique(np.array(plan.strip), return_inverse=True)
+    text = [""] * n
+    return {
+        "strips": b.Strips(id=strips),
+        "images": b.Images(
+            id=np.array(plan.id)[of_image],
+            camera=np.zeros(n, int),
+            strip=strip[of_image],
+            sequence=plan.sequence[of_image],
+            time_s=plan.time_s[of_image],
+            flight=text,
+            session=text,
+            rig=text,
+            member=text,
+            active=np.ones(n, dtype=bool),
+            **no_source(n),
+        ),
+    }
+
+
+def _true_images(scene: Scene, stations_m: Float, of_image: Int) -> b.TrueImages:
+    photography = scene.photography
+    rotation = cartesian_rotation(photography.station_m, photography.rotation, scene.earth == "tangent")
+    return b.TrueImages(
+        image=np.arange(len(of_image)), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
+    )
+
+
+def _gross(found: list[tuple[Any, ...] | None]) -> b.GrossErrors:
+    """One table, in the order of the kinds as they come and of their rows."""
+    present = [entry for entry in found if entry is not None and len(entry[1])]
+    if not present:
+        return b.GrossErrors.empty()
+    return b.GrossErrors(
+        kind=np.concatenate([np.full(len(rows), kind) for kind, rows, _ in present]),
+        row=np.concatenate([rows for _, rows, _ in present]),
+        size=np.concatenate([np.pad(errors, ((0, 0), (0, 3 - errors.shape[1]))) for _, _, errors in present]),
+    )

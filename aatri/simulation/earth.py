@@ -1,0 +1,69 @@
+"""The earth under the block: flat, or a sphere seen in a Cartesian tangent frame or in a map.
+
+The block is laid out in local coordinates (E, N, h): plane coordinates about the block's centre and height above sea
+level. On a flat earth they are Cartesian. On the sphere of radius R = `units.EARTH_RADIUS_M` they belong to the
+stereographic projection about the centre, which is conformal and of scale 1 there: with a = E / 2R, b = N / 2R and
+q = a^2 + b^2 the direction of the vertical is
+
+    u = (2a, 2b, 1 - q) / (1 + q)
+
+and the point is P = (R + h) u - (0, 0, R) in the tangent frame: Cartesian, origin at sea level below the block's
+centre, axes east, north and up there. So the height of any point of the tangent frame is exactly
+
+    h = sqrt(X^2 + Y^2 + (R + Z)^2) - R;
+
+whoever corrects for refraction in a tangent frame uses this same definition. East, north and up *of a place* are the
+directions in which E, N and h grow; they are orthogonal, the map being conformal. Source: closed forms of the sphere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.units import EARTH_RADIUS_M
+
+Float = npt.NDArray[np.float64]
+
+
+def tangent_from_map(local_m: Float) -> Float:
+    """Tangent-frame coordinates of local map coordinates.
+
+    Parameters
+    ----------
+    local_m : (n, 3) float64, m, (E, N, h)
+
+    Returns
+    -------
+    (n, 3) float64, m
+    """
+    R = EARTH_RADIUS_M
+    a, b, h = local_m[:, 0] / (2 * R), local_m[:, 1] / (2 * R), local_m[:, 2]
+    q = a * a + b * b
+    z = (h * (1 - q) - 2 * q * R) / (1 + q)  # (R + h) (1 - q) / (1 + q) - R without its cancellation
+    return np.stack([2 * a * (R + h) / (1 + q), 2 * b * (R + h) / (1 + q), z], axis=1)
+
+
+def tangent_from_place(local_m: Float) -> Float:
+    """Rotation from the axes of each place (its east, north, up) to those of the tangent frame.
+
+    Parameters
+    ----------
+    local_m : (n, 3) float64, m, (E, N, h)
+
+    Returns
+    -------
+    (n, 3, 3) float64
+    """
+    a, b = local_m[:, 0] / (2 * EARTH_RADIUS_M), local_m[:, 1] / (2 * EARTH_RADIUS_M)
+    q = a * a + b * b
+    east = np.stack([1 + b * b - a * a, -2 * a * b, -2 * a], axis=1)
+    north = np.stack([-2 * a * b, 1 + a * a - b * b, -2 * b], axis=1)
+    up = np.stack([2 * a, 2 * b, 1 - q], axis=1)
+    return np.stack([east, north, up], axis=2) / (1 + q)[:, None, None]
+
+
+def settled(local_m: Float, false_origin_m: tuple[float, float]) -> Float:
+    """Local coordinates that differ from the given ones by rounding only and to which the false origin adds exactly."""
+    origin = np.array([*false_origin_m, 0.0])
+    return np.asarray((local_m + origin) - origin)

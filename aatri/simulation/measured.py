@@ -1,0 +1,154 @@
+"""What is observed: the truth put through the instruments, with noise and gross errors.
+
+observation = truth + factor * sigma * N(0, 1) + gross error. The standard deviations stored are the a-priori ones,
+whatever the factor. Each kind of observation has its own random stream, so that switching one effect off leaves the
+others as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts import block as b
+from aatri.simulation import film
+from aatri.simulation.flight import Plan
+from aatri.simulation.gross import gross_errors
+from aatri.simulation.settings import Camera, Gnss, GrossErrors, Noise
+from aatri.units import LENGTH_MM
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+Streams = Mapping[str, np.random.Generator]
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Noise, gross errors, and the random streams they come from."""
+
+    noise: Noise
+    gross: GrossErrors
+    streams: Streams
+
+    def added(self, kind: str, what: str, sigma: Float, observed: Float | None = None) -> tuple[Float, tuple[Any, ...]]:
+        """What is added to the truth, and the gross errors in it as (kind, rows, errors).
+
+        `sigma` is (n, k); the optional mask of the same shape says which coordinates may get a gross error.
+        """
+        values = self.noise.factor * sigma * self.streams[kind].standard_normal(sigma.shape)
+        open_to = sigma if observed is None else sigma * observed
+        rows, errors = gross_errors(
+            getattr(self.gross, what), open_to, self.gross.size, self.streams[f"gross_{kind}"], what
+        )
+        values[rows] += errors
+        return values, (kind, rows, errors)
+
+
+STREAMS = (
+    "terrain", "flight", "points", "film", "image_point", "fiducial", "control", "position", "drift",
+    "gross_image_point", "gross_fiducial", "gross_control", "gross_position",
+)  # fmt: skip
+"""Names of the random streams; a new one goes to the end."""
+
+
+def no_source(rows: int) -> dict[str, Int]:
+    """Provenance of rows that come from no file."""
+    return {"file": np.full(rows, -1), "line": np.full(rows, -1)}
+
+
+def diagonal(sigma: Float) -> Float:
+    """Covariance matrices (n, k, k) of standard deviations (n, k)."""
+    return np.asarray((sigma * sigma)[:, :, None] * np.eye(sigma.shape[1]))
+
+
+def image_points(
+    image: Int, point: Int, photo_mm: Float, camera: Camera, placement: tuple[Float, Float], disturbance: Disturbance
+) -> tuple[b.ImagePoints, tuple[Any, ...]]:
+    """Image points as measured, in the given order."""
+    n = len(image)
+    sigma = np.full((n, 2), disturbance.noise.image_um * LENGTH_MM["um"])
+    xy = film.comparator(photo_mm, image, placement) if camera.kind == "film" else film.pixels(photo_mm, camera)
+    errors, gross = disturbance.added("image_point", "image_points", sigma / camera.mm_per_unit)
+    table = b.ImagePoints(
+        image=image,
+        point=point,
+        xy=xy + errors,
+        sigma_mm=sigma,
+        group=[""] * n,
+        active=np.ones(n, dtype=bool),
+        row_time_s=np.full(n, np.nan),
+        **no_source(n),
+    )
+    return table, gross
+
+
+def fiducial_points(
+    images: int, marks_mm: Float, placement: tuple[Float, Float], disturbance: Disturbance
+) -> tuple[b.FiducialPoints, tuple[Any, ...]]:
+    """Fiducial marks as measured in every image."""
+    image = np.repeat(np.arange(images), len(marks_mm))
+    fiducial = np.tile(np.arange(len(marks_mm)), images)
+    sigma = np.full((len(image), 2), disturbance.noise.fiducial_um * LENGTH_MM["um"])
+    errors, gross = disturbance.added("fiducial", "fiducials", sigma)
+    xy = film.comparator(marks_mm[fiducial], image, placement) + errors
+    table = b.FiducialPoints(image=image, fiducial=fiducial, xy=xy, sigma_mm=sigma, **no_source(len(image)))
+    return table, gross
+
+
+def ground_points(
+    point: Int, xyz_m: Float, role: Int, disturbance: Disturbance
+) -> tuple[b.GroundPoints, tuple[Any, ...]]:
+    """Control and check points as surveyed; coordinates without a role are not given."""
+    sigma = np.tile(np.array(disturbance.noise.control_m), (len(point), 1))
+    errors, gross = disturbance.added("control", "control", sigma, role == b.CONTROL)
+    table = b.GroundPoints(
+        point=point,
+        xyz_m=np.where(role == b.NO_ROLE, np.nan, xyz_m + errors),
+        covariance_m2=diagonal(sigma),
+        role=role,
+        datum=np.zeros(len(point), dtype=bool),
+        **no_source(len(point)),
+    )
+    return table, gross
+
+
+def exterior(
+    true_m: Float, planned_m: Float, plan: Plan, order: Int, gnss: Gnss, disturbance: Disturbance
+) -> tuple[b.Exterior, tuple[Any, ...]]:
+    """Positions: observed, of the flight plan, or none. Row k is that of image k, station `order[k]` of the plan."""
+    n = len(true_m) if gnss.observed or gnss.approximate_positions else 0
+    sigma = np.tile(np.array(disturbance.noise.gnss_m), (n, 1))
+    gross: tuple[Any, ...] = ("position", np.zeros(0, np.int64), np.zeros((0, 3)))
+    position, covariance = planned_m[:n], np.full((n, 3, 3), np.nan)
+    drifting = gnss.observed and (gnss.shift_m > 0 or gnss.drift > 0)
+    if gnss.observed:
+        errors, gross = disturbance.added("position", "positions", sigma)
+        position, covariance = (
+            true_m + errors + _drift(plan, gnss, disturbance.streams["drift"])[order],
+            diagonal(sigma),
+        )
+    table = b.Exterior(
+        image=np.arange(n),
+        position_m=position,
+        position_covariance_m2=covariance,
+        angles_rad=np.full((n, 3), np.nan),
+        angle_sigma_rad=np.full((n, 3), np.nan),
+        position_use=np.full(n, b.OBSERVED_VALUE if gnss.observed else b.APPROXIMATE_VALUE),
+        angle_use=np.full(n, b.APPROXIMATE_VALUE),
+        refers_to=np.full(n, b.PROJECTION_CENTRE),
+        drift_group=np.array(plan.strip)[order][:n] if drifting else [""] * n,
+        **no_source(n),
+    )
+    return table, gross
+
+
+def _drift(plan: Plan, gnss: Gnss, rng: np.random.Generator) -> Float:
+    """Shift and drift of the position of each station, common to its strip: (n, 3), m."""
+    _, first, strip = np.unique(plan.strip, return_index=True, return_inverse=True)
+    shift, rate = rng.standard_normal((2, len(first), 3)) * np.array([gnss.shift_m, gnss.drift])[:, None, None]
+    middle = np.bincount(strip, plan.time_s) / np.bincount(strip)
+    return np.asarray(shift[strip] + rate[strip] * (plan.time_s - middle[strip])[:, None])

@@ -1,0 +1,107 @@
+"""Which points appear in which images, and where.
+
+For every image a k-d tree of the points gives those within the reach of its corners at the largest tilt; they are put
+through the forward model, and those that fall inside the format, less its margin, are its image points. Images are
+taken in chunks, so that memory stays small for any size of block.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from aatri.simulation import earth, forward
+from aatri.simulation.settings import Camera
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+
+CHUNK = 256
+"""Images at a time."""
+
+
+@dataclass(frozen=True)
+class Photography:
+    """All that decides where a point is imaged."""
+
+    camera: Camera
+    spherical: bool
+    refraction: str  # none, radial, vertical_plane
+    terrain_height_m: float
+    station_m: Float  # (n, 3) E, N, h
+    rotation: Float  # (n, 3, 3) to the axes of the station
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Image points: rows of images and points, and photo coordinates."""
+
+    image: Int
+    point: Int
+    photo_mm: Float
+
+    def of_points(self, number: Int) -> Rays:
+        """The rays of the points whose new number is not negative, with that number."""
+        kept = number[self.point] >= 0
+        return Rays(self.image[kept], number[self.point[kept]], self.photo_mm[kept])
+
+
+def cartesian(local_m: Float, spherical: bool) -> Float:
+    """Cartesian coordinates of local (E, N, h)."""
+    return earth.tangent_from_map(local_m) if spherical else local_m
+
+
+def cartesian_rotation(station_m: Float, rotation: Float, spherical: bool) -> Float:
+    """Rotations to the Cartesian frame from rotations to the axes of the stations."""
+    return np.asarray(earth.tangent_from_place(station_m) @ rotation) if spherical else rotation
+
+
+def taken(photography: Photography, local_m: Float) -> Rays:
+    """All rays from the points, given as (n, 3) local E, N, h, to the images in which they fall."""
+    if not len(local_m):
+        return Rays(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))
+    points_m = cartesian(local_m, photography.spherical)
+    tree = cKDTree(local_m[:, :2])
+    reach = _reach_m(photography, float(local_m[:, 2].min()))
+    found = []
+    for start in range(0, len(photography.station_m), CHUNK):
+        stations = slice(start, start + CHUNK)
+        near = tree.query_ball_point(photography.station_m[stations, :2], reach, return_sorted=True)
+        image = start + np.repeat(np.arange(len(near)), [len(n) for n in near])
+        point = np.concatenate([np.asarray(n, dtype=np.int64) for n in near])
+        found.append(_imaged(photography, points_m, image, point))
+    return Rays(*(np.concatenate([getattr(r, name) for r in found]) for name in ("image", "point", "photo_mm")))
+
+
+def _reach_m(photography: Photography, lowest_m: float) -> float:
+    camera = photography.camera
+    corner = np.arctan(np.hypot(*camera.half_format_mm) / camera.principal_distance_mm)
+    tilt = np.arccos(np.clip(photography.rotation[:, 2, 2].min(), -1.0, 1.0))
+    height = photography.station_m[:, 2].max() - lowest_m
+    return float(height * np.tan(min(corner + tilt, np.deg2rad(80.0))))
+
+
+def _imaged(photography: Photography, points_m: Float, image: Int, point: Int) -> Rays:
+    camera, c = photography.camera, photography.camera.principal_distance_mm
+    station_m = photography.station_m
+    stations_m = cartesian(station_m, photography.spherical)
+    rotations = cartesian_rotation(station_m, photography.rotation, photography.spherical)
+    u = forward.camera_frame(points_m[point], stations_m[image], rotations[image])
+    half = np.array(camera.half_format_mm)
+    near = (u[:, 2] < 0) & (np.abs(u[:, :2]) * c <= -1.1 * half * u[:, 2:] + 1.0).all(axis=1)
+    image, point, u = image[near], point[near], u[near]
+    K = forward.refraction_constant_rad(1e-3 * station_m[image, 2], 1e-3 * photography.terrain_height_m)
+    if photography.refraction == "vertical_plane":
+        upright = np.einsum("nij,nj->ni", photography.rotation[image], u)
+        bent = forward.refracted_in_vertical_plane(upright, K)
+        xy = forward.ideal(forward.camera_frame(bent, np.zeros(3), photography.rotation[image]), c)
+    else:
+        xy = forward.ideal(u, c)
+        if photography.refraction == "radial":
+            xy = forward.refracted_radially(xy, K, c)
+    photo = forward.through_lens(xy, camera) + camera.principal_point_mm
+    inside = (np.abs(photo) <= half - camera.margin_mm).all(axis=1)
+    return Rays(image[inside], point[inside], photo[inside])

@@ -1,0 +1,219 @@
+"""What can be set about a simulated block, in groups, with units and defaults; and the presets.
+
+The groups are the nested options of `block/simulate`. A preset is a set of values laid under those the user gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+_FROZEN = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+BROWN = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
+"""Parameters of the Brown model, in the order used here."""
+
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+
+
+class Camera(BaseModel):
+    """The camera, interior orientation and lens."""
+
+    model_config = _FROZEN
+
+    id: str = Field("camera", min_length=1, description="id of the camera")
+    kind: Literal["film", "digital"] = Field("film", description="film (measured on a comparator) or digital (pixels)")
+    principal_distance_mm: float = Field(153.84, gt=0, description="principal distance c, mm")
+    principal_point_mm: Pair = Field((0.0, 0.0), description="from the fiducial or image centre, mm, x right, y up")
+    symmetry_point_mm: Pair = Field((0.0, 0.0), description="centre of the distortion, from the principal point, mm")
+    format: Pair = Field((230.0, 230.0), description="image format x, y: mm (film) or pixels (digital)")
+    pixel_size_mm: float = Field(0.0024, gt=0, description="pixel size of a digital camera, mm")
+    fiducials: Literal[4, 8] = Field(4, description="fiducial marks of a film camera: 4 corners, or 4 sides as well")
+    distortion: Literal["none", "brown", "table"] = Field("none", description="distortion model of the lens")
+    brown: dict[Literal["k1", "k2", "k3", "p1", "p2", "b1", "b2"], float] = Field(
+        {}, description="parameters of the brown model (mm and powers); those not named are 0"
+    )
+    table_radius_mm: tuple[float, ...] = Field(
+        (0.0, 40.0, 80.0, 120.0, 160.0), min_length=2, description="radii of the distortion table, ascending, mm"
+    )
+    table_correction_um: tuple[float, ...] = Field(
+        (0.0, 2.0, 3.0, -1.0, -4.0), description="outward corrections at these radii, um; linear in between"
+    )
+    mounting_deg: Literal[0, 90, 180, 270] = Field(0, description="image x axis from the flight direction, degrees")
+    margin_mm: float = Field(3.0, ge=0, description="border of the format in which nothing is measured, mm")
+
+    @model_validator(mode="after")
+    def _table_is_a_function(self) -> Camera:
+        if len(self.table_radius_mm) != len(self.table_correction_um):
+            raise ValueError("table_radius_mm and table_correction_um differ in length")
+        if any(b <= a for a, b in zip(self.table_radius_mm, self.table_radius_mm[1:])):
+            raise ValueError("table_radius_mm does not ascend")
+        return self
+
+    @property
+    def mm_per_unit(self) -> float:
+        """Size on the image of one unit of the measured coordinates: 1 for film, the pixel size otherwise."""
+        return 1.0 if self.kind == "film" else self.pixel_size_mm
+
+    @property
+    def half_format_mm(self) -> Pair:
+        """Half the image format, mm."""
+        return 0.5 * self.format[0] * self.mm_per_unit, 0.5 * self.format[1] * self.mm_per_unit
+
+    def brown_parameters(self) -> tuple[float, ...]:
+        """k1 k2 k3 p1 p2 b1 b2."""
+        return tuple(self.brown.get(name, 0.0) for name in BROWN)  # type: ignore[call-overload]
+
+
+class Flight(BaseModel):
+    """Strips and stations."""
+
+    model_config = _FROZEN
+
+    strips: int = Field(3, ge=1, description="parallel strips, flown east and west in turn")
+    images_per_strip: int = Field(6, ge=2, description="images in each of them")
+    cross_strips: int = Field(0, ge=0, description="strips across, flown north and south in turn")
+    images_per_cross_strip: int | None = Field(None, ge=2, description="images in each; empty: as many as span them")
+    forward_overlap: float = Field(60.0, gt=0, lt=100, description="overlap along the strip, percent")
+    side_overlap: float = Field(30.0, gt=0, lt=100, description="overlap of neighbouring strips, percent")
+    scale_number: float = Field(2500.0, gt=0, description="scale number of the images: height above ground over c")
+    position_sigma_m: Triple = Field((5.0, 5.0, 3.0), description="irregularity along, across and in height, m")
+    tilt_sigma_deg: float = Field(0.7, ge=0, description="standard deviation of omega and phi, degrees")
+    tilt_max_deg: float = Field(2.0, ge=0, lt=30, description="largest tilt; larger ones are clipped, degrees")
+    kappa_sigma_deg: float = Field(1.0, ge=0, description="standard deviation of the heading, degrees")
+    speed: float = Field(60.0, gt=0, description="ground speed, m/s; gives the exposure times")
+
+
+class Terrain(BaseModel):
+    """The ground."""
+
+    model_config = _FROZEN
+
+    mean_height_m: float = Field(6.0, description="mean height above sea level, m")
+    relief_m: float = Field(15.0, ge=0, description="amplitude: heights stay within mean +- relief, m")
+    wavelength_m: float = Field(1500.0, gt=0, description="shortest wavelength of the relief, m")
+
+
+class Ties(BaseModel):
+    """New points: in clusters at the standard (Gruber) positions, and at random."""
+
+    model_config = _FROZEN
+
+    per_position: int = Field(2, ge=0, description="points at each standard position")
+    spread_mm: float = Field(8.0, ge=0, description="half side of the square in which they lie, mm in the image")
+    new_points: int | None = Field(None, ge=0, description="all new points, check points included; the rest is random")
+    random_per_image: float = Field(0.0, ge=0, description="random points per image, where new_points is not given")
+
+
+class Known(BaseModel):
+    """Control and check points; each count is of points of that kind."""
+
+    model_config = _FROZEN
+
+    full: int = Field(8, ge=0, description="control in X, Y and Z")
+    plan: int = Field(0, ge=0, description="control in X and Y only")
+    height: int = Field(0, ge=0, description="control in Z only")
+    check_full: int = Field(0, ge=0, description="check points in X, Y and Z")
+    check_plan: int = Field(0, ge=0, description="check points in X and Y only")
+    check_height: int = Field(0, ge=0, description="check points in Z only")
+
+
+class Gnss(BaseModel):
+    """Positions of the stations."""
+
+    model_config = _FROZEN
+
+    observed: bool = Field(True, description="positions are observed; otherwise none or approximate")
+    approximate_positions: bool = Field(True, description="without observations, give those of the flight plan")
+    shift_m: float = Field(0.0, ge=0, description="standard deviation of a shift common to each strip, m")
+    drift: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, m/s")
+
+
+class Film(BaseModel):
+    """Film deformation (affine, per image) and the place of the film on the comparator."""
+
+    model_config = _FROZEN
+
+    deformation: bool = Field(True, description="the film is deformed; without, only turned and shifted")
+    scale: Pair = Field((1e-4, 3e-4), description="smallest and largest change of scale, in x and y on their own")
+    shear: float = Field(1e-4, ge=0, description="largest shear, rad")
+    rotation_deg: float = Field(0.5, ge=0, description="largest rotation on the comparator, degrees")
+    shift_mm: float = Field(2.0, ge=0, description="largest shift on the comparator, mm")
+
+
+class Noise(BaseModel):
+    """A-priori standard deviations. `factor` scales the errors put in, not these."""
+
+    model_config = _FROZEN
+
+    factor: float = Field(1.0, ge=0, description="size of the errors relative to the standard deviations; 0: none")
+    image_um: float = Field(5.0, gt=0, description="image points, um")
+    fiducial_um: float = Field(2.0, gt=0, description="fiducial marks, um")
+    control_m: Triple = Field((0.02, 0.02, 0.03), description="control and check points in X, Y, Z, m")
+    gnss_m: Triple = Field((0.1, 0.1, 0.1), description="observed positions in X, Y, Z, m")
+
+
+class GrossErrors(BaseModel):
+    """Gross errors: of each kind a share of all if below 1, otherwise how many."""
+
+    model_config = _FROZEN
+
+    image_points: float = Field(0.0, ge=0, description="image points: share below 1, else count")
+    fiducials: float = Field(0.0, ge=0, description="measured fiducial marks: share below 1, else count")
+    control: float = Field(0.0, ge=0, description="control points: share below 1, else count")
+    positions: float = Field(0.0, ge=0, description="observed positions: share below 1, else count")
+    size: Pair = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
+
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "rc30": {
+        "name": "rc30",
+        "camera": {
+            "id": "rc30", "kind": "film", "principal_distance_mm": 153.84, "principal_point_mm": (0.011, 0.002),
+            "format": (230.0, 230.0), "fiducials": 4, "distortion": "brown",
+            "brown": {"k1": 5.0e-9, "k2": -2.2e-13, "p1": 5.0e-8, "p2": -3.0e-8},
+        },
+        "flight": {
+            "strips": 9, "images_per_strip": 25, "cross_strips": 2, "forward_overlap": 61.0, "side_overlap": 32.0,
+            "scale_number": 2500.0,
+        },
+        "terrain": {"mean_height_m": 6.0, "relief_m": 15.0},
+        "ties": {"per_position": 6, "new_points": 3632},
+        "known": {"full": 72, "check_full": 36},
+        "earth": "map", "false_origin_m": (446000.0, 4505000.0), "refraction": "radial",
+        "noise": {"image_um": 5.0, "fiducial_um": 2.0, "control_m": (0.02, 0.02, 0.03), "gnss_m": (0.1, 0.1, 0.1)},
+    },
+    "uav": {
+        "name": "uav",
+        "camera": {
+            "id": "frame20", "kind": "digital", "principal_distance_mm": 8.8, "principal_point_mm": (0.012, -0.008),
+            "format": (5472.0, 3648.0), "pixel_size_mm": 0.0024, "distortion": "brown", "mounting_deg": 90,
+            "brown": {"k1": 2.0e-5, "k2": -1.5e-7, "p1": 2.0e-6, "p2": -1.0e-6}, "margin_mm": 0.05,
+        },
+        "flight": {
+            "strips": 8, "images_per_strip": 25, "forward_overlap": 80.0, "side_overlap": 60.0,
+            "scale_number": 11400.0, "position_sigma_m": (0.5, 0.5, 0.5), "tilt_sigma_deg": 1.0, "tilt_max_deg": 4.0,
+            "kappa_sigma_deg": 2.0, "speed": 10.0,
+        },
+        "terrain": {"mean_height_m": 120.0, "relief_m": 8.0, "wavelength_m": 200.0},
+        "ties": {"per_position": 0, "random_per_image": 300.0},
+        "known": {"full": 9, "check_full": 16},
+        "earth": "map", "refraction": "radial",
+        "noise": {"image_um": 1.2, "control_m": (0.01, 0.01, 0.015), "gnss_m": (0.03, 0.03, 0.03)},
+    },
+}  # fmt: skip
+"""Values laid under the user's own."""
+
+
+def over_preset(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The preset's values with the given ones laid over them, group by group."""
+    merged = dict(preset)
+    for name, value in given.items():
+        below = merged.get(name)
+        above = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+        nested = isinstance(below, Mapping) and isinstance(above, Mapping) and name != "brown"
+        merged[name] = over_preset(below, above) if nested else above  # type: ignore[arg-type]
+    return merged

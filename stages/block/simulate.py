@@ -1,0 +1,101 @@
+"""A simulated block: flown, photographed, measured and surveyed by the computer, with its truth.
+
+Stations are planned from overlaps and scale and flown with irregularities; points lie at the standard positions and
+at random on a wavy terrain; every ray goes through the physical forward model
+
+    ground -> (sphere) -> camera frame -> central projection -> refraction -> lens -> principal point
+           -> film deformation -> comparator or pixels -> noise and gross errors
+
+(see aatri.simulation.forward, .film, .earth). Each effect has a switch, and each its own random stream: switching one
+off leaves all others as they were. The a-priori standard deviations stay in the block when the noise is switched off.
+The false origin is left out in a tangent frame.
+
+Sources: photogrammetry.md F2 (refraction), F4 (lens), F5 (film); C.1, E26 (the RC-30 block).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from aatri.artifacts.block import Block
+from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.simulation import earth, flight, settings
+from aatri.simulation.assembly import Scene, assembled
+from aatri.simulation.measured import STREAMS, Disturbance
+from aatri.simulation.points import Ground, ground_targets
+from aatri.simulation.rays import Photography
+from aatri.simulation.terrain import random_surface
+
+
+class SimulateOptions(Options):
+    """What is simulated. A preset's values lie under those given here."""
+
+    preset: Literal["rc30", "uav"] | None = Field(
+        None, description="rc30: 255 film images, 9 + 2 strips, 1:2500; uav: 200 images of 20 megapixels"
+    )
+    name: str = Field("simulated", description="name of the block")
+    camera: settings.Camera = Field(settings.Camera(), description="camera and lens")
+    flight: settings.Flight = Field(settings.Flight(), description="strips, overlaps, scale, irregularities")
+    terrain: settings.Terrain = Field(settings.Terrain(), description="the ground")
+    ties: settings.Ties = Field(settings.Ties(), description="new points")
+    known: settings.Known = Field(settings.Known(), description="control and check points")
+    gnss: settings.Gnss = Field(settings.Gnss(), description="positions of the stations")
+    earth: Literal["flat", "tangent", "map"] = Field(
+        "flat",
+        description="flat: Cartesian; sphere in a Cartesian tangent frame; sphere in a map (east, north, height)",
+    )
+    false_origin_m: tuple[float, float] = Field((0.0, 0.0), description="added to east and north (flat and map), m")
+    refraction: Literal["none", "radial", "vertical_plane"] = Field(
+        "radial", description="off; along the image radius, as corrections assume; in the vertical plane of each ray"
+    )
+    film: settings.Film = Field(settings.Film(), description="film deformation, place on the comparator")
+    noise: settings.Noise = Field(settings.Noise(), description="standard deviations; `noise: false` is factor 0")
+    gross_errors: settings.GrossErrors = Field(settings.GrossErrors(), description="gross errors")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lay_over_preset(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return given
+        switch = given.get("noise")
+        given = {**given, "noise": {"factor": float(switch)}} if isinstance(switch, bool) else given
+        return settings.over_preset(settings.PRESETS.get(given.get("preset") or "", {}), given)
+
+
+@stage(version=1)
+def simulate(
+    *, options: SimulateOptions = SimulateOptions(), rng: np.random.Generator, context: Context = SILENT
+) -> Block:
+    """Simulate a block.
+
+    Raises
+    ------
+    GeometryError
+        If the overlaps do not allow the points asked for.
+    InputError
+        If the distortion is too strong or more gross errors are asked for than there are observations.
+    """
+    streams = dict(zip(STREAMS, rng.spawn(len(STREAMS))))
+    height_m = options.terrain.mean_height_m
+    false_origin = (0.0, 0.0) if options.earth == "tangent" else options.false_origin_m
+    surface = random_surface(height_m, options.terrain.relief_m, options.terrain.wavelength_m, streams["terrain"])
+    plan = flight.planned(options.flight, options.camera, height_m)
+    station, rotation = flight.flown(plan, options.flight, options.camera, streams["flight"])
+    photography = Photography(
+        camera=options.camera,
+        spherical=options.earth != "flat",
+        refraction=options.refraction,
+        terrain_height_m=height_m,
+        station_m=earth.settled(station, false_origin),
+        rotation=rotation,
+    )
+    context.log(f"{len(plan.id)} stations flown, {plan.base_m:.1f} m apart, strips {plan.spacing_m:.1f} m apart")
+    points = ground_targets(photography, plan, Ground(surface, false_origin), options.flight, options.ties,
+                            options.known, streams["points"])  # fmt: skip
+    context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
+    scene = Scene(options.name, options.earth, false_origin, plan, photography, points)
+    return assembled(scene, options.film, options.gnss, Disturbance(options.noise, options.gross_errors, streams))
