@@ -76,3 +76,21 @@ def image_centre_px(origin: str, y_direction: str, format_px: Float) -> Float:
         return np.array([(width - 1) / 2, (height - 1) / 2 if y_direction == "down" else -(height - 1) / 2])
     downwards = origin == "top-left-corner"
     return np.array([width / 2, height / 2 if downwards == (y_direction == "down") else -height / 2])
+
+
+def half_format_mm(digital: npt.NDArray[np.bool_], format_mm_or_px: Float, pixel_size_mm: Float) -> Float:
+    """Half the image format.
+
+    Parameters
+    ----------
+    digital : (n,) bool
+        Digital cameras, with a format in pixels; the format of film is in mm.
+    format_mm_or_px : (n, 2) float64
+    pixel_size_mm : (n, 2) float64, mm
+
+    Returns
+    -------
+    (n, 2) float64, mm
+        NaN where the format is not given.
+    """
+    return np.asarray(np.where(digital[:, None], format_mm_or_px * pixel_size_mm, format_mm_or_px) / 2)

@@ -1,6 +1,7 @@
 """Radial lens distortion as a table of the calibration report: correction added outwards to the measured coordinate.
 
-Linear between the entries; 0 at the symmetry point; beyond the last entry its last slope goes on.
+Linear between the entries; 0 at the symmetry point; beyond the last entry its correction stays. Radii are from the
+symmetry point, and outwards is away from it.
 """
 
 from __future__ import annotations
@@ -37,8 +38,7 @@ def table_correction(
     nodes, values = _checked(radius_mm, correction_mm)
     offset = xy_mm - np.asarray(symmetry_point_mm)
     r = np.sqrt((offset**2).sum(axis=1))
-    last_slope = (values[-1] - values[-2]) / (nodes[-1] - nodes[-2])
-    outwards = np.interp(r, nodes, values) + last_slope * np.maximum(r - nodes[-1], 0.0)
+    outwards = np.interp(r, nodes, values)
     return np.asarray(offset * np.divide(outwards, r, out=np.zeros_like(r), where=r > 0)[:, None])
 
 

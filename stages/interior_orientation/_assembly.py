@@ -18,6 +18,7 @@ from aatri.artifacts.image_points import (
     PointIds,
 )
 from aatri.artifacts.suspects import Suspects
+from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.plugin import Context
@@ -109,10 +110,9 @@ def image_points_of(
     )
 
 
-def half_format_mm(block: Block) -> Float:
-    """Half the format of each camera, mm; NaN where not given, (n, 2)."""
-    digital = (block.cameras.kind == "digital")[:, None]
-    return np.asarray(np.where(digital, block.cameras.format * block.cameras.pixel_size_mm, block.cameras.format) / 2)
+def _half_format(block: Block) -> Float:
+    cameras = block.cameras
+    return half_format_mm(cameras.kind == "digital", cameras.format, cameras.pixel_size_mm)
 
 
 def place(block: Block, file: int, line: int) -> str:
@@ -121,7 +121,7 @@ def place(block: Block, file: int, line: int) -> str:
 
 
 def _inside_format(block: Block, photo: Float, camera: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
-    allowed = half_format_mm(block)[camera] * (1 + FORMAT_TOLERANCE)
+    allowed = _half_format(block)[camera] * (1 + FORMAT_TOLERANCE)
     return np.asarray(~(np.abs(photo) > allowed).any(axis=1))
 
 
@@ -156,7 +156,7 @@ def _outside_suspects(
     block: Block, photo: Float, camera: npt.NDArray[np.int32], outside: npt.NDArray[np.bool_]
 ) -> Suspects:
     rows = np.flatnonzero(outside)
-    beyond = np.abs(photo[rows]) - half_format_mm(block)[camera[rows]]
+    beyond = np.abs(photo[rows]) - _half_format(block)[camera[rows]]
     given = block.image_points
     return suspects_of(
         kind="image_point",
