@@ -1,0 +1,146 @@
+"""The verdict strip: what can be told at a glance, in words and a colour, internal and external kept apart.
+
+Internal is how well the observations agree with each other; external is how the result agrees with what it never saw.
+A good internal light says nothing about the external ones.
+
+sigma0 is tested two-sided against chi-square at 95 %: r sigma0^2 must lie between the 0.025 and 0.975 quantiles. With
+many observations that is a very sharp test, so a failed test within 10 % of 1 is remarked upon, no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.report.numbers import metres, number
+from aatri.report.run_view import RunView, StageView
+
+GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
+CONVERGED = 1e-3
+"""Newton decrement at which an adjustment has converged."""
+ENOUGH_CHECK_POINTS = 30
+
+
+@dataclass(frozen=True)
+class Light:
+    """One light: what is asked, its state (good, look, bad, none) and the answer in words."""
+
+    title: str
+    state: str
+    words: str
+
+
+def internal_lights(run: RunView, solution: Solution | None) -> list[Light]:
+    """Chain, convergence, sigma0 and suspects; `solution` is the last one."""
+    solutions = run.of_kind(Solution)
+    best = solutions[-1] if solutions else None
+    return [_chain(run), _converged(best, solution), _sigma0(best), _suspects(best)]
+
+
+def external_lights(run: RunView) -> list[Light]:
+    """Check points, their bias and, for a simulated block, truth against theory."""
+    evaluations = run.of_kind(Evaluation)
+    if not evaluations:
+        return [Light("Independent check", NONE, "accuracy was not evaluated")]
+    figures = evaluations[-1].metrics
+    lights = [_check(figures), _expected(figures)]
+    if figures.get("truth_points"):
+        lights.append(_truth(figures))
+    return lights
+
+
+def sigma0_interval(redundancy: int) -> tuple[float, float]:
+    """Two-sided 95 % interval of sigma0 where the model and the standard deviations are right.
+
+    Returns
+    -------
+    low, high : float
+    """
+    from scipy.special import chdtri  # inverse of the upper tail
+
+    return float(chdtri(redundancy, 0.975) / redundancy) ** 0.5, float(chdtri(redundancy, 0.025) / redundancy) ** 0.5
+
+
+def _chain(run: RunView) -> Light:
+    done = [s for s in run.stages if s.status == "done"]
+    failed = [s for s in run.stages if s.status == "failed"]
+    if failed:
+        return Light("Chain", BAD, f"{failed[0].name} failed; {len(done)} of {len(run.stages)} stages done")
+    if len(done) < len(run.stages):
+        return Light("Chain", LOOK, f"not complete: {len(done)} of {len(run.stages)} stages done")
+    return Light("Chain", GOOD, f"complete, {len(done)} stages")
+
+
+def _converged(stage: StageView | None, solution: Solution | None) -> Light:
+    title = "Convergence"
+    if stage is None or solution is None:
+        return Light(title, NONE, "no solution")
+    if not len(solution.history):
+        return Light(title, NONE, f"{stage.name} keeps no history of iterations")
+    decrement = float(solution.history.decrement[-1])
+    words = f"{stage.name}: {number(solution.iterations)} iterations, last decrement {decrement:.1e}"
+    return Light(title, GOOD if decrement <= CONVERGED else LOOK, words)
+
+
+def _sigma0(stage: StageView | None) -> Light:
+    sigma0 = stage.metrics.get("sigma0") if stage else None
+    redundancy = int(stage.metrics.get("redundancy") or 0) if stage else 0
+    if stage is None or sigma0 is None or redundancy < 1:
+        return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
+    low, high = sigma0_interval(redundancy)
+    words = f"{stage.name}: {sigma0:.3f}, redundancy {number(redundancy)}, expected {low:.3f} to {high:.3f} (95 %)"
+    if low <= sigma0 <= high:
+        return Light("sigma0", GOOD, words)
+    size = "too large" if sigma0 > high else "too small"
+    return Light("sigma0", LOOK if 0.9 <= sigma0 <= 1.1 else BAD, f"{words}: {size}")
+
+
+def _suspects(stage: StageView | None) -> Light:
+    if stage is None or stage.metrics.get("suspects") is None:
+        return Light("Suspects", NONE, "not tested")
+    n, of = int(stage.metrics["suspects"] or 0), int(stage.metrics.get("observations") or 0)
+    if not n:
+        return Light("Suspects", GOOD, f"{stage.name}: none")
+    state = LOOK if n <= 0.01 * of else BAD
+    return Light("Suspects", state, f"{stage.name}: {number(n)} observations, listed below")
+
+
+def _check(figures: Mapping[str, float | int | None]) -> Light:
+    n = int(figures.get("check_points") or 0)
+    if not n:
+        return Light("Independent check", NONE, "no independent check: no check points")
+    values = ", ".join(f"{axis.upper()} {metres(figures.get(f'check_rmse_{axis}_m'))}" for axis in "xyz")
+    words = f"RMSE {values} m at {number(n)} check points"
+    if n < ENOUGH_CHECK_POINTS:
+        return Light("Independent check", LOOK, f"{words}, fewer than {ENOUGH_CHECK_POINTS}")
+    return Light("Independent check", GOOD, words)
+
+
+def _expected(figures: Mapping[str, float | int | None]) -> Light:
+    """Whether the theoretical standard deviation lies in the chi-square interval of the check RMSE."""
+    title = "Check against theory"
+    ranges = {axis: [figures.get(name.format(axis)) for name in
+              ("check_rmse_{}_low_m", "check_theory_rmse_{}_m", "check_rmse_{}_high_m")] for axis in "xyz"}  # fmt: skip
+    known = {axis: values for axis, values in ranges.items() if None not in values}
+    if not known:
+        return Light(title, NONE, "no theoretical standard deviations at check points")
+    worse = [axis.upper() for axis, (low, theory, _) in known.items() if theory < low]  # type: ignore[operator]
+    better = [axis.upper() for axis, (_, theory, high) in known.items() if theory > high]  # type: ignore[operator]
+    if worse:
+        return Light(title, LOOK, f"{', '.join(worse)} worse than the standard deviations say (95 %)")
+    if better:
+        return Light(title, LOOK, f"{', '.join(better)} better than the standard deviations say (95 %)")
+    return Light(title, GOOD, "as the standard deviations say (95 %)")
+
+
+def _truth(figures: Mapping[str, float | int | None]) -> Light:
+    title = "Truth against theory"
+    ratios = {axis: figures.get(f"truth_over_theory_{axis}") for axis in "xyz"}
+    known = {axis: float(ratio) for axis, ratio in ratios.items() if ratio is not None}
+    if not known:
+        return Light(title, NONE, f"{number(figures['truth_points'])} new points, no theoretical standard deviations")
+    words = f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in known.items())}"
+    state = GOOD if all(0.93 <= ratio <= 1.07 for ratio in known.values()) else LOOK
+    return Light(title, state, f"{words} at {number(figures['truth_points'])} new points (simulated)")

@@ -1,0 +1,34 @@
+"""Numbers as the report prints them. The unit of a metric is the end of its name: `_m`, `_um`, `_rad` ..."""
+
+from __future__ import annotations
+
+from typing import Any
+
+DASH = "–"
+
+
+def number(value: Any) -> str:
+    """A value for reading: integers with thin separators, floats to four digits, a dash for what is not determined."""
+    if value is None or (isinstance(value, float) and value != value):
+        return DASH
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", "\u202f")
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
+
+
+def metres(value: float | None) -> str:
+    """A length in metres: to 0.1 mm, and to two digits where that is too coarse."""
+    if value is None or value != value:
+        return DASH
+    return f"{value:.4f}" if value == 0 or abs(value) >= 0.002 else f"{value:.1e}"
+
+
+def seconds(value: float | None) -> str:
+    """A duration."""
+    if value is None:
+        return DASH
+    return f"{value:.2f} s" if value < 60 else f"{int(value // 60)} min {value % 60:.0f} s"

@@ -1,0 +1,129 @@
+"""The report: one self-contained HTML page of a run, also of a failed or half-done one.
+
+The page carries no script and loads nothing; everything from the run is escaped (autoescape), and a content security
+policy forbids the rest. It is a function of the run folder: the same folder gives the same page.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.errors import ResourceError
+from aatri.report.charts import sigma0_chart
+from aatri.report.checks import external_lights, internal_lights
+from aatri.report.numbers import number, seconds
+from aatri.report.plan import block_plan
+from aatri.report.run_view import RunView, StageView, view
+from aatri.report.sections import Picture, Surroundings, difference_pictures, section
+from aatri.report.tables import accuracy_table
+
+
+def write_report(run: Path) -> Path:
+    """Write `report.html` into a run folder, from whatever is there.
+
+    Parameters
+    ----------
+    run : Path
+        Folder of a run.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    ArtifactError
+        If the folder is no run.
+    ResourceError
+        If the page cannot be written.
+    """
+    path = run / "report.html"
+    text = render(view(run))
+    temporary = path.with_name(f".tmp-report-{os.getpid()}.html")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise ResourceError(
+            f"cannot write: {error.strerror}", where=str(path), remedy="free space or permit"
+        ) from error
+    return path
+
+
+def render(run: RunView) -> str:
+    """The page as text."""
+    around = Surroundings(run.last(Block), run.last(ImagePoints), run.last(Solution))
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("aatri.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number}
+    return environment.get_template("report.html").render(
+        name=around.block.name if around.block else run.folder.resolve().name,
+        run=run,
+        started=run.overview.get("started", ""),
+        total=seconds(sum(float(s.record.get("seconds") or 0.0) for s in run.stages if s.record)),
+        internal=internal_lights(run, around.solution),
+        external=external_lights(run),
+        verdict=_verdict(run),
+        failures=[s for s in run.stages if s.failure is not None],
+        counts=_counts(run),
+        accuracy=accuracy_table({s.name: s.metrics for s in run.of_kind(Evaluation)}),
+        pictures=_first_page_pictures(run, around),
+        sections=[section(run, stage, around) for stage in run.stages],
+        environments=_environments(run.stages),
+    )
+
+
+def _verdict(run: RunView) -> str:
+    evaluation = run.last(Evaluation)
+    return evaluation.verdict if evaluation else "The accuracy was not evaluated."
+
+
+def _counts(run: RunView) -> Mapping[str, str]:
+    """Counts of the last solution, with what the block has of each."""
+    blocks, solutions = run.of_kind(Block), run.of_kind(Solution)
+    given: Mapping[str, Any] = blocks[-1].metrics if blocks else {}
+    solved: Mapping[str, Any] = solutions[-1].metrics if solutions else {}
+    names = ("images", "points", "image_points", "strips", "control_points", "check_points", "observations", "unknowns",
+             "redundancy")  # fmt: skip
+    counts = {}
+    for name in names:
+        if name in solved and name in given and solved[name] != given[name]:
+            counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(given[name])}"
+        elif name in solved or name in given:
+            counts[name.replace("_", " ")] = number(solved.get(name, given.get(name)))
+    return counts
+
+
+def _first_page_pictures(run: RunView, around: Surroundings) -> list[Picture]:
+    pictures = [block_plan(around.block, around.solution) if around.block else None]
+    evaluation = run.last(Evaluation)
+    if evaluation is not None:
+        pictures += difference_pictures(evaluation, around, ("control", "check"))
+    sigma0 = {s.name: float(s.metrics["sigma0"]) for s in run.stages if s.metrics.get("sigma0")}  # type: ignore[arg-type]
+    pictures.append(sigma0_chart(sigma0))
+    return [picture for picture in pictures if picture is not None]
+
+
+def _environments(stages: tuple[StageView, ...]) -> list[tuple[str, Mapping[str, str]]]:
+    """Versions the stages ran with, one entry for all stages that share them."""
+    groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
+    for stage in stages:
+        if stage.record and stage.record.get("environment"):
+            groups.setdefault(tuple(sorted(stage.record["environment"].items())), []).append(stage.name)
+    return [(", ".join(names), dict(versions)) for versions, names in groups.items()]

@@ -1,0 +1,125 @@
+"""Pictures of residuals: plan vectors and height bars at ground points, mean vectors over the image format.
+
+A vector starts at its dot and points in the direction of the difference (solution minus given). The exaggeration is a
+round number and is printed, with a vector of round length beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+
+from aatri.report import svg
+from aatri.report.plan import furniture
+from aatri.report.scales import Plan, length_text, plan_of, round_below, thinned
+from aatri.report.svg import Float
+
+MOST_VECTORS = 1500
+CELLS = 12
+"""Cells of the image format along each side."""
+
+
+def plan_vectors(groups: dict[str, tuple[Float, Float]]) -> tuple[Markup, str] | None:
+    """Differences in X and Y as vectors.
+
+    Parameters
+    ----------
+    groups : {class: (xyz_m, difference_m)}
+        Both (n, 3) float64, m; NaN where a coordinate takes no part.
+
+    Returns
+    -------
+    The picture and its caption; None where there is nothing to draw.
+    """
+    drawn = {name: _complete(xyz, d, [0, 1]) for name, (xyz, d) in groups.items()}
+    return _vectors(drawn, "Differences in plan", lambda d: d[:, :2] * [1.0, -1.0])
+
+
+def height_bars(groups: dict[str, tuple[Float, Float]]) -> tuple[Markup, str] | None:
+    """Differences in Z as vertical bars: up is too high. Parameters as of `plan_vectors`."""
+    drawn = {name: _complete(xyz, d, [2]) for name, (xyz, d) in groups.items()}
+    return _vectors(drawn, "Differences in height", lambda d: d[:, [2]] * [0.0, -1.0])
+
+
+def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None:
+    """Mean image residual in each cell of the format: what is left of systematic errors.
+
+    Parameters
+    ----------
+    xy_mm : (n, 2) float64, mm
+        Photo coordinates.
+    residual_mm : (n, 2) float64, mm
+    """
+    if len(xy_mm) < 2:
+        return None
+    low, high = xy_mm.min(axis=0), xy_mm.max(axis=0)
+    cell = np.clip(((xy_mm - low) / np.maximum(high - low, 1e-12) * CELLS).astype(int), 0, CELLS - 1)
+    number = cell[:, 0] * CELLS + cell[:, 1]
+    count = np.bincount(number, minlength=CELLS**2)
+    filled = count > 0
+    mean = _cell_means(number, residual_mm, count)[filled]
+    place = _cell_means(number, xy_mm, count)[filled]
+    plan = plan_of(np.stack([low, high]), width=420.0, margin=24.0, most_height=420.0)
+    size = float(np.percentile(np.hypot(*mean.T), 95))
+    px_per_mm = round_below(24.0 / max(size, 1e-12))
+    start = plan.px(place)
+    marks = [
+        svg.area(plan.px(np.array([low, [high[0], low[1]], high, [low[0], high[1]]])), "frame"),
+        svg.segments(start, start + mean * px_per_mm * [1.0, -1.0], "vector image"),
+        svg.dots(start, "image"),
+        *_key(plan, px_per_mm * 1e3),
+    ]
+    caption = (
+        f"Mean image residuals in {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell (median); "
+        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {px_per_mm / plan.px_per_m:,.0f} times."
+    )
+    return svg.drawing(plan.width_px, plan.height_px + 34, "Mean image residuals", *marks), caption
+
+
+def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: object) -> tuple[Markup, str] | None:
+    places = np.concatenate([xyz for xyz, _ in drawn.values()])
+    if not len(places):
+        return None
+    vectors = {name: vector_of(d) for name, (_, d) in drawn.items()}  # type: ignore[operator]
+    lengths = np.concatenate([np.hypot(*v.T) for v in vectors.values()])
+    plan = plan_of(places[:, :2], width=560.0, margin=44.0, most_height=560.0)
+    px_per_m = round_below(40.0 / max(float(np.percentile(lengths, 98)), 1e-12))
+    marks: list[Markup] = []
+    notes = []
+    for name, (xyz, _) in drawn.items():
+        rows = thinned(len(xyz), MOST_VECTORS)
+        start = plan.px(xyz[rows])
+        marks += [svg.segments(start, start + px_per_m * vectors[name][rows], f"vector {name}"), svg.dots(start, name)]
+        notes.append(f"{len(xyz)} {name}" + (f" ({len(rows)} drawn)" if len(rows) < len(xyz) else ""))
+    marks += [*furniture(plan), *_key(plan, px_per_m)]
+    caption = (
+        f"{title}, solution minus given, at {', '.join(notes)} points; the largest is {length_text(float(lengths.max()))}. "
+        f"Exaggerated {px_per_m / plan.px_per_m:,.0f} times."
+    )
+    return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
+
+
+def _key(plan: Plan, px_per_m: float) -> list[Markup]:
+    """A vector of round length."""
+    length = round_below(60.0 / px_per_m)
+    y, x = plan.height_px + 12, plan.width_px / 2
+    end = x + length * px_per_m
+    return [
+        svg.segments(np.array([[x, y]]), np.array([[end, y]]), "vector ink"),
+        svg.dots(np.array([[x, y]]), "ink"),
+        svg.text((x + end) / 2, y + 14, _short(length), "small", "middle"),
+    ]
+
+
+def _short(length_m: float) -> str:
+    return length_text(length_m) if length_m >= 1e-6 else f"{1e6 * length_m:.1e} um"
+
+
+def _complete(xyz: Float, difference: Float, axes: list[int]) -> tuple[Float, Float]:
+    rows = np.isfinite(difference[:, axes]).all(axis=1) & np.isfinite(xyz[:, :2]).all(axis=1)
+    return xyz[rows], difference[rows]
+
+
+def _cell_means(number: Float, values: Float, count: Float) -> Float:
+    sums = [np.bincount(number.astype(int), weights=values[:, k], minlength=len(count)) for k in (0, 1)]
+    return np.asarray(np.stack(sums, axis=1) / np.maximum(count, 1)[:, None])

@@ -1,0 +1,129 @@
+"""A run as the report sees it: stages in order, each done, failed or not run, whatever the state of the folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.strips import Strips
+from aatri.errors import AatriError, ArtifactError
+from aatri.pipeline import store
+from aatri.tables.schema import Artifact
+
+A = TypeVar("A", bound=Artifact)
+
+KINDS: dict[str, type[Artifact]] = {k.kind: k for k in (Block, ImagePoints, Models, Strips, Solution, Evaluation)}
+LOG_LINES = 30
+"""So many last lines of a failed stage's log are shown."""
+
+
+@dataclass(frozen=True)
+class StageView:
+    """One stage: what was to run, and its record or failure."""
+
+    name: str
+    use: str
+    kind: str
+    inputs: Mapping[str, str]
+    record: Mapping[str, Any] | None
+    failure: Mapping[str, Any] | None
+    log: tuple[str, ...]
+
+    @property
+    def status(self) -> str:
+        """`done`, `failed` or `not run`."""
+        if self.failure is not None:
+            return "failed"
+        return "done" if self.record is not None else "not run"
+
+    @property
+    def metrics(self) -> Mapping[str, float | int | None]:
+        """Metrics of the record, none if it did not finish."""
+        return self.record.get("metrics", {}) if self.record else {}
+
+
+@dataclass(frozen=True)
+class RunView:
+    """A run folder."""
+
+    folder: Path
+    overview: Mapping[str, Any]
+    stages: tuple[StageView, ...]
+
+    def of_kind(self, kind: type[Artifact]) -> list[StageView]:
+        """The finished stages with artifacts of a kind, in order."""
+        return [s for s in self.stages if s.kind == kind.kind and s.status == "done"]
+
+    def artifact(self, stage: StageView) -> Artifact:
+        """The artifact of a stage.
+
+        Raises
+        ------
+        AatriError
+            If it is gone, altered or unreadable.
+        """
+        if stage.kind not in KINDS:
+            raise ArtifactError(f"no kind of artifact: {stage.kind!r}", where=stage.name)
+        return store.load(self.folder, stage.name, KINDS[stage.kind])
+
+    def last(self, kind: type[A], *, before: StageView | None = None) -> A | None:
+        """The last readable artifact of a kind, of the stages before one if it is given."""
+        stages = self.stages if before is None else self.stages[: self.stages.index(before)]
+        for stage in reversed(stages):
+            if stage.kind == kind.kind and stage.status == "done":
+                try:
+                    return store.load(self.folder, stage.name, kind)
+                except AatriError:
+                    continue
+        return None
+
+
+def view(folder: Path) -> RunView:
+    """Read a run folder.
+
+    Raises
+    ------
+    ArtifactError
+        If it is none.
+    """
+    overview = store.read_json(folder / "run.json")
+    if overview is None:
+        raise ArtifactError("not the folder of a run", where=str(folder), remedy="aatri run makes one")
+    return RunView(folder, overview, tuple(_stage(folder, entry) for entry in overview.get("stages", [])))
+
+
+def _stage(folder: Path, entry: Mapping[str, Any]) -> StageView:
+    name = str(entry["stage"])
+    return StageView(
+        name=name,
+        use=str(entry.get("use", "")),
+        kind=str(entry.get("kind", "")),
+        inputs=entry.get("from", {}),
+        record=_readable(store.current_record, folder, name),
+        failure=_readable(store.failure, folder, name),
+        log=_log(folder / "failed" / name / "stage.log"),
+    )
+
+
+def _readable(read: Any, folder: Path, name: str) -> Mapping[str, Any] | None:
+    """The record; a damaged one is shown as a failure of its own."""
+    try:
+        found: Mapping[str, Any] | None = read(folder, name)
+    except AatriError as error:
+        return None if read is store.current_record else {"what": error.what, "where": error.where, "remedy": ""}
+    return found
+
+
+def _log(path: Path) -> tuple[str, ...]:
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ()
+    return tuple(lines[-LOG_LINES:])

@@ -1,0 +1,126 @@
+"""Inline SVG: elements as escaped text, and the few marks the pictures are made of.
+
+Pixels, origin top left, y down. Many marks of one kind are one path, so that a picture of thousands of points stays
+small. Colours come from the page's style by class name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup, escape
+
+Float = npt.NDArray[np.float64]
+
+
+def element(name: str, *children: str, **attributes: object) -> Markup:
+    """An element; `class_` is class, other underscores become hyphens. Children that are not markup are escaped."""
+    listed = "".join(f' {_attribute(key)}="{escape(_value(value))}"' for key, value in attributes.items())
+    return Markup(f"<{name}{listed}>{''.join(escape(child) for child in children)}</{name}>")
+
+
+def drawing(width: float, height: float, label: str, *children: str) -> Markup:
+    """A picture with a label for those who do not see it."""
+    return element(
+        "svg", element("title", label), *children, viewBox=f"0 0 {width:g} {height:g}", role="img", width=f"{width:g}"
+    )
+
+
+def dots(xy: Float, class_: str) -> Markup:
+    """Round dots, sized by the style's stroke width.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64, px
+    class_ : str
+    """
+    return element("path", d="".join(f"M{x:.1f} {y:.1f}h0" for x, y in xy), class_=f"dots {class_}")
+
+
+def segments(start: Float, end: Float, class_: str) -> Markup:
+    """Straight lines.
+
+    Parameters
+    ----------
+    start, end : (n, 2) float64, px
+    class_ : str
+    """
+    d = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {e:.1f}" for (a, b), (c, e) in zip(start, end))
+    return element("path", d=d, class_=class_)
+
+
+def line(points: Float, class_: str) -> Markup:
+    """One line through points.
+
+    Parameters
+    ----------
+    points : (n, 2) float64, px
+    class_ : str
+    """
+    return element("path", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points), class_=class_)
+
+
+def area(points: Float, class_: str) -> Markup:
+    """A closed polygon.
+
+    Parameters
+    ----------
+    points : (n, 2) float64, px
+    class_ : str
+    """
+    return element("path", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + "Z", class_=class_)
+
+
+def triangles(xy: Float, class_: str, size: float = 5.0) -> Markup:
+    """Upright triangles.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64, px
+    class_ : str
+    size : float, px
+        Half the width.
+    """
+    corners = f"l{size:g} {1.7 * size:g}h{-2 * size:g}Z"
+    return element("path", d="".join(f"M{x:.1f} {y - size:.1f}{corners}" for x, y in xy), class_=class_)
+
+
+def circles(xy: Float, class_: str, radius: float = 5.0) -> Markup:
+    """Circles.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64, px
+    class_ : str
+    radius : float, px
+    """
+    half = f"a{radius:g} {radius:g} 0 1 0"
+    d = "".join(f"M{x - radius:.1f} {y:.1f}{half} {2 * radius:g} 0{half} {-2 * radius:g} 0Z" for x, y in xy)
+    return element("path", d=d, class_=class_)
+
+
+def text(x: float, y: float, content: str, class_: str = "", anchor: str = "start") -> Markup:
+    """A line of text."""
+    return element("text", content, x=f"{x:.1f}", y=f"{y:.1f}", class_=class_, text_anchor=anchor)
+
+
+def labels(xy: Float, contents: Iterable[str], class_: str = "small") -> Markup:
+    """Texts right of points.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64, px
+    contents : (n,) str
+    class_ : str
+    """
+    return Markup("").join(text(x + 7, y + 3, content, class_) for (x, y), content in zip(xy, contents))
+
+
+def _attribute(key: str) -> str:
+    return key.rstrip("_").replace("_", "-")
+
+
+def _value(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
