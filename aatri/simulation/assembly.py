@@ -15,7 +15,7 @@ import numpy.typing as npt
 from aatri.artifacts import block as b
 from aatri.simulation import film, measured
 from aatri.simulation.flight import Plan
-from aatri.simulation.measured import Disturbance, no_source
+from aatri.simulation.measured import Disturbance, no_source, rows, texts
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
 from aatri.simulation.settings import BROWN, Camera, Film, Gnss
@@ -59,7 +59,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
     )
     fiducial_points, gross_fiducial = measured.fiducial_points(
         len(of_image), np.array(list(marks.values())).reshape(-1, 2), placement, disturbance
-    ) if marks else (b.FiducialPoints.empty(), None)  # fmt: skip
+    )
     ground, gross_control = measured.ground_points(
         known, xyz[of_point[known]], points.role[of_point[known]], disturbance
     )
@@ -71,8 +71,9 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
         rotation="omega-phi-kappa",
         earth_curvature="correct" if scene.earth == "map" else "ignore",
         terrain_height_m=scene.photography.terrain_height_m,
-        files=b.Files.empty(),
-        frames=b.Frames(id=[_FRAME[scene.earth]], axes=["east,north,up"], crs=["local"], vertical=[""]),
+        frames=b.Frames(
+            id=texts(_FRAME[scene.earth]), axes=texts("east,north,up"), crs=texts("local"), vertical=texts("")
+        ),
         **_camera_tables(camera, marks),
         **_images(plan, of_image),
         fiducial_points=fiducial_points,
@@ -80,18 +81,25 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
         image_points=image_points,
         ground_points=ground,
         exterior=exterior,
-        geodetic=b.Geodetic.empty(),
-        geodetic_covariances=b.GeodeticCovariances.empty(),
-        relative_control=b.RelativeControl.empty(),
-        relative_control_members=b.RelativeControlMembers.empty(),
-        rejects=b.Rejects.empty(),
+        **_not_simulated(),
         true_images=_true_images(scene, stations, of_image),
-        true_points=b.TruePoints(point=np.arange(len(xyz)), xyz_m=xyz[of_point]),
+        true_points=b.TruePoints(point=rows(np.arange(len(xyz))), xyz_m=xyz[of_point]),
         gross_errors=_gross([gross_image, gross_fiducial, gross_control, gross_position]),
     )
 
 
 _FRAME = {"flat": "local", "tangent": "tangent", "map": "map"}
+
+
+def _not_simulated() -> dict[str, Any]:
+    return {
+        "files": b.Files.empty(),
+        "geodetic": b.Geodetic.empty(),
+        "geodetic_covariances": b.GeodeticCovariances.empty(),
+        "relative_control": b.RelativeControl.empty(),
+        "relative_control_members": b.RelativeControlMembers.empty(),
+        "rejects": b.Rejects.empty(),
+    }
 
 
 def _canonical(ids: list[str]) -> Int:
@@ -107,32 +115,32 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dic
     correction = np.array(camera.table_correction_um if table else (), dtype=float) * LENGTH_MM["um"]
     return {
         "cameras": b.Cameras(
-            id=[camera.id],
-            kind=[camera.kind],
-            image_coordinates=["pixel" if digital else "comparator"],
-            pixel_size_mm=[[camera.pixel_size_mm if digital else np.nan] * 2],
-            pixel_origin=["top-left-corner" if digital else ""],
-            pixel_y=["down" if digital else ""],
-            format=[camera.format],
-            principal_distance_mm=[camera.principal_distance_mm],
-            principal_point_mm=[camera.principal_point_mm],
-            symmetry_point_mm=[camera.symmetry_point_mm],
-            distortion=[camera.distortion],
+            id=texts(camera.id),
+            kind=texts(camera.kind),
+            image_coordinates=texts("pixel" if digital else "comparator"),
+            pixel_size_mm=np.full((1, 2), camera.pixel_size_mm if digital else np.nan),
+            pixel_origin=texts("top-left-corner" if digital else ""),
+            pixel_y=texts("down" if digital else ""),
+            format=np.array([camera.format]),
+            principal_distance_mm=np.array([camera.principal_distance_mm]),
+            principal_point_mm=np.array([camera.principal_point_mm]),
+            symmetry_point_mm=np.array([camera.symmetry_point_mm]),
+            distortion=texts(camera.distortion),
             lever_arm_m=np.zeros((1, 3)),
             boresight_rad=np.zeros((1, 3)),
         ),
         "camera_parameters": b.CameraParameters(
-            camera=np.zeros(len(brown), int),
+            camera=rows(np.zeros(len(brown))),
             name=np.array(brown, dtype=np.str_),
-            value=np.array([camera.brown[n] for n in brown], dtype=float),  # type: ignore[index]
+            value=np.array([camera.brown[n] for n in brown], dtype=float),
             sigma=np.full(len(brown), np.nan),
             free=np.zeros(len(brown), dtype=bool),
         ),
         "distortion_table": b.DistortionTable(
-            camera=np.zeros(len(radius), int), radius_mm=radius, correction_mm=correction
+            camera=rows(np.zeros(len(radius))), radius_mm=radius, correction_mm=correction
         ),
         "fiducials": b.Fiducials(
-            camera=np.zeros(len(marks), int),
+            camera=rows(np.zeros(len(marks))),
             id=np.array(list(marks), dtype=np.str_),
             xy_mm=np.array(list(marks.values())).reshape(-1, 2),
         ),
@@ -142,13 +150,13 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dic
 def _images(plan: Plan, of_image: Int) -> dict[str, Any]:
     n = len(of_image)
     strips, strip = np.unique(np.array(plan.strip), return_inverse=True)
-    text = [""] * n
+    text = texts("", times=n)
     return {
         "strips": b.Strips(id=strips),
         "images": b.Images(
             id=np.array(plan.id)[of_image],
-            camera=np.zeros(n, int),
-            strip=strip[of_image],
+            camera=rows(np.zeros(n)),
+            strip=rows(strip[of_image]),
             sequence=plan.sequence[of_image],
             time_s=plan.time_s[of_image],
             flight=text,
@@ -165,17 +173,17 @@ def _true_images(scene: Scene, stations_m: Float, of_image: Int) -> b.TrueImages
     photography = scene.photography
     rotation = cartesian_rotation(photography.station_m, photography.rotation, scene.earth == "tangent")
     return b.TrueImages(
-        image=np.arange(len(of_image)), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
+        image=rows(np.arange(len(of_image))), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
     )
 
 
-def _gross(found: list[tuple[Any, ...] | None]) -> b.GrossErrors:
+def _gross(found: list[tuple[Any, ...]]) -> b.GrossErrors:
     """One table, in the order of the kinds as they come and of their rows."""
-    present = [entry for entry in found if entry is not None and len(entry[1])]
+    present = [entry for entry in found if len(entry[1])]
     if not present:
         return b.GrossErrors.empty()
     return b.GrossErrors(
-        kind=np.concatenate([np.full(len(rows), kind) for kind, rows, _ in present]),
-        row=np.concatenate([rows for _, rows, _ in present]),
+        kind=np.concatenate([np.full(len(chosen), kind) for kind, chosen, _ in present]),
+        row=rows(np.concatenate([chosen for _, chosen, _ in present])),
         size=np.concatenate([np.pad(errors, ((0, 0), (0, 3 - errors.shape[1]))) for _, _, errors in present]),
     )

@@ -43,53 +43,61 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
     """The flight plan over terrain of the given mean height."""
     half_x, half_y = camera.half_format_mm
     along, across = (half_x, half_y) if camera.mounting_deg % 180 == 0 else (half_y, half_x)
-    to_ground = 2e-3 * flight.scale_number
-    base = (1 - flight.forward_overlap / 100) * along * to_ground
-    spacing = (1 - flight.side_overlap / 100) * across * to_ground
-    length, width = (flight.images_per_strip - 1) * base, (flight.strips - 1) * spacing
-    cross_images = flight.images_per_cross_strip or max(2, round(width / base) + 1)
-    cross_at = (
-        np.linspace(base - length / 2, length / 2 - base, flight.cross_strips) if flight.cross_strips > 1 else [0.0]
-    )
-    axes = [_strip(flight.images_per_strip, base, 0.0, (s - (flight.strips - 1) / 2) * spacing, s % 2)
-            for s in range(flight.strips)]  # fmt: skip
-    axes += [_strip(cross_images, base, np.pi / 2, -cross_at[s], s % 2) for s in range(flight.cross_strips)]
-    names = [str(s + 1) for s in range(flight.strips)] + [f"C{s + 1}" for s in range(flight.cross_strips)]
-    strip_digits, image_digits = (
-        len(str(max(flight.strips, 10))),
-        len(str(max(flight.images_per_strip, cross_images, 10))),
-    )
-    ids = [f"{name.zfill(strip_digits)}{k + 1:0{image_digits}d}" for name, (plan, _) in zip(names, axes)
-           for k in range(len(plan))]  # fmt: skip
-    counts = [len(plan) for plan, _ in axes]
-    sequence = np.concatenate([np.arange(1.0, n + 1) for n in counts])
-    strip_row = np.repeat(np.arange(len(counts)), counts)
-    gaps = np.where(np.arange(len(sequence)) == 0, 0.0, np.where(sequence == 1, TURN_S, base / flight.speed))
+    base = (1 - flight.forward_overlap / 100) * 2e-3 * along * flight.scale_number
+    spacing = (1 - flight.side_overlap / 100) * 2e-3 * across * flight.scale_number
+    strips = _strips(flight, base, spacing)
+    counts = [len(strip.plan_m) for strip in strips]
+    sequence = np.concatenate([np.arange(1, n + 1) for n in counts])
+    plan_m = np.concatenate([strip.plan_m for strip in strips])
     height = ground_m + 1e-3 * camera.principal_distance_mm * flight.scale_number
-    plan_m = np.concatenate([plan for plan, _ in axes])
+    first = sequence == 1
+    elapsed = np.where(first, TURN_S, base / flight.speed)
     return Plan(
-        id=ids,
-        strip=[names[row] for row in strip_row],
-        sequence=sequence,
-        time_s=np.round(np.cumsum(gaps), 3),
-        heading_rad=np.array([axes[row][1] for row in strip_row]),
+        id=_image_ids(flight.strips, counts),
+        strip=[strip.id for strip, n in zip(strips, counts) for _ in range(n)],
+        sequence=sequence.astype(np.float64),
+        time_s=np.round(np.cumsum(elapsed) - elapsed[0], 3),
+        heading_rad=np.repeat([strip.heading_rad for strip in strips], counts),
         position_m=np.column_stack([plan_m, np.full(len(plan_m), height)]),
         base_m=base,
         spacing_m=spacing,
     )
 
 
-def _strip(images: int, base_m: float, azimuth_rad: float, offset_m: float, backwards: int) -> tuple[Float, float]:
-    """Plan positions of one strip in the order of its flight, and its heading."""
+@dataclass(frozen=True)
+class _Strip:
+    id: str
+    plan_m: Float
+    heading_rad: float
+
+
+def _strips(flight: Flight, base_m: float, spacing_m: float) -> list[_Strip]:
+    """All strips, in the order in which they are flown."""
+    length, width = (flight.images_per_strip - 1) * base_m, (flight.strips - 1) * spacing_m
+    cross_images = flight.images_per_cross_strip or max(2, round(width / base_m) + 1)
+    inside = max(length / 2 - base_m, 0.0) if flight.cross_strips > 1 else 0.0
+    strips = []
+    for s, north in enumerate(np.linspace(-width / 2, width / 2, flight.strips)):
+        run = _run(flight.images_per_strip, base_m, backwards=s % 2 == 1)
+        plan_m = np.stack([run, np.full(len(run), north)], axis=1)
+        strips.append(_Strip(str(s + 1), plan_m, np.pi * (s % 2)))
+    for s, east in enumerate(np.linspace(-inside, inside, flight.cross_strips)):
+        run = _run(cross_images, base_m, backwards=s % 2 == 1)
+        plan_m = np.stack([np.full(len(run), east), run], axis=1)
+        strips.append(_Strip(f"C{s + 1}", plan_m, np.pi * (s % 2 + 0.5)))
+    return strips
+
+
+def _run(images: int, base_m: float, backwards: bool) -> Float:
     run = (np.arange(images) - (images - 1) / 2) * base_m
-    along, left = _directions(azimuth_rad)
-    plan = run[:, None] * along + offset_m * left
-    return (plan[::-1], azimuth_rad + np.pi) if backwards else (plan, azimuth_rad)
+    return run[::-1] if backwards else run
 
 
-def _directions(azimuth_rad: float) -> tuple[Float, Float]:
-    along = np.round([np.cos(azimuth_rad), np.sin(azimuth_rad)])  # strips run along the axes
-    return along, np.array([-along[1], along[0]])
+def _image_ids(strips: int, counts: list[int]) -> list[str]:
+    """`0101`: strip and place in it; `C101` in cross strips; more digits where there is more to count."""
+    digits, places = max(2, len(str(strips))), max(2, len(str(max(counts))))
+    heads = [f"{s + 1:0{digits}d}" if s < strips else f"C{s - strips + 1:0{digits - 1}d}" for s in range(len(counts))]
+    return [f"{head}{k + 1:0{places}d}" for head, n in zip(heads, counts) for k in range(n)]
 
 
 def flown(plan: Plan, flight: Flight, camera: Camera, rng: np.random.Generator) -> tuple[Float, Float]:

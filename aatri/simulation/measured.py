@@ -1,8 +1,8 @@
 """What is observed: the truth put through the instruments, with noise and gross errors.
 
 observation = truth + factor * sigma * N(0, 1) + gross error. The standard deviations stored are the a-priori ones,
-whatever the factor. Each kind of observation has its own random stream, so that switching one effect off leaves the
-others as they were.
+whatever the factor. Each kind of observation has its own random stream, so that switching one off leaves the others as
+they were.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from aatri.units import LENGTH_MM
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
+Rows = npt.NDArray[np.int32]
 Streams = Mapping[str, np.random.Generator]
 
 
@@ -41,11 +42,11 @@ class Disturbance:
         """
         values = self.noise.factor * sigma * self.streams[kind].standard_normal(sigma.shape)
         open_to = sigma if observed is None else sigma * observed
-        rows, errors = gross_errors(
+        chosen, errors = gross_errors(
             getattr(self.gross, what), open_to, self.gross.size, self.streams[f"gross_{kind}"], what
         )
-        values[rows] += errors
-        return values, (kind, rows, errors)
+        values[chosen] += errors
+        return values, (kind, chosen, errors)
 
 
 STREAMS = (
@@ -55,9 +56,19 @@ STREAMS = (
 """Names of the random streams; a new one goes to the end."""
 
 
-def no_source(rows: int) -> dict[str, Int]:
+def rows(numbers: npt.ArrayLike) -> Rows:
+    """Row numbers as tables hold them."""
+    return np.asarray(numbers, dtype=np.int32)
+
+
+def texts(*values: str, times: int = 1) -> npt.NDArray[np.str_]:
+    """A text column: the values, over and over."""
+    return np.array(values * times, dtype=np.str_)
+
+
+def no_source(number: int) -> dict[str, Rows]:
     """Provenance of rows that come from no file."""
-    return {"file": np.full(rows, -1), "line": np.full(rows, -1)}
+    return {"file": rows(np.full(number, -1)), "line": rows(np.full(number, -1))}
 
 
 def diagonal(sigma: Float) -> Float:
@@ -74,11 +85,11 @@ def image_points(
     xy = film.comparator(photo_mm, image, placement) if camera.kind == "film" else film.pixels(photo_mm, camera)
     errors, gross = disturbance.added("image_point", "image_points", sigma / camera.mm_per_unit)
     table = b.ImagePoints(
-        image=image,
-        point=point,
+        image=rows(image),
+        point=rows(point),
         xy=xy + errors,
         sigma_mm=sigma,
-        group=[""] * n,
+        group=texts("", times=n),
         active=np.ones(n, dtype=bool),
         row_time_s=np.full(n, np.nan),
         **no_source(n),
@@ -95,7 +106,7 @@ def fiducial_points(
     sigma = np.full((len(image), 2), disturbance.noise.fiducial_um * LENGTH_MM["um"])
     errors, gross = disturbance.added("fiducial", "fiducials", sigma)
     xy = film.comparator(marks_mm[fiducial], image, placement) + errors
-    table = b.FiducialPoints(image=image, fiducial=fiducial, xy=xy, sigma_mm=sigma, **no_source(len(image)))
+    table = b.FiducialPoints(image=rows(image), fiducial=rows(fiducial), xy=xy, sigma_mm=sigma, **no_source(len(image)))
     return table, gross
 
 
@@ -106,10 +117,10 @@ def ground_points(
     sigma = np.tile(np.array(disturbance.noise.control_m), (len(point), 1))
     errors, gross = disturbance.added("control", "control", sigma, role == b.CONTROL)
     table = b.GroundPoints(
-        point=point,
+        point=rows(point),
         xyz_m=np.where(role == b.NO_ROLE, np.nan, xyz_m + errors),
         covariance_m2=diagonal(sigma),
-        role=role,
+        role=rows(role),
         datum=np.zeros(len(point), dtype=bool),
         **no_source(len(point)),
     )
@@ -132,15 +143,15 @@ def exterior(
             diagonal(sigma),
         )
     table = b.Exterior(
-        image=np.arange(n),
+        image=rows(np.arange(n)),
         position_m=position,
         position_covariance_m2=covariance,
         angles_rad=np.full((n, 3), np.nan),
         angle_sigma_rad=np.full((n, 3), np.nan),
-        position_use=np.full(n, b.OBSERVED_VALUE if gnss.observed else b.APPROXIMATE_VALUE),
-        angle_use=np.full(n, b.APPROXIMATE_VALUE),
-        refers_to=np.full(n, b.PROJECTION_CENTRE),
-        drift_group=np.array(plan.strip)[order][:n] if drifting else [""] * n,
+        position_use=rows(np.full(n, b.OBSERVED_VALUE if gnss.observed else b.APPROXIMATE_VALUE)),
+        angle_use=rows(np.full(n, b.APPROXIMATE_VALUE)),
+        refers_to=rows(np.full(n, b.PROJECTION_CENTRE)),
+        drift_group=np.array(plan.strip)[order][:n] if drifting else texts("", times=n),
         **no_source(n),
     )
     return table, gross

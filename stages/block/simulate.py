@@ -6,9 +6,9 @@ at random on a wavy terrain; every ray goes through the physical forward model
     ground -> (sphere) -> camera frame -> central projection -> refraction -> lens -> principal point
            -> film deformation -> comparator or pixels -> noise and gross errors
 
-(see aatri.simulation.forward, .film, .earth). Each effect has a switch, and each its own random stream: switching one
-off leaves all others as they were. The a-priori standard deviations stay in the block when the noise is switched off.
-The false origin is left out in a tangent frame.
+(see aatri.simulation.forward, .film, .earth). Each effect has a switch, and each its own random stream: flight,
+terrain and points stay the same when an effect is switched, but for points that leave the format. The a-priori
+standard deviations stay in the block when the noise is switched off. A tangent frame has no false origin.
 
 Sources: photogrammetry.md F2 (refraction), F4 (lens), F5 (film); C.1, E26 (the RC-30 block).
 """
