@@ -17,6 +17,7 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.damping import Damping, gain
 from aatri.errors import ConvergenceError, GeometryError
 
 Float = npt.NDArray[np.float64]
@@ -95,27 +96,30 @@ def adjust(
     ConvergenceError
         If the iteration does not converge.
     """
-    state, damping = start, 0.0
+    state, damping = start, Damping()
     v, J = linearise(state)
     for iteration in range(1, max_iterations + 1):
         cost = float(v @ v)
         if not np.isfinite(cost):
             raise ConvergenceError(f"{what}: residuals are not finite in iteration {iteration}")
-        covariance = inverse_normal(J, names, what)
-        dx = _step(J, v, damping)
+        if damping.value == 0.0:
+            refuse_undetermined(J, names, what)
+        dx = _step(J, v, damping.value)
         decrement = float(np.linalg.norm(J @ dx))
         trial = update(state, dx)
         v_trial, J_trial = linearise(trial)
         cost_trial = float(v_trial @ v_trial)
-        if damping == 0.0 and decrement <= tolerance:
+        if damping.value == 0.0 and decrement <= tolerance:
             covariance = inverse_normal(J_trial, names, what)
             redundancy = len(v_trial) - J_trial.shape[1]
             sigma0 = float(np.sqrt(cost_trial / redundancy)) if redundancy > 0 else float("nan")
             return DenseResult(trial, v_trial, J_trial, covariance, redundancy, sigma0, iteration)
         if np.isfinite(cost_trial) and cost_trial <= cost * (1 + 1e-12):
-            state, v, J, damping = trial, v_trial, J_trial, (damping / 10 if damping > 1e-7 else 0.0)
+            predicted = cost - float(np.sum((v + J @ dx) ** 2))
+            state, v, J = trial, v_trial, J_trial
+            damping = damping.accepted(gain(cost, cost_trial, predicted))
         else:
-            damping = max(10 * damping, 1e-4)
+            damping = damping.refused()
     raise ConvergenceError(
         f"{what} did not converge in {max_iterations} iterations (sum of squares {cost:.6g})",
         remedy="check the observations with the largest residuals, or give better initial values",
@@ -133,12 +137,28 @@ def _step(J: Float, v: Float, damping: float) -> Float:
 
 
 def inverse_normal(J: Float, names: Sequence[str] = (), what: str = "adjustment") -> Float:
-    """(J'J)^-1, by eigenvalues of the unit-diagonal normal matrix.
+    """(J'J)^-1 by QR of the column-scaled Jacobian.
 
     Raises
     ------
     GeometryError
-        If an eigenvalue is below `RANK_TOLERANCE`; the message names the unknowns of its null vectors.
+        If it does not exist; see `refuse_undetermined`.
+    """
+    refuse_undetermined(J, names, what)
+    scale = np.linalg.norm(J, axis=0)
+    R = np.linalg.qr(J / scale, mode="r")
+    R_inverse = np.linalg.inv(R)
+    return np.asarray(R_inverse @ R_inverse.T / np.outer(scale, scale))
+
+
+def refuse_undetermined(J: Float, names: Sequence[str] = (), what: str = "adjustment") -> None:
+    """Raise if the observations leave unknowns open.
+
+    Raises
+    ------
+    GeometryError
+        If an eigenvalue of the unit-diagonal normal matrix is below `RANK_TOLERANCE`; the message names the unknowns of
+        its null vectors.
     """
     defects = undetermined(J, names)
     if defects:
@@ -146,10 +166,6 @@ def inverse_normal(J: Float, names: Sequence[str] = (), what: str = "adjustment"
             f"{what}: {len(defects)} of {J.shape[1]} unknowns are not determined by {J.shape[0]} observations: "
             + "; ".join(defects)
         )
-    scale = np.linalg.norm(J, axis=0)
-    R = np.linalg.qr(J / scale, mode="r")
-    R_inverse = np.linalg.inv(R)
-    return np.asarray(R_inverse @ R_inverse.T / np.outer(scale, scale))
 
 
 def undetermined(J: Float, names: Sequence[str] = ()) -> list[str]:
@@ -169,6 +185,6 @@ def undetermined(J: Float, names: Sequence[str] = ()) -> list[str]:
     texts = []
     for vector in vectors[:, values < RANK_TOLERANCE].T:
         largest = np.argsort(-np.abs(vector))
-        members = [k for k in largest[:5] if abs(vector[k]) > 0.3 * abs(vector[largest[0]])]
+        members = sorted(k for k in largest[:5] if abs(vector[k]) > 0.3 * abs(vector[largest[0]]))
         texts.append(" with ".join(labels[k] for k in members))
     return texts

@@ -90,6 +90,9 @@ class NormalEquations:
         Smallest eigenvalue of each D scaled to unit diagonal: the rank of the eliminated block.
     gradient_kept : (n_kept,) float64
     gradient_eliminated : (n_blocks, k) float64
+    diagonal_kept : (n_kept,) float64
+    diagonal_eliminated : (n_blocks, k) float64
+        Diagonals of N and D, undamped.
     cost : float
         v'v.
     """
@@ -102,6 +105,8 @@ class NormalEquations:
     D_lowest: Float
     gradient_kept: Float
     gradient_eliminated: Float
+    diagonal_kept: Float
+    diagonal_eliminated: Float
     cost: float
 
 
@@ -110,6 +115,7 @@ def form(records: Sequence[Records], layout: Layout, state: State, damping: floa
     A, E, v = jacobian(records, layout, state)
     N, g = (A.T @ A).tocsc(), A.T @ v
     D, h, C = _eliminated(E, A, v, layout)
+    diagonals = N.diagonal(), np.einsum("nii->ni", D).copy()
     if damping > 0:
         N = N + sp.diags(damping * N.diagonal(), format="csc")
         k = np.arange(layout.block_size)
@@ -121,7 +127,7 @@ def form(records: Sequence[Records], layout: Layout, state: State, damping: floa
     Z = (_block_diagonal(L_inverse) @ C).tocsr()
     y = np.einsum("nij,nj->ni", L_inverse, h)
     reduced = (N - Z.T @ Z).tocsc()
-    return NormalEquations(reduced, -(g - Z.T @ y.ravel()), Z, L, y, D_lowest, g, h, float(v @ v))
+    return NormalEquations(reduced, -(g - Z.T @ y.ravel()), Z, L, y, D_lowest, g, h, *diagonals, float(v @ v))
 
 
 def back_substitute(normal: NormalEquations, dx: Float) -> Float:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.dense import RANK_TOLERANCE
 from aatri.adjustment.factor import Factor, factorise
 from aatri.adjustment.normal import Layout, NormalEquations, back_substitute, cost_of, form, layout_of
@@ -98,23 +99,26 @@ def adjust_large(
     layout = layout_of(unknowns)
     state: dict[str, Any] = dict(start)
     history: list[Step] = []
-    damping, converged = 0.0, False
+    damping, converged = Damping(), False
     for iteration in range(1, max_iterations + 1):
-        normal = form(records, layout, state, damping)
+        normal = form(records, layout, state, damping.value)
         if not np.isfinite(normal.cost):
             raise ConvergenceError(f"residuals are not finite in iteration {iteration}", remedy=_ADVICE)
-        steps, decrement = _step(unknowns, layout, normal, checked=damping == 0.0)
+        steps, decrement, predicted = _step(unknowns, layout, normal, damping.value)
         trial = retract_state(unknowns, state, steps)
-        refused = (veto(state, trial) if veto else "") or _worse(cost_of(records, trial), normal.cost)
-        history.append(Step(normal.cost, decrement, damping))
-        reporter.log(f"iteration {iteration}: cost {normal.cost:.6f}, decrement {decrement:.3g}, damping {damping:.1g}")
-        converged = damping == 0.0 and decrement <= tolerance
+        cost = cost_of(records, trial)
+        refused = (veto(state, trial) if veto else "") or _worse(cost, normal.cost)
+        history.append(Step(normal.cost, decrement, damping.value))
+        reporter.log(
+            f"iteration {iteration}: cost {normal.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
+        )
+        converged = damping.value == 0.0 and decrement <= tolerance
         if converged or not refused:
             state = trial
-            damping = damping / 10 if damping > 1e-6 else 0.0
+            damping = damping.accepted(gain(normal.cost, cost, predicted))
         else:
             reporter.log(f"iteration {iteration}: step refused: {refused}")
-            damping = max(10 * damping, 1e-4)
+            damping = damping.refused()
         if converged:
             break
     if not converged:
@@ -147,9 +151,10 @@ def _worse(trial: float, cost: float) -> str:
 
 
 def _step(
-    unknowns: Sequence[Unknowns], layout: Layout, normal: NormalEquations, *, checked: bool
-) -> tuple[dict[str, Float], float]:
-    if checked:
+    unknowns: Sequence[Unknowns], layout: Layout, normal: NormalEquations, damping: float
+) -> tuple[dict[str, Float], float, float]:
+    """Steps of all groups, the Newton decrement, and the decrease of the cost that the linear model predicts."""
+    if damping == 0.0:
         check_eliminated(unknowns, normal)
     dx = _factor(unknowns, layout, normal).solve(normal.right)
     dy = back_substitute(normal, dx)
@@ -161,7 +166,9 @@ def _step(
             columns = layout.kept[u.name]
             steps[u.name] = np.where(columns >= 0, np.append(dx, 0.0)[columns], 0.0)
     slope = float(normal.gradient_kept @ dx + (normal.gradient_eliminated * dy).sum())
-    return steps, float(np.sqrt(max(-slope, 0.0)))
+    # with (N + lambda diag N) s = -g the model's decrease of v'v is -g's + lambda s' diag(N) s
+    held = float(normal.diagonal_kept @ dx**2 + (normal.diagonal_eliminated * dy**2).sum())
+    return steps, float(np.sqrt(max(-slope, 0.0))), -slope + damping * held
 
 
 def check_eliminated(unknowns: Sequence[Unknowns], normal: NormalEquations) -> None:

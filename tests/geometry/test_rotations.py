@@ -1,0 +1,95 @@
+"""Rotations: both angle systems, the exponential map, nearest rotation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aatri.geometry.rotations import (
+    AngleSystem,
+    angle_covariance,
+    angles_from_rotation,
+    exp_rotation,
+    log_rotation,
+    nearest_rotation,
+    rotation_from_angles,
+    skew,
+)
+
+SYSTEMS: tuple[AngleSystem, ...] = ("omega-phi-kappa", "phi-omega-kappa")
+angle = st.floats(-math.pi, math.pi)
+
+
+def test_phi_omega_kappa_gives_the_printed_matrix_of_the_textbook_resection() -> None:
+    # Wuhan University textbook example (c = 153.24 mm), matrix as printed by a program of the same convention
+    printed = [[0.99771, 0.06753, 0.00399], [-0.06753, 0.99772, -0.00211], [-0.00412, 0.00184, 0.99999]]
+    R = rotation_from_angles([-0.00399, 0.00211, -0.06758], "phi-omega-kappa")
+    np.testing.assert_allclose(R, printed, atol=1e-5)
+
+
+def test_omega_phi_kappa_is_the_product_of_the_elementary_turns() -> None:
+    w, p, k = 0.3, -0.2, 1.1
+    cw, sw, cp, sp, ck, sk = (f(a) for a in (w, p, k) for f in (math.cos, math.sin))
+    expected = [
+        [cp * ck, -cp * sk, sp],
+        [cw * sk + sw * sp * ck, cw * ck - sw * sp * sk, -sw * cp],
+        [sw * sk - cw * sp * ck, sw * ck + cw * sp * sk, cw * cp],
+    ]
+    np.testing.assert_allclose(rotation_from_angles([w, p, k]), expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@settings(max_examples=200, deadline=None)
+@given(angle, st.floats(-1.5, 1.5), angle)
+def test_angles_survive_the_round_trip(system: AngleSystem, first: float, middle: float, third: float) -> None:
+    R = rotation_from_angles([first, middle, third], system)
+    returned = rotation_from_angles(angles_from_rotation(R, system), system)
+    np.testing.assert_allclose(returned, R, atol=1e-13)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("middle", [math.pi / 2, -math.pi / 2])
+def test_at_the_pole_the_matrix_still_returns(system: AngleSystem, middle: float) -> None:
+    R = rotation_from_angles([0.4, middle, -0.7], system)
+    np.testing.assert_allclose(rotation_from_angles(angles_from_rotation(R, system), system), R, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-6, 0.5, 3.0, math.pi - 1e-9])
+def test_exponential_and_logarithm_are_inverse(size: float) -> None:
+    d = size * np.array([2.0, -1.0, 2.0]) / 3.0
+    R = exp_rotation(d)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(log_rotation(R), d, atol=1e-12 if size < 3 else 1e-7)
+
+
+def test_exponential_is_the_power_series() -> None:
+    K = skew(np.array([0.3, -0.1, 0.2]))
+    series, term = np.eye(3), np.eye(3)
+    for k in range(1, 25):
+        term = term @ K / k
+        series = series + term
+    np.testing.assert_allclose(exp_rotation([0.3, -0.1, 0.2]), series, atol=1e-15)
+
+
+def test_nearest_rotation_of_a_mirrored_matrix_is_no_mirror() -> None:
+    R = nearest_rotation(np.diag([1.0, 1.0, -0.1]))
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_angle_covariance_is_that_of_sampled_increments(system: AngleSystem) -> None:
+    rng = np.random.default_rng(3)
+    R = rotation_from_angles([0.2, -0.4, 2.0], system)
+    half = rng.normal(size=(3, 3))
+    Q = 1e-8 * half @ half.T
+    d = rng.multivariate_normal(np.zeros(3), Q, size=40_000)
+    angles = angles_from_rotation(exp_rotation(d) @ R, system)
+    # 40,000 samples: the standard error of a variance is 0.7 %
+    expected = angle_covariance(R[None], Q[None], system)[0]
+    sigma = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(np.cov(angles.T) / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=0.03)

@@ -1,0 +1,80 @@
+"""Jacobians of all observation types against the complex step, written out anew."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.geometry.rotations import rotation_from_angles, skew
+from aatri.observations.coordinates import value_records
+from aatri.observations.image_points import ImagePointRows, image_point_records, side_changes
+from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
+from aatri.observations.positions import position_records
+from tests.complex_step import complex_step
+
+
+def _scaled(actual: np.ndarray, expected: np.ndarray) -> None:
+    scale = np.maximum(np.abs(expected).max(axis=0), 1e-12)
+    np.testing.assert_allclose(actual / scale, expected / scale, atol=1e-12)
+
+
+def _ray(seed: int):
+    rng = np.random.default_rng(seed)
+    R = rotation_from_angles(rng.uniform(-3, 3, 3))
+    X0 = rng.normal(0, 100, 3)
+    X = X0 + R @ np.array([rng.uniform(-50, 50), rng.uniform(-50, 50), -rng.uniform(50, 500)])
+    d = rng.normal(0, 1e-3, 6)
+    measured, pp = rng.uniform(-100, 100, 2), rng.normal(0, 0.02, 2)
+    one = np.zeros(1, dtype=np.int32)
+    rows = ImagePointRows(one, one, measured[None], np.full((1, 2), 0.005), np.array([153.84]), pp[None],
+                          np.ones(1, dtype=bool))  # fmt: skip
+    state = {POSE: Poses(X0[None], R[None]), POINT: X[None], INTERIOR: d[None]}
+    return rows, state, R, X0, X, d, measured, pp
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_image_points_with_interior_unknowns(seed: int) -> None:
+    rows, state, R, X0, X, d, measured, pp = _ray(seed)
+
+    def f(z: np.ndarray) -> np.ndarray:
+        u = ((np.eye(3) + skew(z[3:6])) @ R).T @ (z[6:9] - z[:3])
+        x, y = measured + pp
+        corrected = measured + np.array([z[9] + z[10] * x + z[11] * y, z[12] + z[13] * x + z[14] * y])
+        return -153.84 * u[:2] / u[2] - corrected
+
+    z = np.concatenate([X0, np.zeros(3), X, d])
+    v, (by_pose, by_point, by_interior) = image_point_records(rows, interior=True).evaluate(state)
+    _scaled(np.hstack([by_pose[0], by_point[0], by_interior[0]]), complex_step(f, z))
+    np.testing.assert_allclose(v[0], f(z), atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_positions_with_a_lever_arm(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    R, X0, arm, observed = rotation_from_angles(rng.uniform(-3, 3, 3)), *rng.normal(0, 2, (3, 3))
+    records = position_records(np.zeros(1, np.int32), observed[None], np.eye(3)[None], arm[None])
+
+    def f(z: np.ndarray) -> np.ndarray:
+        return z[:3] + (np.eye(3) + skew(z[3:])) @ R @ arm - observed
+
+    v, (by_pose,) = records.evaluate({POSE: Poses(X0[None], R[None])})
+    z = np.concatenate([X0, np.zeros(3)])
+    _scaled(by_pose[0], complex_step(f, z))
+    np.testing.assert_allclose(v[0], f(z), atol=1e-12)
+
+
+def test_only_observed_components_of_a_value_count() -> None:
+    observed = np.array([[True, False, True]])
+    records = value_records("control", POINT, np.zeros(1, np.int32), np.array([[1.0, np.nan, 3.0]]),
+                            np.diag([4.0, np.nan, 9.0])[None], observed)  # fmt: skip
+    v, (J,) = records.evaluate({POINT: np.array([[3.0, 5.0, 9.0]])})
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", records.whitener, v), [[1.0, 0.0, 2.0]])
+    assert records.observations == 2
+    np.testing.assert_allclose(J[0], np.diag([1.0, 0.0, 1.0]))
+
+
+def test_a_point_that_passes_through_the_camera_is_seen() -> None:
+    rows, state, _, X0, X, *_ = _ray(0)
+    behind = {**state, POINT: (2 * X0 - X)[None]}
+    assert "1 image points" in side_changes(rows, state, behind)
+    assert side_changes(rows, state, state) == ""
