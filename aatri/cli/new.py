@@ -23,8 +23,8 @@ class Source(StrEnum):
 
 _HEAD = {
     Source.tables: """\
-# A block given as tables: put block.yaml, images.csv, image_points.csv ... into the folder `block` beside this file.
-# Film has measured fiducials and needs interior_orientation/affine; digital images take interior_orientation/calibrated.
+# A block given as tables: put block.yaml, images.csv ... into the folder `block` beside this file.
+# Film with measured fiducials takes interior_orientation/affine, digital images interior_orientation/calibrated.
 """,
     Source.wucaps: """\
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
