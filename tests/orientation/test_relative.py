@@ -42,7 +42,7 @@ def test_oblique_and_convergent_pairs_of_any_direction_are_recovered():
         if np.linalg.norm(np.cross(*stations)) < 2:
             continue
         R1, R2 = (_looking_at_origin(s, rng) for s in stations)
-        rays, R, _ = simulate(X, R1, R2, *stations)
+        rays, R, b = simulate(X, R1, R2, *stations)
         found = relative_orientation(rays)
         np.testing.assert_allclose(found.left_from_right, R, atol=1e-11)
         np.testing.assert_allclose(found.base, b, atol=1e-11)
