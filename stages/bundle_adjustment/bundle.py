@@ -10,32 +10,37 @@ deviations follow from the exact inverse, a priori (sigma0 = 1).
 With `interior_unknowns` each film image carries six more unknowns, the affine film correction that its fiducials leave
 open, weighted by the covariance of its interior orientation.
 
-Start: `initial` if given, else the orientations of the block itself. What an earlier stage rejected stays out.
+Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
+resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
 
 Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with their errors put right.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from aatri.artifacts import assemble
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.given import Control, Positions, control_of, given_orientations, positions_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
-from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle import BundleInput, BundleResult, ControlRows, PositionRows, adjust_bundle
+from aatri.orientation.bundle_start import complete_start
+from aatri.orientation.readmission import readmitted
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
 
 
 class BundleOptions(Options):
@@ -65,12 +70,37 @@ def bundle(
     control = control_of(block)
     positions = positions_of(block) if options.use_positions else _no_positions(positions_of(block))
     suspects = initial.suspects if initial is not None else Suspects.empty()
-    given = _input(block, image_points, initial, control, positions, suspects, options)
-    result = adjust_bundle(
-        given, max_iterations=options.max_iterations, covariances=options.standard_deviations, reporter=context
-    )
+    given = _input(block, image_points, initial, control, positions, options)
+    rejected = assemble.rejected_rows(suspects, image_points)
+    given, result, suspects = _adjusted_with_readmission(given, rejected, suspects, options, context)
     _report_left_out(block, given, result, context)
     return _solution(block, control, positions, given, result, suspects)
+
+
+def _adjusted_with_readmission(
+    given: BundleInput, rejected: Bool, suspects: Suspects, options: BundleOptions, context: Context
+) -> tuple[BundleInput, BundleResult, Suspects]:
+    """Adjust without what was rejected, then once more with those of it that fit."""
+
+    def run(problem: BundleInput) -> BundleResult:
+        return adjust_bundle(
+            problem,
+            max_iterations=options.max_iterations,
+            covariances=options.standard_deviations,
+            reporter=context,
+        )
+
+    all_rays = given.rays
+    without = replace(given, rays=replace(all_rays, active=all_rays.active & ~rejected))
+    result = run(without)
+    fits = readmitted(all_rays, rejected & all_rays.active, result)
+    if not fits.any():
+        return without, result, suspects
+    context.log(f"{int(fits.sum())} of {int(rejected.sum())} rejected image points fit the block and are re-admitted")
+    again = replace(given, rays=replace(all_rays, active=all_rays.active & (~rejected | fits)))
+    back = (suspects.kind == "image_point") & (suspects.row >= 0) & fits[suspects.row]
+    verdict = np.where(back, "readmitted", suspects.verdict)
+    return again, run(again), replace(suspects, verdict=verdict)
 
 
 def _no_positions(positions: Positions) -> Positions:
@@ -81,7 +111,7 @@ def _no_positions(positions: Positions) -> Positions:
 
 def _input(
     block: Block, image_points: ImagePoints, initial: Solution | None, control: Control, positions: Positions,
-    suspects: Suspects, options: BundleOptions,
+    options: BundleOptions,
 ) -> BundleInput:  # fmt: skip
     m = image_points.measurements
     camera = block.images.camera[m.image]
@@ -92,9 +122,9 @@ def _input(
         m.sigma_mm,
         block.cameras.principal_distance_mm[camera],
         block.cameras.principal_point_mm[camera],
-        m.active & finite_rows(m.xy_mm) & ~assemble.rejected_rows(suspects, image_points),
+        m.active & finite_rows(m.xy_mm),
     )
-    poses = _start_poses(block, initial)
+    poses, xyz = complete_start(rays, _start_poses(block, initial), _start_points(block, initial))
     prior = None
     if options.interior_unknowns:
         prior = np.zeros((len(block.images), 6, 6))
@@ -104,7 +134,7 @@ def _input(
         block.points.id,
         rays,
         poses,
-        _start_points(block, initial, rays, poses),
+        xyz,
         ControlRows(control.point, control.xyz_m, control.covariance_m2, control.observed, control.held),
         PositionRows(positions.image, positions.position_m, positions.covariance_m2, positions.lever_arm_m),
         prior,
@@ -124,18 +154,12 @@ def _start_poses(block: Block, initial: Solution | None) -> Poses:
     return Poses(position, rotation)
 
 
-def _start_points(block: Block, initial: Solution | None, rays: ImagePointRows, poses: Poses) -> Float:
-    xyz = np.full((len(block.points), 3), np.nan) if initial is None else initial.points.xyz_m.copy()
-    missing = ~finite_rows(xyz)
-    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
-    use = rays.active & missing[rays.point] & oriented[rays.image]
-    looking = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])
-    direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[use]], looking)
-    found = intersect_rays(poses.position_m[rays.image[use]], direction, rays.point[use], len(xyz))
-    given = np.full_like(xyz, np.nan)
-    given[block.ground_points.point] = block.ground_points.xyz_m
-    start = np.where(missing[:, None], found, xyz)
-    return np.asarray(np.where(finite_rows(start)[:, None], start, given))
+def _start_points(block: Block, initial: Solution | None) -> Float:
+    if initial is not None:
+        return initial.points.xyz_m
+    xyz = np.full((len(block.points), 3), np.nan)
+    xyz[block.ground_points.point] = np.where(block.ground_points.role == CHECK, np.nan, block.ground_points.xyz_m)
+    return xyz
 
 
 def _report_left_out(block: Block, given: BundleInput, result: BundleResult, context: Context) -> None:
