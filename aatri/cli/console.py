@@ -29,7 +29,7 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             return verb(*args, **kwargs)
-        except typer.Exit:
+        except (typer.Exit, BrokenPipeError):  # a closed pipe, as by `| head`, is the caller's wish
             raise
         except KeyboardInterrupt:
             narrate("interrupted")

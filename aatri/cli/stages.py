@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -86,8 +87,9 @@ def _say_variant(described: dict[str, Any]) -> None:
 def _option_rows(schema: dict[str, Any], defs: dict[str, Any], prefix: str, rows: list[list[str]]) -> list[list[str]]:
     required = schema.get("required", [])
     for name, about in schema.get("properties", {}).items():
-        default = "required" if name in required else _yaml(about.get("default"))
         inner = _inner(about, defs)
+        default = "required" if name in required else _yaml(about.get("default"))
+        default = "" if inner is not None and default.startswith("{") else default  # its options follow
         rows.append([prefix + name, default, _allowed(about, defs), about.get("description", "")])
         if inner is not None:
             _option_rows(inner, defs, f"{prefix}{name}.", rows)
@@ -112,10 +114,19 @@ def _allowed(about: dict[str, Any], defs: dict[str, Any]) -> str:
         return ", ".join(_yaml(value) for value in about["enum"])
     if "const" in about:
         return _yaml(about["const"])
+    if about.get("type") == "array":
+        return f"list of {_allowed(about.get('items', _common(about.get('prefixItems', ()))), defs)}".removesuffix(
+            " of "
+        )
     signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
     limits = [f"{sign} {about[key]}" for key, sign in signs.items() if key in about]
     kind = {"object": "options", "null": "empty"}.get(about.get("type", ""), about.get("type", ""))
     return " ".join([kind, *limits]).strip()
+
+
+def _common(items: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The schema of the entries of a tuple, if they share one."""
+    return items[0] if items and all(item == items[0] for item in items) else {}
 
 
 def _yaml(value: Any) -> str:
