@@ -19,7 +19,9 @@ HEIGHT_M = 400.0
 NONE = np.zeros(0)
 
 
-def made_block(*, columns: int = 5, rows: int = 4, check: bool = True, truth: bool = True, **changes: Any) -> b.Block:
+def made_block(
+    *, columns: int = 5, rows: int = 4, check: bool = True, truth: bool = True, rays: bool = True, **changes: Any
+) -> b.Block:
     """A block of rows x columns points, the corners control, the second column check points."""
     column, row = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
     xyz = np.stack([100.0 * column.ravel(), 100.0 * row.ravel(), 10.0 + column.ravel()], axis=1)
@@ -31,7 +33,9 @@ def made_block(*, columns: int = 5, rows: int = 4, check: bool = True, truth: bo
     positions = [[100.0 * k, 100.0 + 100.0 * strip, HEIGHT_M] for strip in (0, 1) for k in range(columns)]
     n_images, n_points = len(image_names), len(names)
     roles = np.where(corner[given, None], b.CONTROL, b.CHECK) * np.ones((1, 3), int)
-    image_index, point_index = (a.ravel() for a in np.meshgrid(range(n_images), range(n_points), indexing="ij"))
+    image_index, point_index = (
+        a.ravel() for a in np.meshgrid(range(n_images if rays else 0), range(n_points), indexing="ij")
+    )
     fields: dict[str, Any] = {
         "name": "made", "rotation": "omega-phi-kappa", "earth_curvature": "ignore", "terrain_height_m": 12.0,
         "files": b.Files.empty(), "frames": b.Frames(id=["map"], axes=["east,north,up"], crs=["local"], vertical=[""]),

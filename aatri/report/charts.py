@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from aatri.report import svg
-from aatri.report.scales import Axis, log_axis
+from aatri.report.scales import Axis, log_axis, tick_text
 from aatri.report.svg import Float
 
 WIDTH, LEFT, RIGHT = 560.0, 150.0, 20.0
@@ -61,7 +61,7 @@ def convergence_chart(cost: Float, decrement: Float) -> tuple[Markup, str] | Non
         rows = np.isfinite(values) & (values > 0)
         if not rows.any():
             continue
-        top, bottom = (14.0, 90.0) if class_ == "cost" else (112.0, height - 30)
+        top, bottom = (14.0, 86.0) if class_ == "cost" else (118.0, height - 30)
         axis = log_axis(values[rows], bottom, top)
         px = np.stack([across.px(steps[rows]), axis.px(values[rows])], axis=1)
         marks += [
@@ -107,7 +107,7 @@ def residual_histogram(normalised: Float) -> tuple[Markup, str] | None:
         *(svg.text(float(across.px(k)), height - 10, f"{k:g}", "small", "middle") for k in range(-5, 6)),
     ]
     caption = (
-        f"Normalised image residuals, {len(normalised):,} values, with the curve of N(0, 1): residual over its a priori "
+        f"Normalised image residuals ({len(normalised):,}) and the curve of N(0, 1): residual over its a priori "
         f"standard deviation times the root of the mean redundancy number. {beyond or 'None'} beyond {limit:g}."
     )
     return svg.drawing(width, height, "Normalised image residuals", *marks), caption
@@ -119,7 +119,7 @@ def _ticks_below(axis: Axis, y: float) -> list[Markup]:
         x = float(axis.px(value))
         marks += [
             svg.line(np.array([[x, 8], [x, y]]), "grid"),
-            svg.text(x, y + 15, f"{value:g}", "small", "middle"),
+            svg.text(x, y + 15, tick_text(value), "small", "middle"),
         ]
     return marks
 
@@ -131,6 +131,6 @@ def _ticks_left(axis: Axis, left: float, right: float) -> list[Markup]:
         y = float(axis.px(value))
         marks += [
             svg.line(np.array([[left, y], [right, y]]), "grid"),
-            svg.text(left - 8, y + 4, f"{value:g}", "small", "end"),
+            svg.text(left - 8, y + 4, tick_text(value), "small", "end"),
         ]
     return marks

@@ -24,7 +24,7 @@ def metres(value: float | None) -> str:
     """A length in metres: to 0.1 mm, and to two digits where that is too coarse."""
     if value is None or value != value:
         return DASH
-    return f"{value:.4f}" if value == 0 or abs(value) >= 0.002 else f"{value:.1e}"
+    return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"
 
 
 def seconds(value: float | None) -> str:

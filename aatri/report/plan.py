@@ -30,7 +30,7 @@ def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | 
     """
     centres = image_positions(block, solution)
     ground = ground_positions(block, solution)
-    feet = _footprints(block, solution)
+    feet = footprints(block, solution)
     known = np.concatenate([x[np.isfinite(x[:, :2]).all(axis=1), :2] for x in (centres, ground, feet.reshape(-1, 2))])
     if not len(known):
         return None
@@ -97,8 +97,13 @@ def furniture(plan: Plan) -> list[Markup]:
     ]
 
 
-def _footprints(block: Block, solution: Solution | None) -> Float:
-    """(n, 4, 2) corners in m; NaN where unknown."""
+def footprints(block: Block, solution: Solution | None) -> Float:
+    """Corners of the images on the ground; NaN where unknown, and of oblique images.
+
+    Returns
+    -------
+    (n, 4, 2) float64, m
+    """
     if solution is None:
         return np.full((0, 4, 2), np.nan)
     camera = block.images.camera
@@ -122,7 +127,7 @@ def _terrain_height(block: Block, solution: Solution) -> float:
 
 
 def _flight_lines(block: Block, centres: Float, plan: Plan) -> list[Markup]:
-    known = np.isfinite(centres[:, :2]).all(axis=1)
+    known = np.asarray(np.isfinite(centres[:, :2]).all(axis=1))
     order = np.lexsort((np.arange(len(centres)), np.nan_to_num(block.images.sequence), block.images.strip))
     order = order[known[order]]
     if not len(order):

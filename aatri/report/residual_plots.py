@@ -6,7 +6,10 @@ round number and is printed, with a vector of round length beside it.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup
 
 from aatri.report import svg
@@ -61,7 +64,8 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     place = _cell_means(number, xy_mm, count)[filled]
     plan = plan_of(np.stack([low, high]), width=420.0, margin=24.0, most_height=420.0)
     size = float(np.percentile(np.hypot(*mean.T), 95))
-    px_per_mm = round_below(24.0 / max(size, 1e-12))
+    exaggeration = round_below(24.0 / max(size, 1e-12) / plan.px_per_m)
+    px_per_mm = exaggeration * plan.px_per_m
     start = plan.px(place)
     marks = [
         svg.area(plan.px(np.array([low, [high[0], low[1]], high, [low[0], high[1]]])), "frame"),
@@ -71,7 +75,7 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     ]
     caption = (
         f"Mean image residuals in {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell (median); "
-        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {px_per_mm / plan.px_per_m:,.0f} times."
+        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {exaggeration:,.0f} times."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, "Mean image residuals", *marks), caption
 
@@ -82,8 +86,9 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         return None
     vectors = {name: vector_of(d) for name, (_, d) in drawn.items()}  # type: ignore[operator]
     lengths = np.concatenate([np.hypot(*v.T) for v in vectors.values()])
-    plan = plan_of(places[:, :2], width=560.0, margin=44.0, most_height=560.0)
-    px_per_m = round_below(40.0 / max(float(np.percentile(lengths, 98)), 1e-12))
+    plan = plan_of(places[:, :2], width=540.0, margin=44.0, most_height=560.0)
+    exaggeration = round_below(40.0 / max(float(np.percentile(lengths, 98)), 1e-12) / plan.px_per_m)
+    px_per_m = exaggeration * plan.px_per_m
     marks: list[Markup] = []
     notes = []
     for name, (xyz, _) in drawn.items():
@@ -93,8 +98,8 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         notes.append(f"{len(xyz)} {name}" + (f" ({len(rows)} drawn)" if len(rows) < len(xyz) else ""))
     marks += [*furniture(plan), *_key(plan, px_per_m)]
     caption = (
-        f"{title}, solution minus given, at {', '.join(notes)} points; the largest is {length_text(float(lengths.max()))}. "
-        f"Exaggerated {px_per_m / plan.px_per_m:,.0f} times."
+        f"{title}, solution minus given, at {', '.join(notes)} points; "
+        f"the largest is {length_text(float(lengths.max()))}. Exaggerated {exaggeration:,.0f} times."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
 
@@ -120,6 +125,6 @@ def _complete(xyz: Float, difference: Float, axes: list[int]) -> tuple[Float, Fl
     return xyz[rows], difference[rows]
 
 
-def _cell_means(number: Float, values: Float, count: Float) -> Float:
-    sums = [np.bincount(number.astype(int), weights=values[:, k], minlength=len(count)) for k in (0, 1)]
+def _cell_means(number: npt.NDArray[Any], values: Float, count: npt.NDArray[Any]) -> Float:
+    sums = [np.bincount(number, weights=values[:, k], minlength=len(count)) for k in (0, 1)]
     return np.asarray(np.stack(sums, axis=1) / np.maximum(count, 1)[:, None])

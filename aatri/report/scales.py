@@ -33,8 +33,17 @@ def length_text(length_m: float) -> str:
     """A length in the unit that suits it."""
     for factor, unit in ((1e3, "km"), (1.0, "m"), (1e-3, "mm"), (1e-6, "um")):
         if length_m >= 0.9999 * factor:
-            return f"{length_m / factor:g} {unit}"
-    return f"{length_m * 1e6:.3g} um"
+            return f"{length_m / factor:.3g} {unit}"
+    return f"{length_m * 1e6:.2g} um"
+
+
+def tick_text(value: float) -> str:
+    """A tick value: plain near 1, else as a power of ten."""
+    return (
+        f"{value:g}"
+        if value == 0 or 1e-3 <= abs(value) < 1e5
+        else f"{value:.0e}".replace("e+0", "e").replace("e-0", "e-")
+    )
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,7 @@ class Plan:
         (n, 2) float64, px
         """
         away = (xy_m[:, :2] - np.array([self.west_m, self.north_m])) * self.px_per_m
-        return away * [1.0, -1.0] + [self.left_px, self.top_px]
+        return np.asarray(away * [1.0, -1.0] + [self.left_px, self.top_px])
 
 
 def plan_of(xy_m: Float, *, width: float = 720.0, margin: float = 30.0, most_height: float = 760.0) -> Plan:

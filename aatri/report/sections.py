@@ -96,7 +96,7 @@ def _block(made: Section, block: Block, around: Surroundings) -> None:
     made.tables.extend(_present(tables.first_rows("Cameras", cameras, columns, 3), tables.rejects_table(block.rejects)))
 
 
-def _image_points(made: Section, artifact: ImagePoints, around: Surroundings) -> None:
+def _image_points(made: Section, artifact: ImagePoints, _around: Surroundings) -> None:
     corrections, residuals = artifact.corrections, artifact.fiducial_residuals
     columns = {
         "correction": lambda k: str(corrections.name[k]),
@@ -106,12 +106,12 @@ def _image_points(made: Section, artifact: ImagePoints, around: Surroundings) ->
     if residuals.active.any():
         v = 1e3 * residuals.residual_mm[residuals.active]
         made.notes.append(
-            f"Fiducial residuals: RMS x {np.sqrt((v[:, 0] ** 2).mean()):.2f}, y {np.sqrt((v[:, 1] ** 2).mean()):.2f} um, "
-            f"largest {np.abs(v).max():.2f} um, of {len(v):,} marks."
+            f"Fiducial residuals: RMS x {np.sqrt((v[:, 0] ** 2).mean()):.2f}, "
+            f"y {np.sqrt((v[:, 1] ** 2).mean()):.2f} um, largest {np.abs(v).max():.2f} um, of {len(v):,} marks."
         )
 
 
-def _models(made: Section, models: Models, around: Surroundings) -> None:
+def _models(made: Section, models: Models, _around: Surroundings) -> None:
     unformed = models.unformed
     columns = {
         "left": lambda k: str(models.images.id[unformed.left[k]]),
@@ -122,7 +122,7 @@ def _models(made: Section, models: Models, around: Surroundings) -> None:
     made.tables.extend(_present(tables.first_rows("Neighbours without a model", unformed, columns, 3)))
 
 
-def _strips(made: Section, strips: Strips, around: Surroundings) -> None:
+def _strips(made: Section, strips: Strips, _around: Surroundings) -> None:
     gaps = strips.gaps
     columns = {
         "strip": lambda k: str(gaps.strip[k]),

@@ -7,13 +7,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from made_solutions import made_block, made_solution
 
 from aatri.artifacts import block as b
 from aatri.artifacts.solution import Parameters
 from aatri.errors import ResourceError
 from aatri.formats.solution_tables import point_roles, write_solution_tables
 from aatri.geometry.rotations import rotation_from_angles
+from tests.made_solutions import made_block, made_solution
 
 
 def _read(path):

@@ -1,0 +1,201 @@
+"""The report page: complete, escaped, the same for the same folder, also of failed runs."""
+
+from __future__ import annotations
+
+import dataclasses
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Rejects
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import ArtifactError
+from aatri.evaluation.accuracy import evaluate
+from aatri.pipeline import store
+from aatri.report.page import write_report
+from tests.made_solutions import made_block, made_solution
+
+STAGES = [
+    ("block", "block/tables", {}, "Block"),
+    ("bundle", "bundle_adjustment/bundle", {"block": "block"}, "Solution"),
+    ("accuracy", "accuracy/evaluation", {"block": "block", "solution": "bundle"}, "Evaluation"),
+]
+ELEMENTS = {
+    *(
+        "html",
+        "head",
+        "meta",
+        "title",
+        "style",
+        "body",
+        "header",
+        "main",
+        "section",
+        "h1",
+        "h2",
+        "h3",
+        "p",
+        "div",
+        "ul",
+    ),
+    *("li", "span", "b", "dl", "dt", "dd", "table", "caption", "thead", "tbody", "tr", "th", "td", "figure", "small"),
+    *("figcaption", "svg", "path", "text", "code", "a", "details", "summary", "pre"),
+}
+PAYLOADS = [
+    "<script>alert(1)</script>",
+    '"><img src=x onerror=alert(1)>',
+    "</title></svg><svg onload=alert(1)>",
+    "{{ 7*7 }}{% raw %}",
+    "</style><style>*{}",
+    "javascript:alert(1)",
+    "<!--",
+    "]]><iframe src=//x>",
+]
+
+
+class Elements(HTMLParser):
+    """Collects elements, attributes and text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.names: set[str] = set()
+        self.attributes: set[tuple[str, str]] = set()
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.names.add(tag)
+        self.attributes |= {(name, value or "") for name, value in attrs}
+
+    def handle_comment(self, data):
+        raise AssertionError(f"a comment: {data}")
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def make_run(folder, artifacts, *, status="done", **record):
+    stages = [{"stage": s, "use": u, "from": f, "kind": k} for s, u, f, k in STAGES]
+    overview = {"pipeline": "p/pipeline.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages}
+    store.begin(folder, overview | {"status": status})
+    for name, artifact in artifacts.items():
+        full = {"plugin": "x/y", "version": 1, "options": {"a": 1.5}, "warnings": [], "seconds": 1.5, "seed": 1,
+                "metrics": artifact.metrics(), "environment": {"numpy": "2.0"}} | record  # fmt: skip
+        store.commit(folder, name, "0123456789ab", artifact, full)
+    return folder
+
+
+def made_artifacts(block=None, **changes):
+    block = made_block() if block is None else block
+    solution = made_solution(block, shift_m=np.random.default_rng(3).normal(0, 0.02, (len(block.points), 3)), **changes)
+    return {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)}
+
+
+def test_a_complete_run_has_a_verdict_counts_accuracy_and_pictures(tmp_path):
+    page = write_report(make_run(tmp_path / "run", made_artifacts()))
+    text = page.read_text(encoding="utf-8")
+    found = Elements(text)
+    assert page == tmp_path / "run" / "report.html"
+    assert "complete, 3 stages" in found.text
+    assert "RMSE" in found.text
+    assert "fewer than 30" in found.text
+    for picture in (
+        "Block plan",
+        "Differences in plan",
+        "Differences in height",
+        "sigma0 of the stages",
+        "Convergence",
+    ):
+        assert picture in found.text
+    assert found.names <= ELEMENTS
+
+
+def test_the_page_loads_nothing_and_has_no_script(tmp_path):
+    text = write_report(make_run(tmp_path / "run", made_artifacts())).read_text(encoding="utf-8")
+    assert "default-src 'none'; style-src 'unsafe-inline'; img-src data:" in text
+    assert "http" not in text.replace("http-equiv", "")
+    assert "<script" not in text
+    assert "url(" not in text
+
+
+@pytest.mark.parametrize("payload", PAYLOADS)
+def test_text_from_the_data_is_never_markup(tmp_path, payload):
+    block = made_block(
+        rejects=Rejects(kind=["image"], id=[payload], reason=[payload], file=[-1], line=[0]), name=payload
+    )
+    names = block.points.id.astype("U64")
+    names[[0, 4]] = [payload, payload + "b"]
+    block = dataclasses.replace(
+        block,
+        points=dataclasses.replace(block.points, id=names),
+        strips=dataclasses.replace(block.strips, id=[payload, "2"]),
+    )
+    suspects = Suspects(kind=[payload], row=[0], image=[payload], point=[payload], stage=[payload], size=[1.0],
+                        unit=[payload], sigma=[0.1], test=[9.0], verdict=[payload])  # fmt: skip
+    plain = made_block()
+    solution = made_solution(plain, shift_m=0.01, suspects=suspects)
+    solution = dataclasses.replace(solution, points=dataclasses.replace(solution.points, id=names))
+    artifacts = {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)}
+    run = make_run(tmp_path / "run", artifacts, warnings=[payload], options={payload: payload, "list": [payload]})
+    store.fail(run, "accuracy", {"what": payload, "where": payload, "remedy": payload, "options": {payload: payload}})
+    found = Elements(write_report(run).read_text(encoding="utf-8"))
+    assert found.names <= ELEMENTS
+    assert payload in found.text
+    assert "49" not in [word for word in found.text.split() if word.strip("{}") == "49"]
+    assert {name for name, _ in found.attributes if name.startswith("on")} == set()
+    assert all(value.startswith("#stage-") for name, value in found.attributes if name == "href")
+    assert not {"src", "style"} & {name for name, _ in found.attributes}
+
+
+def test_the_same_folder_gives_the_same_page(tmp_path):
+    run = make_run(tmp_path / "run", made_artifacts())
+    assert write_report(run).read_bytes() == write_report(run).read_bytes()
+
+
+def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path):
+    artifacts = made_artifacts()
+    run = make_run(tmp_path / "run", {"block": artifacts["block"]}, status="failed")
+    error = {"what": "control is collinear", "where": "bundle", "remedy": "add a control point", "options": {"b": 2}}
+    (run / "running" / "bundle.log").write_text("    0.001  the last words\n")
+    store.fail(run, "bundle", error)
+    found = Elements(write_report(run).read_text(encoding="utf-8"))
+    for words in ("Stage bundle", "control is collinear", "add a control point", "the last words", "not run",
+                  "bundle failed; 1 of 3 stages done", "The accuracy was not evaluated", "no solution"):  # fmt: skip
+        assert words in found.text
+    assert "complete, 3" not in found.text
+
+
+def test_a_run_that_made_nothing_still_has_a_page(tmp_path):
+    run = make_run(tmp_path / "run", {}, status="interrupted")
+    assert "not complete: 0 of 3 stages done" in write_report(run).read_text(encoding="utf-8")
+
+
+def test_an_altered_artifact_is_named_and_not_shown(tmp_path):
+    run = make_run(tmp_path / "run", made_artifacts())
+    path = store.artifact_path(run, "bundle")
+    path.write_bytes(path.read_bytes()[:-1])
+    text = write_report(run).read_text(encoding="utf-8")
+    assert "The artifact cannot be shown" in text
+    assert "altered since it was written" in text
+
+
+def test_a_folder_without_a_run_is_an_error(tmp_path):
+    with pytest.raises(ArtifactError, match="not the folder of a run"):
+        write_report(tmp_path)
+
+
+def test_without_check_points_there_is_no_check_figure_on_the_page(tmp_path):
+    run = make_run(tmp_path / "run", made_artifacts(made_block(check=False)))
+    text = write_report(run).read_text(encoding="utf-8")
+    assert "no independent check" in text
+    assert "No independent check" in text
+
+
+def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
+    block = made_block(columns=1000, rows=10, rays=False)
+    page = write_report(make_run(tmp_path / "run", made_artifacts(block)))
+    assert page.stat().st_size < 5e6
+    text = page.read_text(encoding="utf-8")
+    assert "400 of 2000 footprints" in text
+    assert "5000 of 9986 new points" in text
