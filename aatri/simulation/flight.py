@@ -89,7 +89,7 @@ def _strips(flight: Flight, base_m: float, spacing_m: float) -> list[_Strip]:
 
 
 def _run(images: int, base_m: float, backwards: bool) -> Float:
-    run = (np.arange(images) - (images - 1) / 2) * base_m
+    run = (np.arange(images, dtype=np.float64) - (images - 1) / 2) * base_m
     return run[::-1] if backwards else run
 
 

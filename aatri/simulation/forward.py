@@ -105,14 +105,14 @@ def _tabulated(m_mm: Float, camera: Camera) -> Float:
 
 def _solved(step: Callable[[Float], Float], start: Float) -> Float:
     """Fixed point of `step`, to four units in the last place of the largest value."""
-    value = start
+    value, size = start, np.abs(start).max(initial=0.0)
     for _ in range(MOST_ITERATIONS):
         following = step(value)
         change = np.abs(following - value).max(initial=0.0)
         value = following
-        if change <= 4 * np.finfo(float).eps * np.abs(value).max(initial=0.0):
+        if change <= 4 * np.finfo(float).eps * size:
             return value
-        if not np.isfinite(change):
+        if not change <= size:
             break
     raise InputError(
         "the distortion or refraction is so strong that the image of some point is not unique",
