@@ -16,7 +16,6 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.rotations import rotation_from_angles
 
 HEIGHT_M = 400.0
-NONE = np.zeros(0)
 
 
 def made_block(
@@ -33,9 +32,7 @@ def made_block(
     positions = [[100.0 * k, 100.0 + 100.0 * strip, HEIGHT_M] for strip in (0, 1) for k in range(columns)]
     n_images, n_points = len(image_names), len(names)
     roles = np.where(corner[given, None], b.CONTROL, b.CHECK) * np.ones((1, 3), int)
-    image_index, point_index = (
-        a.ravel() for a in np.meshgrid(range(n_images if rays else 0), range(n_points), indexing="ij")
-    )
+    image_index, point_index = np.indices((n_images if rays else 0, n_points)).reshape(2, -1)
     fields: dict[str, Any] = {
         "name": "made", "rotation": "omega-phi-kappa", "earth_curvature": "ignore", "terrain_height_m": 12.0,
         "files": b.Files.empty(), "frames": b.Frames(id=["map"], axes=["east,north,up"], crs=["local"], vertical=[""]),
