@@ -1,0 +1,253 @@
+"""Screening: what of a block cannot be used is set aside, by name and with the reason, and nothing else.
+
+Every reader of blocks ends with `screen_block`. It works on the tables of a `Block` in which everything read is still
+active, and repeats until nothing changes:
+
+1. image point outside the image format by more than 5 % of the format -> rejected;
+2. point seen in one image only, without control and without other observations -> its image points are rejected;
+3. image with fewer than 3 points, without an observed position -> rejected, with its image points.
+
+Ground points with a role that no image shows are listed, but keep their role. If more than 5 % of the image points
+(rule 1), points (2) or images (3) would go, something larger is wrong: an error, with the first places.
+The outcome depends on the content alone, so that a block written out and read again is screened to the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, ImagePoints, Rejects
+from aatri.errors import InputError, raise_all
+from aatri.ids import printable
+from aatri.progress import SILENT, Reporter
+
+Bool = npt.NDArray[np.bool_]
+Int = npt.NDArray[np.int64]
+
+MAX_REJECT_SHARE = 0.05
+"""Largest share of a class (images, points, image points) that may be rejected."""
+
+FORMAT_MARGIN = 0.05
+"""How far beyond the image format, as a share of it, an image point may lie."""
+
+MIN_IMAGE_POINTS = 3
+"""Image points that determine an image without an observed position."""
+
+SAME_POINT_SIGMAS = 6.0
+"""Two measurements of one point in one image agree if they differ by at most this many sigmas of the difference."""
+
+MOST_LISTED = 20
+
+OUTSIDE = "outside the image format"
+SEEN_ONCE = "seen in one image only"
+REJECTED_IMAGE = "its image is rejected"
+FEW_POINTS = f"fewer than {MIN_IMAGE_POINTS} points and no observed position"
+NOT_SEEN = "seen in no image"
+
+
+@dataclass
+class _Set:
+    """Rows set aside of one table, with the reason."""
+
+    active: Bool
+    reasons: dict[int, str] = field(default_factory=dict)
+
+    def reject(self, rows: Int, reason: str) -> None:
+        self.active[rows] = False
+        self.reasons.update({int(row): reason for row in rows})
+
+
+def screen_block(block: Block, reporter: Reporter = SILENT) -> Block:
+    """The block with what cannot be used set inactive and listed in `rejects`.
+
+    Parameters
+    ----------
+    block : Block
+        With the active flags as the files give them; rows in `rejects` are kept.
+    reporter : Reporter
+        Gets a warning per reject.
+
+    Raises
+    ------
+    InputError
+        If two measurements of one point in one image disagree, or more than 5 % of a class would be rejected.
+    """
+    problems = repeated_measurements(block)
+    images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
+    outside = _outside_format(block) & points.active
+    points.reject(np.flatnonzero(outside), OUTSIDE)
+    while _reject_round(block, images, points):
+        pass
+    problems += _too_many(block, images, points)
+    raise_all(problems)
+    rejects = _rejects(block, images, points)
+    for kind, name, reason in zip(rejects.kind, rejects.id, rejects.reason):
+        reporter.warn(f"rejected: {kind} {printable(str(name))}: {reason}")
+    return dataclasses.replace(
+        block,
+        images=dataclasses.replace(block.images, active=images.active),
+        image_points=dataclasses.replace(block.image_points, active=points.active),
+        rejects=rejects,
+    )
+
+
+def repeated_measurements(block: Block) -> list[InputError]:
+    """Errors for points measured twice in an image with different results."""
+    rows = block.image_points
+    key = rows.image.astype(np.int64) * max(1, len(block.points)) + rows.point
+    order = np.argsort(key, kind="stable")
+    order = order[rows.active[order]]
+    first = np.concatenate([[True], key[order][1:] != key[order][:-1]]) if len(order) else np.zeros(0, bool)
+    leader = order[np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))]
+    sigma = np.hypot(rows.sigma_mm[order], rows.sigma_mm[leader]) / _mm_per_unit(block)[rows.image[order]]
+    apart = (np.abs(rows.xy[order] - rows.xy[leader]) > SAME_POINT_SIGMAS * sigma).any(axis=1)
+    errors = []
+    for k in np.flatnonzero(apart)[:MOST_LISTED]:
+        a, b = int(leader[k]), int(order[k])
+        name = _point_name(block, b)
+        gap = np.abs(rows.xy[b] - rows.xy[a]).max()
+        what = f"image point {name} measured twice, {gap:g} apart (first: {place(block, rows, a)})"
+        errors.append(InputError(what, where=place(block, rows, b), remedy="remove the wrong one, or rename the point"))
+    return errors
+
+
+def place(block: Block, rows: ImagePoints, row: int) -> str:
+    """`file:line` of an imported row, or empty."""
+    return _place(block, int(rows.file[row]), int(rows.line[row]))
+
+
+def _place(block: Block, file: int, line: int) -> str:
+    return f"{block.files.path[file]}:{line}" if file >= 0 else ""
+
+
+def _mm_per_unit(block: Block) -> npt.NDArray[np.float64]:
+    """(images, 2) size in mm of the unit of the image coordinates."""
+    pixel = (block.cameras.image_coordinates == "pixel")[:, None]
+    return np.where(pixel, block.cameras.pixel_size_mm, 1.0)[block.images.camera].reshape(-1, 2)
+
+
+def _outside_format(block: Block) -> Bool:
+    """Image points more than the margin outside; comparator axes have no known origin, so nothing is outside there."""
+    cameras = block.cameras
+    size = cameras.format
+    low, high = -size / 2, size / 2
+    corner = np.isin(cameras.pixel_origin, ["top-left-corner", "top-left-centre", "bottom-left-corner"])
+    from_corner = (corner & (cameras.image_coordinates == "pixel"))[:, None]
+    low, high = np.where(from_corner, 0.0, low), np.where(from_corner, size, high)
+    unknown = (cameras.image_coordinates == "comparator")[:, None]
+    low = np.where(unknown, np.nan, low - FORMAT_MARGIN * size)
+    high = np.where(unknown, np.nan, high + FORMAT_MARGIN * size)
+    camera = block.images.camera[block.image_points.image]
+    xy = block.image_points.xy
+    return np.asarray(((xy < low[camera]) | (xy > high[camera])).any(axis=1))
+
+
+def _reject_round(block: Block, images: _Set, points: _Set) -> bool:
+    """Apply rules 2 and 3 once; whether anything was rejected."""
+    rows = block.image_points
+    once = points.active & (_images_per_point(block, points.active) < 2)[rows.point]
+    once &= ~_has_prior(block)[rows.point]
+    points.reject(np.flatnonzero(once), SEEN_ONCE)
+    key = np.unique(rows.image[points.active].astype(np.int64) * max(1, len(block.points)) + rows.point[points.active])
+    count = np.bincount(key // max(1, len(block.points)), minlength=len(block.images))
+    few = images.active & (count < MIN_IMAGE_POINTS) & ~_has_position(block)
+    images.reject(np.flatnonzero(few), FEW_POINTS)
+    orphans = points.active & ~images.active[rows.image]
+    points.reject(np.flatnonzero(orphans), REJECTED_IMAGE)
+    return bool(once.any() or few.any() or orphans.any())
+
+
+def _images_per_point(block: Block, active: Bool) -> Int:
+    """Number of images in which each point has an active measurement."""
+    rows, m = block.image_points, max(1, len(block.images))
+    key = np.unique(rows.point[active].astype(np.int64) * m + rows.image[active])
+    return np.bincount(key // m, minlength=len(block.points))
+
+
+def _has_prior(block: Block) -> Bool:
+    """Points that one ray may determine: control, or with geodetic observations or relative control."""
+    prior = np.zeros(len(block.points), bool)
+    prior[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
+    return prior | _joined(block)
+
+
+def _joined(block: Block) -> Bool:
+    """Points named by geodetic observations or relative control."""
+    g, members = block.geodetic, block.relative_control_members
+    start, end = g.start[g.active & (g.start_kind == "point")], g.end[g.active & (g.end_kind == "point")]
+    return np.isin(block.points.id, np.concatenate([start, end, g.via[g.active], members.id]))
+
+
+def _has_position(block: Block) -> Bool:
+    rows = block.exterior
+    observed = (rows.position_use == OBSERVED_VALUE) & np.isfinite(rows.position_m).all(axis=1)
+    return np.isin(np.arange(len(block.images)), rows.image[observed])
+
+
+def _too_many(block: Block, images: _Set, points: _Set) -> list[InputError]:
+    """Errors for the classes of which too much would go."""
+    rows = block.image_points
+    by_reason = {reason: [r for r, why in points.reasons.items() if why == reason] for reason in (OUTSIDE, SEEN_ONCE)}
+    single = sorted({int(rows.point[r]): r for r in sorted(by_reason[SEEN_ONCE], reverse=True)}.values())
+    image_rows = sorted(images.reasons)
+    image_lines = [
+        (str(block.images.id[r]), _place(block, int(block.images.file[r]), int(block.images.line[r])))
+        for r in image_rows
+    ]
+    point_lines = [(_point_name(block, r), place(block, rows, r)) for r in single]
+    outside_lines = [(_point_name(block, r), place(block, rows, r)) for r in sorted(by_reason[OUTSIDE])]
+    measured = len(np.unique(rows.point))
+    found = [
+        _share_error("image points", outside_lines, len(rows), OUTSIDE,
+                     "check unit, origin, axes and `format` of the camera in block.yaml"),
+        _share_error("points", point_lines, measured, SEEN_ONCE,
+                     "check that a point has the same id in all images; remove single measurements"),
+        _share_error("images", image_lines, len(block.images), FEW_POINTS,
+                     "measure more points, give an observed position, or remove the images"),
+    ]  # fmt: skip
+    return [error for error in found if error is not None]
+
+
+def _share_error(kind: str, found: list[tuple[str, str]], total: int, reason: str, remedy: str) -> InputError | None:
+    if len(found) <= MAX_REJECT_SHARE * total:
+        return None
+    listed = ", ".join(f"{printable(name)} ({where})" if where else printable(name)
+                       for name, where in found[:MOST_LISTED])  # fmt: skip
+    more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
+    what = f"{len(found)} of {total} {kind}: {reason}; at most {MAX_REJECT_SHARE:.0%} may be set aside: {listed}{more}"
+    return InputError(what, where=found[0][1], remedy=remedy)
+
+
+def _point_name(block: Block, row: int) -> str:
+    """`image/point` of an image point."""
+    rows = block.image_points
+    return f"{block.images.id[rows.image[row]]}/{block.points.id[rows.point[row]]}"
+
+
+def _rejects(block: Block, images: _Set, points: _Set) -> Rejects:
+    """The list of rejects, in canonical order: by kind, id and reason."""
+    old, ground = block.rejects, block.ground_points
+    listed = list(zip(old.kind.tolist(), old.id.tolist(), old.reason.tolist(), old.file.tolist(), old.line.tolist()))
+    for row, why in images.reasons.items():
+        rows = block.images
+        listed.append(("image", str(rows.id[row]), why, int(rows.file[row]), int(rows.line[row])))
+    for row, why in points.reasons.items():
+        measured = block.image_points
+        listed.append(("image_point", _point_name(block, row), why, int(measured.file[row]), int(measured.line[row])))
+    unseen = (
+        np.isin(ground.role, (CONTROL, CHECK)).any(axis=1)
+        & ((_images_per_point(block, points.active) == 0) & ~_joined(block))[ground.point]
+    )
+    for row in np.flatnonzero(unseen).tolist():
+        name = str(block.points.id[ground.point[row]])
+        listed.append(("ground_point", name, NOT_SEEN, int(ground.file[row]), int(ground.line[row])))
+    listed = sorted(set(listed), key=lambda r: (r[0], r[1].encode(), r[2], r[3], r[4]))
+    if not listed:
+        return Rejects.empty()
+    kind, name, reason, file, line = zip(*listed)
+    return Rejects(kind=np.array(kind), id=np.array(name), reason=np.array(reason), file=np.array(file, np.int32),
+                   line=np.array(line, np.int32))  # fmt: skip

@@ -1,0 +1,99 @@
+"""Text files of unknown origin: encoding, byte order marks and line ends.
+
+UTF-8 with or without byte order mark; UTF-16 with its mark; else GB18030, if all it gives is ASCII and Chinese. Never
+an 8-bit encoding that accepts any byte: it would turn ids into something else without a word. Line ends LF, CRLF, CR.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from pathlib import Path
+
+from aatri.errors import InputError
+from aatri.ids import did_you_mean
+from aatri.progress import SILENT, Reporter
+
+_BINARY = {
+    b"PK\x03\x04": "an Excel workbook or zip archive",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook",
+    b"\x89HDF": "an HDF5 file",
+    b"\x1f\x8b": "a gzip file",
+    b"%PDF": "a PDF",
+}
+_CHINESE_OR_ASCII = re.compile("[\t\n\r\x20-\x7e\u2000-\u206f\u3000-\u303f\u3400-\u9fff\uff00-\uffef]*")
+
+
+def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
+    """The lines of a text file, without line ends; a last empty line is left out.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, binary or of no known encoding.
+    """
+    text = _decoded(_read_bytes(path), path, reporter)
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    lines = text.split("\n")
+    if lines[-1] == "":
+        lines.pop()
+    if not lines:
+        raise InputError("the file is empty", where=str(path), remedy="put the data in, or remove the file")
+    return lines
+
+
+def missing(path: Path) -> InputError:
+    """The error for a file or folder that is not there, with the nearest name that is."""
+    folder = path.parent
+    if not folder.is_dir():
+        return InputError(
+            "does not exist, nor does its folder", where=str(path), remedy=f"create {folder} or mend path"
+        )
+    names = sorted(entry.name for entry in folder.iterdir())
+    near = did_you_mean(path.name, names).removeprefix(" - ")
+    return InputError("does not exist", where=str(path), remedy=near or f"{folder} holds: {', '.join(names[:10])}")
+
+
+def _read_bytes(path: Path) -> bytes:
+    if path.is_dir():
+        raise InputError("is a folder, not a file", where=str(path), remedy="name the file in it")
+    if not path.exists():
+        raise missing(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror}", where=str(path), remedy="check its permissions"
+        ) from error
+
+
+def _decoded(data: bytes, path: Path, reporter: Reporter) -> str:
+    for magic, what in _BINARY.items():
+        if data.startswith(magic):
+            raise InputError(f"this is {what}, not text", where=str(path), remedy="export it as CSV, encoding UTF-8")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        reporter.warn(f"{path}: UTF-16 text; read as such")
+        try:
+            return data.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise InputError("broken UTF-16", where=str(path), remedy="save the file as UTF-8") from error
+    if b"\0" in data:
+        place = f"{path}:{1 + data.count(bytes([10]), 0, data.index(0))}"
+        raise InputError("a zero byte: this is not text", where=place, remedy="export the data as CSV, encoding UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        return _chinese(data, error.start, path, reporter)
+
+
+def _chinese(data: bytes, first_bad: int, path: Path, reporter: Reporter) -> str:
+    try:
+        text = data.decode("gb18030")
+    except UnicodeDecodeError:
+        text = "\x00"
+    if not _CHINESE_OR_ASCII.fullmatch(text):
+        line = 1 + data.count(b"\n", 0, first_bad)
+        raise InputError("neither UTF-8 nor GB18030", where=f"{path}:{line}", remedy="save the file as UTF-8")
+    reporter.warn(f"{path}: not UTF-8; read as GB18030 (Chinese)")
+    return text

@@ -1,0 +1,126 @@
+"""Coordinates from one declared frame to another, by pyproj.
+
+Positions go through the best transformation pyproj has, and only through it: a missing geoid or datum grid is an
+error, not a silent shift of metres. Covariances follow by the derivative D of the conversion, D C D'. Covariances of
+latitude, longitude, height are in metres along north, east, up, so there D holds the directions of those axes in the
+target frame, scale left out (it is below 1e-3 in map projections).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import InputError
+from aatri.frames.axes import in_right_handed_order
+
+Float = npt.NDArray[np.float64]
+
+_DEGREE_M = 111_000.0
+_STEP_M = 1.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A declared frame: axes in the order of its tables, and coordinate reference systems as pyproj reads them."""
+
+    name: str
+    axes: tuple[str, ...]
+    crs: str
+    vertical: str = ""
+
+    @property
+    def geographic(self) -> bool:
+        """Whether the axes are latitude, longitude, height."""
+        return "latitude" in self.axes
+
+
+def convert(xyz: Float, covariance_m2: Float, source: Frame, target: Frame) -> tuple[Float, Float]:
+    """Convert coordinates with covariances.
+
+    Parameters
+    ----------
+    xyz : (n, 3) float64, m, or degrees where geographic
+        In the order of the source's axes.
+    covariance_m2 : (n, 3, 3) float64, m^2
+        In the order of the source's axes.
+    source, target : Frame
+        The target is not geographic.
+
+    Returns
+    -------
+    xyz : (n, 3) float64, m
+        East, north, up (or x, y, z) of the target.
+    covariance_m2 : (n, 3, 3) float64, m^2
+
+    Raises
+    ------
+    InputError
+        If pyproj is not installed, a frame is local or not understood, or a transformation grid is missing.
+    """
+    transformer = _transformer(source, target)
+    ordered = in_right_handed_order(xyz, source.axes)
+    covariance = in_right_handed_order(covariance_m2, source.axes)
+    converted = _apply(transformer, ordered, source, target)
+    step = np.full(len(ordered), _STEP_M / _DEGREE_M) if source.geographic else np.full(len(ordered), _STEP_M)
+    columns = []
+    for k in range(3):
+        shift = np.zeros_like(ordered)
+        shift[:, k] = _STEP_M if k == 2 else step
+        if source.geographic and k == 0:
+            shift[:, 0] /= np.cos(np.radians(ordered[:, 1]))
+        ahead = _apply(transformer, ordered + shift, source, target)
+        back = _apply(transformer, ordered - shift, source, target)
+        change = ahead - back
+        length = np.linalg.norm(change, axis=1, keepdims=True) if source.geographic else 2 * _STEP_M
+        columns.append(change / length)
+    derivative = np.stack(columns, axis=-1)
+    return converted, derivative @ covariance @ derivative.transpose(0, 2, 1)
+
+
+def _apply(transformer: Any, xyz: Float, source: Frame, target: Frame) -> Float:
+    try:
+        result = transformer.transform(xyz[:, 0], xyz[:, 1], xyz[:, 2], errcheck=True)
+    except Exception as error:  # pyproj.exceptions.ProjError; pyproj is not imported here
+        raise InputError(f"cannot convert from frame {source.name} to {target.name}: {error}", where=source.name,
+                         remedy="check crs, vertical and axes of both frames in block.yaml") from error  # fmt: skip
+    converted = np.stack(result, axis=1)
+    if not np.isfinite(converted).all():
+        row = int(np.argwhere(~np.isfinite(converted).all(axis=1))[0, 0])
+        raise InputError(f"{xyz[row].tolist()} of frame {source.name} has no place in {target.name}", where=source.name,
+                         remedy="check that the axes of the frame are in the order of the table")  # fmt: skip
+    return converted
+
+
+def _transformer(source: Frame, target: Frame) -> Any:
+    try:
+        import pyproj
+        from pyproj.transformer import Transformer
+    except ImportError as error:
+        what = f"converting from frame {source.name} to {target.name} needs pyproj"
+        raise InputError(what, where=source.name, remedy="pip install 'aatri[crs]'") from error
+    systems = []
+    for frame in (source, target):
+        if frame.crs == "local":
+            what = f"frame {frame.name} is local: nothing can be converted from or to it"
+            raise InputError(what, where=frame.name, remedy="give its crs in block.yaml")
+        try:
+            system = pyproj.CRS.from_user_input(frame.crs)
+            if frame.vertical:
+                vertical = pyproj.CRS.from_user_input(frame.vertical)
+                horizontal = system.to_2d()
+                system = pyproj.crs.CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
+            elif not system.is_geocentric:
+                system = system.to_3d()
+        except pyproj.exceptions.CRSError as error:
+            raise InputError(f"crs of frame {frame.name} is not understood: {error}", where=frame.name,
+                             remedy="write it as EPSG:32650, PROJ or WKT text") from error  # fmt: skip
+        systems.append(system)
+    try:
+        return Transformer.from_crs(systems[0], systems[1], always_xy=True, only_best=True)
+    except Exception as error:
+        raise InputError(f"no transformation from frame {source.name} to {target.name}: {error}", where=source.name,
+                         remedy="install the grid pyproj names (projsync), or use other frames") from error  # fmt: skip

@@ -1,0 +1,26 @@
+"""Block folder: block.yaml and CSV tables, the native input.
+
+Reads images, measured image points and fiducials, ground points with a role per coordinate, exterior and geodetic
+observations and relative control; checks everything before saying anything; turns it into metres, millimetres,
+radians and right-handed axes; sets aside, by name and with the reason, what cannot be used. The folder is described
+in docs/formats.md.
+"""
+
+from aatri.artifacts.block import Block
+from aatri.formats.block_reader import read_block
+from aatri.formats.summary import log_counts
+from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+
+
+class TablesOptions(Options):
+    """Options of block/tables."""
+
+    path: InputPath = Field(description="the block folder")
+
+
+@stage(version=1)
+def tables(*, options: TablesOptions, context: Context = SILENT) -> Block:
+    """Read a block folder."""
+    block = read_block(options.path, context)
+    log_counts(block, context)
+    return block
