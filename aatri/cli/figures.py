@@ -7,10 +7,9 @@ from typing import Any
 
 from aatri.cli.console import say, say_table
 
-_HIGHLIGHTS = ("images", "models", "strips", "components", "points", "image_points", "sigma0", "sigma0_um",
-               "redundancy", "rms_parallax_um", "check_points", "check_rmse_x_m", "check_rmse_y_m", "check_rmse_z_m",
-               "truth_rmse_x_m", "truth_rmse_y_m", "truth_rmse_z_m", "suspects")  # fmt: skip
-_MOST = 6
+_HIGHLIGHTS = ("images", "models", "strips", "points", "sigma0", "sigma0_um", "check_points", "check_rmse_x_m",
+               "check_rmse_y_m", "check_rmse_z_m", "image_points", "suspects")  # fmt: skip
+_MOST = 4
 
 _ACCURACY = {
     "control": "RMS of the differences at control points",

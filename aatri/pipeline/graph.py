@@ -138,10 +138,13 @@ def _order(spec: Spec, errors: list[AatriError]) -> list[str]:
         errors.append(_cycle(spec, list(failure.args[1]), position))
         return []
     order: list[str] = []
-    while sorter.is_active():
-        ready = sorted(sorter.get_ready(), key=position.__getitem__)
-        order.extend(ready)
-        sorter.done(*ready)
+    ready = list(sorter.get_ready())
+    while ready:
+        first = min(ready, key=position.__getitem__)
+        ready.remove(first)
+        order.append(first)
+        sorter.done(first)
+        ready.extend(sorter.get_ready())
     return order
 
 

@@ -68,6 +68,9 @@ def test_stages_run_in_the_order_of_data_and_else_of_the_file(tmp_path: Path) ->
     lines = "  s: {use: sum/add, from: {numbers: b, more: a}}\n  b: {use: source/fixed}\n  a: {use: source/random}\n"
     nodes = wire(load_spec(write_pipeline(tmp_path, lines)), made_up_registry())
     assert [node.name for node in nodes] == ["b", "a", "s"]
+    lines = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n  b: {use: source/fixed}\n"
+    kept = wire(load_spec(write_pipeline(tmp_path, lines)), made_up_registry())
+    assert [node.name for node in kept] == ["a", "s", "b"]
     assert downstream(nodes, "a") == ("s",)
     assert downstream(nodes, "s") == ()
 
