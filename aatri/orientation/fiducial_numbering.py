@@ -25,13 +25,12 @@ SCALE_TOLERANCE = 0.02
 MISFIT = 0.02
 """A residual above this share of the marks' extent is no measuring error but a wrong mark."""
 
-KNOWN_FACTORS = {
+KNOWN_SCALES = {
     25.4: "inches taken for millimetres",
     1 / 25.4: "millimetres taken for inches",
-    1000.0: "micrometres taken for millimetres",
-    1e-3: "millimetres taken for micrometres",
+    1000.0: "metres taken for millimetres",
+    1e-3: "micrometres taken for millimetres",
     10.0: "centimetres taken for millimetres",
-    0.1: "millimetres taken for centimetres",
 }
 
 
@@ -45,8 +44,8 @@ def scale_problem(matrix_from_nominal: Float) -> str:
     scale = float(np.sqrt(abs(np.linalg.det(matrix_from_nominal))))
     if abs(scale - 1.0) <= SCALE_TOLERANCE:
         return ""
-    for factor, meaning in KNOWN_FACTORS.items():
-        if abs(scale * factor - 1.0) <= SCALE_TOLERANCE:
+    for known, meaning in KNOWN_SCALES.items():
+        if abs(scale / known - 1.0) <= SCALE_TOLERANCE:
             return f"the scale is {scale:.6g} instead of 1: {meaning}?"
     return f"the scale is {scale:.6g} instead of 1"
 

@@ -1,0 +1,189 @@
+"""The stages interior_orientation/affine and calibrated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from aatri.stages.interior_orientation.affine import affine
+from aatri.stages.interior_orientation.calibrated import calibrated
+from film_blocks import Told, flown, with_marks, without_marks
+
+from aatri.artifacts.block import Block
+from aatri.errors import AatriError, GeometryError, InputError
+
+
+@pytest.fixture(scope="module")
+def block() -> Block:
+    return flown()
+
+
+@pytest.fixture(scope="module")
+def many() -> Block:
+    """Enough images that one of them is less than 5 %."""
+    return flown(flight={"strips": 3, "images_per_strip": 8}, noise=True)
+
+
+def test_film_comes_back_to_the_photo_system(block: Block) -> None:
+    found = affine(block)
+    assert found.interior.model.tolist() == ["affine"] * 10
+    assert found.interior.redundancy.tolist() == [2] * 10
+    assert np.abs(found.fiducial_residuals.residual_mm).max() < 1e-10
+    assert found.corrections.name.tolist() == ["film_deformation", "principal_point"]
+    assert found.corrections.largest_mm[1] == pytest.approx(np.hypot(0.011, 0.002))
+    # scales of at most 3e-4 and a shear of 1e-4 move a corner by less than 0.06 mm
+    assert 0.005 < found.corrections.largest_mm[0] < 0.06
+    assert found.measurements.active.all()
+
+
+def test_noise_gives_sigma0_near_one(many: Block) -> None:
+    # 24 images, redundancy 48: sigma0 within 1 +- 4 / sqrt(2 * 48)
+    assert affine(many).metrics()["sigma0"] == pytest.approx(1.0, abs=0.41)
+
+
+def test_a_turned_pixel_scan_gives_the_same_photo_coordinates(block: Block) -> None:
+    from_comparator = affine(block)
+    pixel = np.array([[0.0, 1 / 0.021], [1 / 0.021, 0.0]])  # a quarter turn, y down, pixels of 21 um
+    cameras = replace(block.cameras, image_coordinates=["pixel"], pixel_size_mm=[[0.021, 0.021]],
+                      pixel_origin=["top-left-corner"], pixel_y=["down"])  # fmt: skip
+    scanned = replace(
+        block,
+        cameras=cameras,
+        fiducial_points=replace(block.fiducial_points, xy=block.fiducial_points.xy @ pixel + 300.0),
+        image_points=replace(block.image_points, xy=block.image_points.xy @ pixel + 300.0),
+    )
+    found = affine(scanned)
+    assert np.abs(found.measurements.xy_mm - from_comparator.measurements.xy_mm).max() < 1e-10
+    assert found.corrections.largest_mm == pytest.approx(from_comparator.corrections.largest_mm, abs=1e-9)
+
+
+def test_mirrored_marks_are_an_error_that_names_the_direction_of_y(block: Block) -> None:
+    with pytest.raises(InputError, match="mirror") as caught:
+        affine(with_marks(block, 3, lambda xy: xy * [1, -1]))
+    assert block.images.id[3] in caught.value.what
+    assert "y: down" in caught.value.remedy
+
+
+def test_exchanged_numbers_are_an_error_with_the_right_numbering(block: Block) -> None:
+    with pytest.raises(InputError, match="exchanged") as caught:
+        affine(with_marks(block, 0, lambda xy: xy[[1, 0, 2, 3]]))
+    assert caught.value.remedy == "1 is 2, 2 is 1"
+
+
+def test_a_wrong_scale_is_an_error_with_the_unit_meant(block: Block) -> None:
+    marks = block.fiducial_points
+    with pytest.raises(AatriError, match="micrometres taken for millimetres"):
+        affine(replace(block, fiducial_points=replace(marks, xy=marks.xy * 1000.0)))
+
+
+def test_an_image_with_two_marks_is_set_aside_and_told(many: Block) -> None:
+    told = Told()
+    marks = many.fiducial_points
+    first = np.flatnonzero(marks.image == 5)[:2]
+    found = affine(without_marks(many, np.isin(np.arange(len(marks)), first)), context=told)
+    inactive = ~found.measurements.active
+    assert set(found.measurements.image[inactive].tolist()) == {5}
+    assert np.isnan(found.measurements.xy_mm[inactive]).all()
+    assert 5 not in found.interior.image
+    assert found.suspects.image.tolist() == [many.images.id[5]]
+    assert found.suspects.verdict.tolist() == ["rejected"]
+    assert "2 fiducial marks" in told.warnings[0]
+
+
+def test_many_images_without_marks_are_an_error(block: Block) -> None:
+    with pytest.raises(GeometryError, match="1 of 10 film images") as caught:
+        affine(without_marks(block, block.fiducial_points.image == 4))
+    assert block.images.id[4] in caught.value.what
+
+
+def test_three_marks_are_used_with_a_warning_and_without_residuals(block: Block) -> None:
+    told = Told()
+    one = np.flatnonzero(block.fiducial_points.image == 2)[:1]
+    found = affine(without_marks(block, np.isin(np.arange(len(block.fiducial_points)), one)), context=told)
+    assert np.isnan(found.interior.sigma0[2])
+    assert 2 not in found.fiducial_residuals.image
+    assert "only three fiducial marks" in told.warnings[0]
+    assert found.measurements.active.all()
+
+
+def test_a_blunder_among_four_marks_flags_the_image(block: Block) -> None:
+    told = Told()
+    found = affine(with_marks(block, 6, lambda xy: xy + 0.1 * np.eye(4, 2)), context=told)
+    assert found.suspects.image.tolist() == [block.images.id[6]]
+    assert found.suspects.verdict.tolist() == ["kept"]
+    assert "sigma0" in told.warnings[0]
+
+
+def test_a_blunder_among_eight_marks_is_rejected() -> None:
+    block = flown(camera={"fiducials": 8}, noise=True)
+    row = int(np.flatnonzero(block.fiducial_points.image == 1)[6])
+    broken = with_marks(block, 1, lambda xy: xy + 0.08 * (np.arange(8) == 6)[:, None])
+    found = affine(broken)
+    assert found.suspects.row.tolist() == [row]
+    assert not found.fiducial_residuals.active[found.fiducial_residuals.row == row][0]
+    assert found.suspects.size[0] == pytest.approx(0.08 * np.sqrt(2), abs=0.02)
+
+
+def test_a_point_outside_the_format_is_not_used_and_many_are_an_error(block: Block) -> None:
+    points = block.image_points
+    far = points.xy.copy()
+    far[4] += 300.0
+    told = Told()
+    found = affine(replace(block, image_points=replace(points, xy=far)), context=told)
+    assert np.flatnonzero(~found.measurements.active).tolist() == [4]
+    assert found.suspects.kind.tolist() == ["image_point"]
+    assert found.suspects.row.tolist() == [4]
+    with pytest.raises(InputError, match="outside the format"):
+        affine(replace(block, image_points=replace(points, xy=points.xy + 300.0)))
+
+
+def test_digital_images_lose_their_principal_point_only() -> None:
+    block = flown(camera={"kind": "digital", "format": (11500, 11500), "pixel_size_mm": 0.02,
+                          "principal_point_mm": (0.03, -0.05)})  # fmt: skip
+    found = calibrated(block)
+    wanted = (block.image_points.xy - 5750.0) * [0.02, -0.02] - [0.03, -0.05]
+    assert found.measurements.xy_mm == pytest.approx(wanted, abs=1e-12)
+    assert not found.interior.covariance.any()
+    assert found.corrections.name.tolist() == ["principal_point"]
+    by_affine = affine(block)
+    assert np.array_equal(by_affine.measurements.xy_mm, found.measurements.xy_mm)
+    assert by_affine.corrections.name.tolist() == ["principal_point"]
+
+
+def test_comparator_coordinates_need_fiducial_marks(block: Block) -> None:
+    with pytest.raises(InputError, match="no calibrated relation") as caught:
+        calibrated(block)
+    assert "affine" in caught.value.remedy
+
+
+def test_a_mixed_block_goes_both_ways(block: Block) -> None:
+    cameras = block.cameras
+    two = replace(cameras, **{name: np.concatenate([getattr(cameras, name)] * 2) for name in cameras.__annotations__
+                              if name not in ("id", "image_coordinates")},
+                  id=["a", "b"], image_coordinates=["comparator", "photo"])  # fmt: skip
+    camera = np.repeat([0, 1], 5)
+    photo = affine(block).measurements.xy_mm + cameras.principal_point_mm[0]
+    of_second = camera[block.image_points.image] == 1
+    mixed = replace(
+        block,
+        cameras=two,
+        images=replace(block.images, camera=camera),
+        fiducials=replace(block.fiducials, camera=np.zeros(4, int)),
+        fiducial_points=block.fiducial_points.take(camera[block.fiducial_points.image] == 0),
+        image_points=replace(block.image_points, xy=np.where(of_second[:, None], photo, block.image_points.xy)),
+        camera_parameters=block.camera_parameters,
+    )
+    found = affine(mixed)
+    assert found.interior.model.tolist() == ["affine"] * 5 + ["calibrated"] * 5
+    assert np.abs(found.measurements.xy_mm - affine(block).measurements.xy_mm).max() < 1e-12
+
+
+def test_real_photo_coordinates_of_wucaps_lose_the_principal_point(shared_data: Path) -> None:
+    wucaps = pytest.importorskip("aatri.stages.block.wucaps")
+    path = shared_data / "rc30_2x3/Data/bundle_ajustment"
+    options = next(v for n, v in vars(wucaps).items() if n.endswith("Options") and n != "Options")
+    found = affine(wucaps.wucaps(options=options(path=path)))
+    # PRECAI.dat: x0 = 0.011, y0 = 0.002
+    assert found.corrections.largest_mm.tolist() == pytest.approx([np.hypot(0.011, 0.002)])
