@@ -28,7 +28,7 @@ _HEAD = {
 """,
     Source.wucaps: """\
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
-# this file. Image coordinates of such blocks are reduced and corrected already, so neither is done again.
+# this file. Refraction and earth curvature are off: such image coordinates usually are corrected already.
 """,
 }
 _LINES = {
