@@ -1,0 +1,122 @@
+"""The stage relative_orientation/dependent."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
+
+from aatri.errors import ArtifactError
+from tests.stages.made_strips import made_strips
+
+
+class Log:
+    """Keeps what a stage says."""
+
+    def __init__(self):
+        self.logs, self.warnings = [], []
+
+    def log(self, message):
+        self.logs.append(message)
+
+    def warn(self, message):
+        self.warnings.append(message)
+
+    def progress(self, done, total, what=""):
+        pass
+
+
+def test_error_free_strips_flown_to_and_fro_give_the_true_models():
+    made = made_strips(4, 2)
+    models = dependent(made.block, made.image_points)
+    o, p = models.orientations, models.model_points
+    assert o.id.tolist() == ["1-00-1-01", "1-01-1-02", "1-02-1-03", "2-00-2-01", "2-01-2-02", "2-02-2-03"]
+    for k, (i, j) in enumerate(zip(o.left, o.right)):
+        base = made.R[i].T @ (made.X0[j] - made.X0[i])
+        length = np.linalg.norm(base)
+        np.testing.assert_allclose(o.left_from_right[k], made.R[i].T @ made.R[j], atol=1e-12)
+        np.testing.assert_allclose(o.base[k], base / length, atol=1e-12)
+        rows = p.model == k
+        expected = (made.ground[p.point[rows]] - made.X0[i]) @ made.R[i] / length
+        np.testing.assert_allclose(p.xyz[rows], expected, atol=1e-11)
+    assert p.active.all()
+    assert len(models.unformed) == len(models.suspects) == 0
+
+
+def test_order_follows_sequence_and_not_the_ids():
+    made = made_strips(4, sequence=[30.0, 20.0, 10.0, 0.0])
+    models = dependent(made.block, made.image_points)
+    assert models.orientations.left.tolist() == [3, 2, 1]
+    assert models.orientations.right.tolist() == [2, 1, 0]
+
+
+def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size():
+    made = made_strips(3, noise_mm=0.005)
+    common = np.flatnonzero(made.image_points.measurements.image == 1)
+    row = int(common[len(common) // 2])
+    models = dependent(made.block, made.moved(row, [0.0, 0.2]).image_points)
+    own = models.suspects
+    assert row in own.row
+    k = own.row.tolist().index(row)
+    assert own.kind[k] == "image_point"
+    assert own.verdict[k] == "rejected"
+    assert own.unit[k] == "mm"
+    assert abs(abs(own.size[k]) - 0.2) < 4 * own.sigma[k]
+    assert own.point[k] == made.block.points.id[made.image_points.measurements.point[row]]
+    point = made.image_points.measurements.point[row]
+    assert not models.model_points.active[models.model_points.point == point].any()
+
+
+def test_inactive_images_are_left_out_and_the_neighbours_oriented_to_each_other():
+    made = made_strips(4, active=[True, False, True, True])
+    models = dependent(made.block, made.image_points)
+    assert models.orientations.id.tolist() == ["1-00-1-02", "1-02-1-03"]
+
+
+def test_pairs_without_enough_points_are_listed_with_the_reason():
+    made = made_strips(3)
+    m = made.image_points.measurements
+    keep = (m.image != 2) | (np.arange(len(m)) % 5 == 0)
+    log = Log()
+    options = DependentOptions(min_points=6)
+    models = dependent(made.block, made.measured(active=keep).image_points, options=options, context=log)
+    assert len(models.orientations) == 1
+    assert any("no model 1-01-1-02" in warning for warning in log.warnings)
+    assert models.unformed.left.tolist() == [1]
+    assert "6 are needed" in models.unformed.reason[0]
+
+
+def test_two_cameras_in_one_pair_use_each_their_own_principal_distance():
+    made = made_strips(2)
+    block = made.block
+    cameras = block.cameras.take([0, 0])
+    cameras = dataclasses.replace(cameras, id=["a", "b"], principal_distance_mm=[150.0, 100.0])
+    images = dataclasses.replace(block.images, camera=[0, 1])
+    xy = made.image_points.measurements.xy_mm.copy()
+    xy[made.image_points.measurements.image == 1] *= 100.0 / 150.0
+    models = dependent(dataclasses.replace(block, cameras=cameras, images=images), made.measured(xy_mm=xy).image_points)
+    np.testing.assert_allclose(models.orientations.left_from_right[0], made.R[0].T @ made.R[1], atol=1e-12)
+
+
+def test_image_points_of_another_block_are_refused():
+    with pytest.raises(ArtifactError, match="another block"):
+        dependent(made_strips(3).block, made_strips(4).image_points)
+
+
+def test_the_covariance_is_that_of_repeated_measurement():
+    made = made_strips(2)
+    rng = np.random.default_rng(3)
+    d, sigma0 = [], []
+    for _ in range(150):
+        noisy = made.moved(slice(None), rng.normal(0, 0.005, made.image_points.measurements.xy_mm.shape))
+        o = dependent(made.block, noisy.image_points, options=DependentOptions(snooping_limit=9)).orientations
+        d.append(_vee(o.left_from_right[0] @ (made.R[0].T @ made.R[1]).T))
+        sigma0.append(o.sigma0[0])
+    np.testing.assert_allclose(np.std(d, axis=0), np.sqrt(np.diag(o.covariance[0])[:3]), rtol=0.25)
+    assert np.mean(np.square(sigma0)) == pytest.approx(1.0, abs=0.12)
+
+
+def _vee(R):
+    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])

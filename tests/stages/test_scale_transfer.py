@@ -1,0 +1,113 @@
+"""The stage strip_formation/scale_transfer."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from aatri.stages.relative_orientation.dependent import dependent
+from aatri.stages.strip_formation.scale_transfer import ScaleTransferOptions, scale_transfer
+
+from aatri.errors import GeometryError
+from tests.stages.made_strips import made_strips
+from tests.stages.test_dependent import Log
+
+
+def _strips(made, **arguments):
+    return scale_transfer(made.block, dependent(made.block, made.image_points), **arguments)
+
+
+def _without(made, image, points):
+    m = made.image_points.measurements
+    return made.measured(active=~((m.image == image) & np.isin(m.point, points)))
+
+
+def test_error_free_strips_equal_the_truth_in_their_own_frames():
+    made = made_strips(5, 2)
+    strips = _strips(made)
+    assert strips.strips.id.tolist() == ["1", "2"]
+    for strip in range(2):
+        images = strips.strip_images.image[strips.strip_images.strip == strip]
+        i, unit = images[0], np.linalg.norm(made.X0[images[1]] - made.X0[images[0]])
+        at = strips.strip_images.strip == strip
+        expected = (made.X0[images] - made.X0[i]) @ made.R[i] / unit
+        np.testing.assert_allclose(strips.strip_images.position[at], expected, atol=1e-11)
+        turned = [made.R[i].T @ made.R[k] for k in images]
+        np.testing.assert_allclose(strips.strip_images.strip_from_image[at], turned, atol=1e-11)
+        at = strips.strip_points.strip == strip
+        ground = made.ground[strips.strip_points.point[at]]
+        np.testing.assert_allclose(strips.strip_points.xyz[at], (ground - made.X0[i]) @ made.R[i] / unit, atol=1e-10)
+    assert np.abs(strips.discrepancies.xyz).max() < 1e-10
+    assert len(strips.gaps) == len(strips.suspects) == 0
+
+
+def test_a_missing_model_splits_the_strip_and_is_reported():
+    made = made_strips(6)
+    m = made.image_points.measurements
+    shared = np.intersect1d(m.point[m.image == 2], m.point[m.image == 3])
+    log = Log()
+    strips = _strips(_without(made, 3, shared), context=log)
+    assert strips.strips.id.tolist() == ["1.1", "1.2"]
+    assert strips.strip_images.image.tolist() == [0, 1, 2, 3, 4, 5]
+    assert strips.strip_images.strip.tolist() == [0, 0, 0, 1, 1, 1]
+    assert (strips.gaps.left[0], strips.gaps.right[0]) == ("1-02", "1-03")
+    assert "0 common points" in strips.gaps.reason[0]
+    assert any("1-02 - 1-03" in warning for warning in log.warnings)
+
+
+def test_an_image_left_alone_is_reported():
+    made = made_strips(3)
+    strips = _strips(_without(made, 2, np.arange(1000)))
+    assert strips.strip_images.image.tolist() == [0, 1]
+    alone = strips.gaps.left.tolist().index("1-02")
+    assert "alone" in strips.gaps.reason[alone]
+
+
+def test_no_model_at_all_is_an_error():
+    made = made_strips(2)
+    with pytest.raises(GeometryError, match="no strip"):
+        _strips(_without(made, 1, np.arange(1000)))
+
+
+def test_a_connection_point_wrong_in_x_is_a_suspect_and_left_out():
+    made = made_strips(4, noise_mm=0.005)
+    m = made.image_points.measurements
+    triple = np.intersect1d(np.intersect1d(m.point[m.image == 0], m.point[m.image == 1]), m.point[m.image == 2])
+    point = triple[len(triple) // 2]
+    strips = _strips(made.moved(made.row(0, point), [0.25, 0.0]))
+    ties = strips.suspects.take(strips.suspects.kind == "model_tie")
+    assert made.block.points.id[point] in ties.point
+    assert point not in strips.strip_points.point
+    assert (ties.test > 4).all()
+
+
+def test_a_scale_jump_is_reported():
+    made = made_strips(4)
+    models = dependent(made.block, made.image_points)
+    p = models.model_points
+    factor = np.where(p.model == 1, 3.0, 1.0)[:, None]
+    log = Log()
+    changed = dataclasses.replace(
+        models,
+        model_points=dataclasses.replace(p, xyz=p.xyz * factor, covariance=p.covariance * factor[..., None] ** 2),
+    )
+    scale_transfer(made.block, changed, context=log)
+    assert any("scale jumps" in warning for warning in log.warnings)
+
+
+def test_few_connection_points_are_joined_with_a_warning():
+    made = made_strips(4)
+    models = dependent(made.block, made.image_points)
+    p = models.model_points
+    common = np.intersect1d(p.point[p.model == 0], p.point[p.model == 1])
+    drop = (p.model == 0) & np.isin(p.point, common[2:])
+    few = dataclasses.replace(models, model_points=p.take(~drop))
+    log = Log()
+    strips = scale_transfer(made.block, few, context=log)
+    assert strips.joints.points.tolist()[0] == 2
+    assert any("cannot be located" in warning for warning in log.warnings)
+    split = scale_transfer(made.block, few, options=ScaleTransferOptions(min_connection_points=3))
+    assert split.strips.id.tolist() == ["1.1", "1.2"]
+    assert split.strip_images.image.tolist() == [0, 1, 1, 2, 3]
+    assert "2 usable points, 3 are needed" in split.gaps.reason[0]
