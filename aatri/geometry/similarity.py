@@ -1,0 +1,162 @@
+"""Similarity in space: X = T + s R x, seven parameters, any rotation.
+
+Closed form (Horn 1987; Umeyama 1991): with weighted centroids x0, X0 and M = sum w (X - X0)(x - x0)' = U D V',
+
+    R = U diag(1, 1, det(U V')) V',   s = sum w (X - X0)'R(x - x0) / sum w |x - x0|^2,   T = X0 - s R x0.
+
+Derivatives belong to the unknowns (T, d, m) of the updates T <- T + dT, R <- exp([d]x) R, s <- s exp(m):
+
+    dX = dT + [s R x]x' d + s R x m.
+
+A point may carry an offset b in object units (a lever arm): X = T + R (s x + b); the scale does not act on it.
+Callers reduce both systems to their centroids, or the rotation about the origin and the shift are nearly dependent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.geometry.rotations import exp_rotation, nearest_rotation, skew
+
+Float = npt.NDArray[np.float64]
+
+UNKNOWNS = 7
+"""T (3), rotation increment d (3), logarithm of the scale."""
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """X = translation + scale * rotation @ x.
+
+    Attributes
+    ----------
+    translation : (3,) float64, unit of the target
+    scale : float, target unit per source unit
+    rotation : (3, 3) float64, target from source
+    """
+
+    translation: Float
+    scale: float
+    rotation: Float
+
+
+IDENTITY = Similarity(np.zeros(3), 1.0, np.eye(3))
+
+
+def transform(similarity: Similarity, x: Float, offset: Float | None = None) -> Float:
+    """Points in the target system.
+
+    Parameters
+    ----------
+    similarity : Similarity
+    x : (n, 3) float64, source unit
+    offset : (n, 3) float64, target unit, optional
+        Lever arms, along the axes of the source system.
+
+    Returns
+    -------
+    (n, 3) float64, target unit
+    """
+    arm = similarity.scale * x if offset is None else similarity.scale * x + offset
+    return np.asarray(similarity.translation + arm @ similarity.rotation.T)
+
+
+def transform_covariance(similarity: Similarity, covariance: Float) -> Float:
+    """Covariances of transformed points, the similarity held: s^2 R C R'.
+
+    Parameters
+    ----------
+    covariance : (n, 3, 3) float64, source unit squared
+    """
+    R = similarity.rotation
+    return np.asarray(similarity.scale**2 * (R @ covariance @ R.T))
+
+
+def jacobian(similarity: Similarity, x: Float, offset: Float | None = None) -> Float:
+    """Derivatives of the transformed points by T, d and the logarithm of the scale.
+
+    Returns
+    -------
+    (n, 3, 7) float64
+    """
+    scaled = similarity.scale * x @ similarity.rotation.T
+    arm = scaled if offset is None else scaled + offset @ similarity.rotation.T
+    J = np.empty((len(x), 3, UNKNOWNS))
+    J[:, :, :3] = np.eye(3)
+    J[:, :, 3:6] = -skew(arm)
+    J[:, :, 6] = scaled
+    return J
+
+
+def updated(similarity: Similarity, dx: Float) -> Similarity:
+    """The similarity after a step (dT, d, m)."""
+    return Similarity(
+        similarity.translation + dx[:3],
+        float(similarity.scale * np.exp(dx[6])),
+        exp_rotation(dx[3:6]) @ similarity.rotation,
+    )
+
+
+def compose(outer: Similarity, inner: Similarity) -> Similarity:
+    """The similarity `outer(inner(x))`."""
+    return Similarity(
+        transform(outer, inner.translation[None])[0],
+        outer.scale * inner.scale,
+        outer.rotation @ inner.rotation,
+    )
+
+
+def inverse(similarity: Similarity) -> Similarity:
+    """The similarity from target to source."""
+    R = similarity.rotation.T
+    return Similarity(-R @ similarity.translation / similarity.scale, 1.0 / similarity.scale, R)
+
+
+def closed_form(x: Float, X: Float, weight: Float | None = None) -> Similarity:
+    """Least-squares similarity of points known in both systems, without initial values.
+
+    Parameters
+    ----------
+    x, X : (n, 3) float64
+        Source and target; at least three points that are not on a line.
+    weight : (n,) float64, optional
+        One weight per point.
+    """
+    w = np.ones(len(x)) if weight is None else weight
+    w = w / w.sum()
+    x0, X0 = w @ x, w @ X
+    dx, dX = x - x0, X - X0
+    rotation = nearest_rotation((w[:, None] * dX).T @ dx)
+    turned = dx @ rotation.T
+    scale = float((w * (dX * turned).sum(1)).sum() / (w * (dx**2).sum(1)).sum())
+    return Similarity(X0 - scale * rotation @ x0, scale, rotation)
+
+
+def robust_closed_form(
+    x: Float, X: Float, weight: Float | None = None, iterations: int = 50
+) -> tuple[Similarity, Float]:
+    """Similarity with the least sum of distances (not of their squares), by repeated closed forms.
+
+    Weights are divided by the distance of the point in the iteration before (Weiszfeld), so that some wrong points
+    among many right ones hardly count.
+
+    Returns
+    -------
+    similarity : Similarity
+    distance : (n,) float64, target unit
+        Distance of each transformed point from its target.
+    """
+    w = np.ones(len(x)) if weight is None else weight
+    # Points that fit exactly would get an infinite weight: distances below this share of the extent count as equal.
+    least = 1e-9 * float(np.linalg.norm(X - X.mean(0), axis=1).max()) + np.finfo(float).tiny
+    similarity = closed_form(x, X, w)
+    distance = np.linalg.norm(transform(similarity, x) - X, axis=1)
+    for _ in range(iterations):
+        similarity = closed_form(x, X, w / np.maximum(distance, least))
+        before, distance = distance, np.linalg.norm(transform(similarity, x) - X, axis=1)
+        if np.abs(distance - before).max() <= 1e-3 * max(np.median(distance), least):
+            break
+    return similarity, distance
