@@ -51,7 +51,7 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
     plan_m = np.concatenate([strip.plan_m for strip in strips])
     height = ground_m + 1e-3 * camera.principal_distance_mm * flight.scale_number
     first = sequence == 1
-    elapsed = np.where(first, TURN_S, base / flight.speed)
+    elapsed = np.where(first, TURN_S, base / flight.speed_m_per_s)
     return Plan(
         id=_image_ids(flight.strips, counts),
         strip=[strip.id for strip, n in zip(strips, counts) for _ in range(n)],

@@ -43,7 +43,7 @@ class Disturbance:
         values = self.noise.factor * sigma * self.streams[kind].standard_normal(sigma.shape)
         open_to = sigma if observed is None else sigma * observed
         chosen, errors = gross_errors(
-            getattr(self.gross, what), open_to, self.gross.size, self.streams[f"gross_{kind}"], what
+            getattr(self.gross, what), open_to, self.gross.size_sigmas, self.streams[f"gross_{kind}"], what
         )
         values[chosen] += errors
         return values, (kind, chosen, errors)
@@ -135,7 +135,7 @@ def exterior(
     sigma = np.tile(np.array(disturbance.noise.gnss_m), (n, 1))
     gross: tuple[Any, ...] = ("position", np.zeros(0, np.int64), np.zeros((0, 3)))
     position, covariance = planned_m[:n], np.full((n, 3, 3), np.nan)
-    drifting = gnss.observed and (gnss.shift_m > 0 or gnss.drift > 0)
+    drifting = gnss.observed and (gnss.shift_m > 0 or gnss.drift_m_per_s > 0)
     if gnss.observed:
         errors, gross = disturbance.added("position", "positions", sigma)
         position, covariance = (
@@ -160,6 +160,6 @@ def exterior(
 def _drift(plan: Plan, gnss: Gnss, rng: np.random.Generator) -> Float:
     """Shift and drift of the position of each station, common to its strip: (n, 3), m."""
     _, first, strip = np.unique(plan.strip, return_index=True, return_inverse=True)
-    shift, rate = rng.standard_normal((2, len(first), 3)) * np.array([gnss.shift_m, gnss.drift])[:, None, None]
+    shift, rate = rng.standard_normal((2, len(first), 3)) * np.array([gnss.shift_m, gnss.drift_m_per_s])[:, None, None]
     middle = np.bincount(strip, plan.time_s) / np.bincount(strip)
     return np.asarray(shift[strip] + rate[strip] * (plan.time_s - middle[strip])[:, None])

@@ -25,6 +25,8 @@ Int = npt.NDArray[np.int64]
 
 LEAST_RAYS = 2
 MOST_BATCHES = 50
+CHECK_INSET = 0.1
+"""The net of check points lies inside that of the control by this share of the block."""
 STEP_IN = 0.05
 """Control seen too little moves to the centre by this share of its distance."""
 
@@ -75,29 +77,29 @@ def ground_targets(
         If the images overlap too little for the points asked for.
     """
     low, high = targets.extent(plan)
-    control_roles = _roles(CONTROL, known.full, known.plan, known.height)
-    check_roles = _roles(CHECK, known.check_full, known.check_plan, known.check_height)
-    inset = 0.1 * (high - low)
-    control = _within(photography, ground, targets.net(low, high, len(control_roles)), "control")
-    check = _within(photography, ground, targets.net(low + inset, high - inset, len(check_roles)), "check points")
+    inset = CHECK_INSET * (high - low)
+    control_role = _roles(CONTROL, known.full, known.plan, known.height)
+    check_role = _roles(CHECK, known.check_full, known.check_plan, known.check_height)
+    control = _within(photography, ground, targets.net(low, high, len(control_role)), "control points")
+    check = _within(photography, ground, targets.net(low + inset, high - inset, len(check_role)), "check points")
     half_side_m = 1e-3 * ties.spread_mm * flight.scale_number
-    standard = targets.clusters(targets.standard_positions(plan), ties.per_position, half_side_m, rng)
-    new = _seen(photography, ground.at(standard))
+    clusters = targets.clusters(targets.standard_positions(plan), ties.per_position, half_side_m, rng)
+    standard = _seen(photography, ground.at(clusters))
     if ties.new_points is None:
-        shares = (1 - flight.forward_overlap / 100) * (1 - flight.side_overlap / 100)
-        wanted = round(len(plan.id) * ties.random_per_image * shares)
+        mean_rays = 1 / ((1 - flight.forward_overlap / 100) * (1 - flight.side_overlap / 100))
+        more = round(len(plan.id) * ties.random_per_image / mean_rays)
     else:
-        wanted = ties.new_points - len(check_roles) - len(new.local_m)
-        new = new if wanted >= 0 else _selection(new, ties.new_points - len(check_roles))
-    groups = [new, _random(photography, ground, max(wanted, 0), low, high, rng)]
-    local = np.concatenate([g.local_m for g in (*groups, check, control)])
+        unknown = ties.new_points - len(check_role)
+        standard = _at_most(standard, unknown)
+        more = unknown - len(standard.local_m)
+    parts = [standard, _random(photography, ground, more, low, high, rng), check, control]
+    new = len(standard.local_m) + more
     return GroundTargets(
-        id=_ids(sum(len(g.local_m) for g in groups), len(check_roles), len(control_roles)),
-        local_m=local,
-        role=np.concatenate([np.zeros((len(local) - len(check_roles) - len(control_roles), 3), np.int64),
-                             check_roles, control_roles]),
-        rays=_joined([*groups, check, control]),
-    )  # fmt: skip
+        id=_ids(new, len(check_role), len(control_role)),
+        local_m=np.concatenate([part.local_m for part in parts]),
+        role=np.concatenate([np.zeros((new, 3), np.int64), check_role, control_role]),
+        rays=_joined(parts),
+    )
 
 
 def _roles(role: int, full: int, plan: int, height: int) -> Int:
@@ -118,18 +120,30 @@ def _ids(new: int, check: int, control: int) -> list[str]:
 def _seen(photography: Photography, local_m: Float) -> _Seen:
     """Those of the points that are seen often enough."""
     rays = taken(photography, local_m)
-    enough = np.bincount(rays.point, minlength=len(local_m)) >= LEAST_RAYS
-    return _Seen(local_m[enough], rays.of_points(np.where(enough, np.cumsum(enough) - 1, -1)))
+    return _chosen(_Seen(local_m, rays), _counts(rays, len(local_m)) >= LEAST_RAYS)
 
 
-def _selection(seen: _Seen, points: int) -> _Seen:
-    """Exactly so many of the points, spread evenly over their order."""
+def _counts(rays: Rays, points: int) -> Int:
+    return np.bincount(rays.point, minlength=points)
+
+
+def _chosen(seen: _Seen, mask: npt.NDArray[np.bool_]) -> _Seen:
+    """The points of the mask, numbered anew."""
+    return _Seen(seen.local_m[mask], seen.rays.of_points(np.where(mask, np.cumsum(mask) - 1, -1)))
+
+
+def _at_most(seen: _Seen, points: int) -> _Seen:
+    """So many of the points, spread evenly over their order, if there are more."""
     if points < 0:
-        raise GeometryError("more check points than new points", where="options of block/simulate",
-                            remedy="raise ties.new_points or lower known.check_full")  # fmt: skip
-    chosen = np.zeros(len(seen.local_m), dtype=bool)
-    chosen[np.arange(points) * len(chosen) // max(points, 1)] = True
-    return _Seen(seen.local_m[chosen], seen.rays.of_points(np.where(chosen, np.cumsum(chosen) - 1, -1)))
+        raise GeometryError(
+            "there are more check points than new points",
+            where="options of block/simulate",
+            remedy="raise ties.new_points or lower known.check_full",
+        )
+    number = len(seen.local_m)
+    mask = np.zeros(number, dtype=bool)
+    mask[np.arange(min(points, number)) * number // max(min(points, number), 1)] = True
+    return _chosen(seen, mask)
 
 
 def _random(
@@ -156,15 +170,16 @@ def _random(
 def _within(photography: Photography, ground: Ground, plan_m: Float, what: str) -> _Seen:
     """Points that are all seen often enough, moved towards the centre where they must be."""
     plan_m = plan_m.copy()
+    few = np.zeros(len(plan_m), dtype=bool)
     for _ in range(MOST_BATCHES):
+        plan_m[few] *= 1 - STEP_IN
         local = ground.at(plan_m)
-        seen = _seen(photography, local)
-        if len(seen.local_m) == len(local):
-            return seen
-        rays = np.bincount(taken(photography, local).point, minlength=len(local))
-        plan_m[rays < LEAST_RAYS] *= 1 - STEP_IN
+        rays = taken(photography, local)
+        few = _counts(rays, len(local)) < LEAST_RAYS
+        if not few.any():
+            return _Seen(local, rays)
     raise GeometryError(
-        f"{len(local) - len(seen.local_m)} {what} are in fewer than {LEAST_RAYS} images wherever they are put",
+        f"{few.sum()} {what} are in fewer than {LEAST_RAYS} images wherever they are put",
         where="options of block/simulate",
         remedy="raise flight.forward_overlap and flight.side_overlap",
     )

@@ -6,17 +6,34 @@ The groups are the nested options of `block/simulate`. A preset is a set of valu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 _FROZEN = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
 BROWN = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 """Parameters of the Brown model, in the order used here."""
 
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 Pair = tuple[float, float]
-Triple = tuple[float, float, float]
+
+
+def _ascending(pair: Pair) -> Pair:
+    if pair[0] > pair[1]:
+        raise ValueError("the first number is to be the smaller one")
+    return pair
+
+
+def _share_or_count(much: float) -> float:
+    if much >= 1 and much != int(much):
+        raise ValueError("from 1 on it is a count, a whole number")
+    return much
+
+
+Much = Annotated[NotNegative, AfterValidator(_share_or_count)]
+Range = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ascending)]
 
 
 class Camera(BaseModel):
@@ -29,7 +46,9 @@ class Camera(BaseModel):
     principal_distance_mm: float = Field(153.84, gt=0, description="principal distance c, mm")
     principal_point_mm: Pair = Field((0.0, 0.0), description="from the fiducial or image centre, mm, x right, y up")
     symmetry_point_mm: Pair = Field((0.0, 0.0), description="centre of the distortion, from the principal point, mm")
-    format: Pair = Field((230.0, 230.0), description="image format x, y: mm (film) or pixels (digital)")
+    format: tuple[Positive, Positive] = Field(
+        (230.0, 230.0), description="image format x, y: mm (film) or pixels (digital)"
+    )
     pixel_size_mm: float = Field(0.0024, gt=0, description="pixel size of a digital camera, mm")
     fiducials: Literal[4, 8] = Field(4, description="fiducial marks of a film camera: 4 corners, or 4 sides as well")
     distortion: Literal["none", "brown", "table"] = Field("none", description="distortion model of the lens")
@@ -80,11 +99,13 @@ class Flight(BaseModel):
     forward_overlap: float = Field(60.0, gt=0, lt=100, description="overlap along the strip, percent")
     side_overlap: float = Field(30.0, gt=0, lt=100, description="overlap of neighbouring strips, percent")
     scale_number: float = Field(2500.0, gt=0, description="scale number of the images: height above ground over c")
-    position_sigma_m: Triple = Field((5.0, 5.0, 3.0), description="irregularity along, across and in height, m")
+    position_sigma_m: tuple[NotNegative, NotNegative, NotNegative] = Field(
+        (5.0, 5.0, 3.0), description="irregularity along, across and in height, m"
+    )
     tilt_sigma_deg: float = Field(0.7, ge=0, description="standard deviation of omega and phi, degrees")
     tilt_max_deg: float = Field(2.0, ge=0, lt=30, description="largest tilt; larger ones are clipped, degrees")
     kappa_sigma_deg: float = Field(1.0, ge=0, description="standard deviation of the heading, degrees")
-    speed: float = Field(60.0, gt=0, description="ground speed, m/s; gives the exposure times")
+    speed_m_per_s: float = Field(60.0, gt=0, description="ground speed, m/s; gives the exposure times")
 
 
 class Terrain(BaseModel):
@@ -129,7 +150,7 @@ class Gnss(BaseModel):
     observed: bool = Field(True, description="positions are observed; otherwise none or approximate")
     approximate_positions: bool = Field(True, description="without observations, give those of the flight plan")
     shift_m: float = Field(0.0, ge=0, description="standard deviation of a shift common to each strip, m")
-    drift: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, m/s")
+    drift_m_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, m/s")
 
 
 class Film(BaseModel):
@@ -138,7 +159,7 @@ class Film(BaseModel):
     model_config = _FROZEN
 
     deformation: bool = Field(True, description="the film is deformed; without, only turned and shifted")
-    scale: Pair = Field((1e-4, 3e-4), description="smallest and largest change of scale, in x and y on their own")
+    scale: Range = Field((1e-4, 3e-4), description="smallest and largest change of scale, in x and y on their own")
     shear: float = Field(1e-4, ge=0, description="largest shear, rad")
     rotation_deg: float = Field(0.5, ge=0, description="largest rotation on the comparator, degrees")
     shift_mm: float = Field(2.0, ge=0, description="largest shift on the comparator, mm")
@@ -152,8 +173,10 @@ class Noise(BaseModel):
     factor: float = Field(1.0, ge=0, description="size of the errors relative to the standard deviations; 0: none")
     image_um: float = Field(5.0, gt=0, description="image points, um")
     fiducial_um: float = Field(2.0, gt=0, description="fiducial marks, um")
-    control_m: Triple = Field((0.02, 0.02, 0.03), description="control and check points in X, Y, Z, m")
-    gnss_m: Triple = Field((0.1, 0.1, 0.1), description="observed positions in X, Y, Z, m")
+    control_m: tuple[NotNegative, NotNegative, NotNegative] = Field(
+        (0.02, 0.02, 0.03), description="control and check points in X, Y, Z, m; 0: exact"
+    )
+    gnss_m: tuple[Positive, Positive, Positive] = Field((0.1, 0.1, 0.1), description="observed positions in X, Y, Z, m")
 
 
 class GrossErrors(BaseModel):
@@ -161,11 +184,11 @@ class GrossErrors(BaseModel):
 
     model_config = _FROZEN
 
-    image_points: float = Field(0.0, ge=0, description="image points: share below 1, else count")
-    fiducials: float = Field(0.0, ge=0, description="measured fiducial marks: share below 1, else count")
-    control: float = Field(0.0, ge=0, description="control points: share below 1, else count")
-    positions: float = Field(0.0, ge=0, description="observed positions: share below 1, else count")
-    size: Pair = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
+    image_points: Much = Field(0.0, description="image points: share below 1, else count")
+    fiducials: Much = Field(0.0, description="measured fiducial marks: share below 1, else count")
+    control: Much = Field(0.0, description="control points: share below 1, else count")
+    positions: Much = Field(0.0, description="observed positions: share below 1, else count")
+    size_sigmas: Range = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -196,7 +219,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "flight": {
             "strips": 8, "images_per_strip": 25, "forward_overlap": 80.0, "side_overlap": 60.0,
             "scale_number": 11400.0, "position_sigma_m": (0.5, 0.5, 0.5), "tilt_sigma_deg": 1.0, "tilt_max_deg": 4.0,
-            "kappa_sigma_deg": 2.0, "speed": 10.0,
+            "kappa_sigma_deg": 2.0, "speed_m_per_s": 10.0,
         },
         "terrain": {"mean_height_m": 120.0, "relief_m": 8.0, "wavelength_m": 200.0},
         "ties": {"per_position": 0, "random_per_image": 300.0},

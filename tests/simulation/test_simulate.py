@@ -121,6 +121,10 @@ def test_options_that_make_no_sense_are_refused():
         SimulateOptions(flight={"stripes": 3})
     with pytest.raises(ValidationError):
         SimulateOptions(camera={"table_radius_mm": (0, 10), "table_correction_um": (0, 1, 2)})
+    with pytest.raises(ValidationError):
+        SimulateOptions(gross_errors={"control": 1.5})
+    with pytest.raises(ValidationError):
+        SimulateOptions(gross_errors={"size_sigmas": (9, 3)})
     with pytest.raises(GeometryError):
         made(ties={"new_points": 10}, known={"check_full": 20})
     with pytest.raises(GeometryError):
@@ -175,7 +179,7 @@ def test_film_deformation_is_of_the_size_asked_for_and_can_be_switched_off():
 
 def test_gross_errors_are_listed_with_row_and_size():
     kinds = {"image_points": 0.02, "fiducials": 3, "control": 2, "positions": 1}
-    clean, spoilt = made(), made(gross_errors={**kinds, "size": (20, 30)})
+    clean, spoilt = made(), made(gross_errors={**kinds, "size_sigmas": (20, 30)})
     g = spoilt.gross_errors
     assert len(clean.gross_errors) == 0
     assert (g.kind == "image_point").sum() == round(0.02 * len(clean.image_points))
