@@ -16,6 +16,7 @@ import numpy.typing as npt
 from aatri.camera import forward_models
 from aatri.camera.brown import PARAMETERS as BROWN_PARAMETERS
 from aatri.camera.brown import brown_correction, brown_derivative
+from aatri.camera.folds import first_folded
 from aatri.camera.inversion import invert
 from aatri.camera.radial_table import table_correction
 from aatri.errors import InputError
@@ -119,15 +120,15 @@ def _check_names(distortion: Distortion) -> None:
 
 
 def _refuse_folded_brown(distortion: Distortion, xy_mm: Float) -> None:
-    for share in np.linspace(0.1, 1.0, 10):
-        derivative = brown_derivative(share * xy_mm, distortion.parameters, distortion.symmetry_point_mm)
-        determinant = np.linalg.det(np.eye(2) + derivative)
-        if (determinant <= 0).any():
-            x, y = xy_mm[int(np.argmax(determinant <= 0))]
-            raise InputError(
-                f"brown distortion folds inside the format, on the way to ({x:.3f}, {y:.3f}) mm",
-                remedy="check k1 (mm^-2), k2 (mm^-4), k3 (mm^-6) and their sign: they are added to the measurement",
-            )
+    def derivative(xy: Float) -> Float:
+        return np.asarray(np.eye(2) + brown_derivative(xy, distortion.parameters, distortion.symmetry_point_mm))
+
+    row = first_folded(derivative, xy_mm)
+    if row is not None:
+        raise InputError(
+            f"brown distortion folds inside the format, on the way to ({xy_mm[row, 0]:.3f}, {xy_mm[row, 1]:.3f}) mm",
+            remedy="check k1 (mm^-2), k2 (mm^-4), k3 (mm^-6) and their sign: they are added to the measurement",
+        )
 
 
 def _inverted(distortion: Distortion, xy_mm: Float) -> Float:

@@ -2,7 +2,7 @@
 
 A forward model gives the distorted image of an ideal one, in normalised coordinates (principal distance 1):
 u_d = f(u). Here f(u) = u_d is solved, u <- u - F^-1 (f(u) - u_d) with the derivative F, from u = u_d. A root counts
-only if f has not folded between the axis and it: det F > 0 all along the ray to the root.
+only if f has not folded between the axis and it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.camera.folds import first_folded
 from aatri.errors import ConvergenceError, InputError
 
 Float = npt.NDArray[np.float64]
@@ -71,13 +72,10 @@ def _bounded_step(derivative: Float, misfit: Float, ideal: Float) -> Float:
 
 
 def _refuse_folds(forward: Forward, ideal: Float, distorted: Float, what: str) -> None:
-    for share in np.linspace(0.1, 1.0, 10):
-        determinant = np.linalg.det(forward(share * ideal)[1])
-        folded = ~(determinant > 0)
-        if folded.any():
-            worst = int(np.argmax(folded))
-            raise InputError(
-                f"{what} distortion folds inside the format: normalised image coordinates "
-                f"({distorted[worst, 0]:.4f}, {distorted[worst, 1]:.4f}) lie beyond the fold",
-                remedy="check the distortion parameters, their signs and their model",
-            )
+    row = first_folded(lambda uv: forward(uv)[1], ideal)
+    if row is not None:
+        raise InputError(
+            f"{what} distortion folds inside the format: normalised image coordinates "
+            f"({distorted[row, 0]:.4f}, {distorted[row, 1]:.4f}) lie beyond the fold",
+            remedy="check the distortion parameters, their signs and their model",
+        )

@@ -71,7 +71,7 @@ def refuse_tilted(block: Block, corrections: list[str]) -> None:
     GeometryError
         Naming the images tilted by more than 5 degrees.
     """
-    known = np.isfinite(block.exterior.angles_rad).all(axis=1)
+    known = np.isfinite(block.exterior.angles_rad).all(axis=1) & block.images.active[block.exterior.image]
     angles = block.exterior.angles_rad[known]
     if block.rotation in ("omega-phi-kappa", "phi-omega-kappa"):
         cosine = rotation_from_angles(angles, block.rotation)[:, 2, 2]  # type: ignore[arg-type]

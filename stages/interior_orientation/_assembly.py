@@ -29,6 +29,9 @@ from ._suspects import joined, suspects_of
 MOST_OUTSIDE = 0.05
 """More points than this share outside the format of the image mean a wrong unit or origin."""
 
+LARGE_PRINCIPAL_POINT = 0.05
+"""A principal point this share of the format off its centre may count from another origin."""
+
 FORMAT_TOLERANCE = 0.01
 """A point this share of the format beyond its edge still counts as inside."""
 
@@ -78,6 +81,7 @@ def image_points_of(
     _refuse_mostly_outside(block, active, outside)
     if outside.any():
         context.warn(f"{int(outside.sum())} image points outside the format are not used: {_names(block, outside)}")
+    _warn_of_principal_points(block, context)
     principal_point = block.cameras.principal_point_mm[camera]
     active &= ~outside
     corrections = {}
@@ -123,6 +127,16 @@ def place(block: Block, file: int, line: int) -> str:
 def _inside_format(block: Block, photo: Float, camera: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
     allowed = _half_format(block)[camera] * (1 + FORMAT_TOLERANCE)
     return np.asarray(~(np.abs(photo) > allowed).any(axis=1))
+
+
+def _warn_of_principal_points(block: Block, context: Context) -> None:
+    cameras = block.cameras
+    far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * _half_format(block)).any(axis=1)
+    if far.any():
+        context.warn(
+            f"principal point more than 5 % of the format off the image centre: camera {shown(cameras.id[far])}; "
+            "it counts from the image centre, in mm, x right, y up"
+        )
 
 
 def _refuse_mostly_outside(block: Block, active: npt.NDArray[np.bool_], outside: npt.NDArray[np.bool_]) -> None:

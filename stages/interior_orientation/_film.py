@@ -14,7 +14,7 @@ from aatri.errors import InputError
 from aatri.orientation.interior import AffineFit
 from aatri.tables.schema import Float
 
-from ._assembly import Transformations
+from ._assembly import Transformations, place
 
 Rows = npt.NDArray[np.int64]
 
@@ -53,8 +53,21 @@ def film_images(block: Block) -> npt.NDArray[np.bool_]:
 
 
 def film_marks(block: Block, images: Rows) -> FilmMarks:
-    """The marks of the given images, in the order of the Block."""
+    """The marks of the given images, in the order of the Block.
+
+    Raises
+    ------
+    InputError
+        If a standard deviation is not positive.
+    """
     given = block.fiducial_points
+    if not (given.sigma_mm > 0).all():
+        first = int(np.flatnonzero(~(given.sigma_mm > 0).all(axis=1))[0])
+        raise InputError(
+            f"standard deviation of a fiducial mark of image {block.images.id[given.image[first]]} is not positive",
+            where=place(block, int(given.file[first]), int(given.line[first])),
+            remedy="give sx and sy, or sigma: {fiducial: um} in block.yaml",
+        )
     order = np.argsort(given.image, kind="stable")
     counts = np.bincount(given.image, minlength=len(block.images))
     starts = np.concatenate([[0], np.cumsum(counts)])

@@ -151,7 +151,7 @@ def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: 
     image, slot = np.nonzero(fit.determined[:, None] & marks.present & ~fit.used)
     rows = marks.row[image, slot]
     size = np.sqrt((fit.residual_mm[image, slot] ** 2).sum(axis=1))
-    sigma = np.sqrt((marks.sigma_mm[image, slot] ** 2).mean(axis=1))
+    sigma = _prediction_sigma(fit.covariance[image], marks.calibrated_mm[image, slot], marks.sigma_mm[image, slot])
     rejected = suspects_of(
         kind="fiducial",
         row=rows,
@@ -172,6 +172,14 @@ def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: 
             verdict="kept",
         ),
     )  # fmt: skip
+
+
+def _prediction_sigma(covariance: Float, xy_mm: Float, sigma_mm: Float) -> Float:
+    """Standard deviation of a rejected mark's residual: of its measurement and of the transformation there."""
+    basis = np.column_stack([np.ones(len(xy_mm)), xy_mm])
+    of_x = np.einsum("ni,nij,nj->n", basis, covariance[:, :3, :3], basis)
+    of_y = np.einsum("ni,nij,nj->n", basis, covariance[:, 3:, 3:], basis)
+    return np.asarray(np.sqrt((sigma_mm**2).mean(axis=1) + (of_x + of_y) / 2))
 
 
 def film_deformation(block: Block, transformations: Transformations) -> Float:

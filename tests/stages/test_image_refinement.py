@@ -116,6 +116,15 @@ def test_tilted_images_are_refused_by_name(block: Block, points: ImagePoints) ->
     assert systematic(oblique, points, options=off).corrections.name[-1] == "distortion"
 
 
+def test_a_distortion_of_more_than_5_percent_is_told_with_both_readings(block: Block, points: ImagePoints) -> None:
+    told = Told()
+    parameters = block.camera_parameters
+    value = np.where(parameters.name == "k1", 3e-6, parameters.value)
+    systematic(replace(block, camera_parameters=replace(parameters, value=value)), points, context=told)
+    # k1 r^2 = 3e-6 * 2 * 115^2 = 0.079
+    assert "7.9 % in the corners" in told.warnings[0]
+
+
 def test_a_distortion_that_folds_names_its_camera(block: Block, points: ImagePoints) -> None:
     parameters = block.camera_parameters
     value = np.where(parameters.name == "k1", -5e-5, parameters.value)

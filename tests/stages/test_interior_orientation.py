@@ -124,6 +124,8 @@ def test_a_blunder_among_eight_marks_is_rejected() -> None:
     assert found.suspects.row.tolist() == [row]
     assert not found.fiducial_residuals.active[found.fiducial_residuals.row == row][0]
     assert found.suspects.size[0] == pytest.approx(0.08 * np.sqrt(2), abs=0.02)
+    # 2 um, and a little more for the transformation, at a mark on the edge
+    assert 0.002 < found.suspects.sigma[0] < 0.003
 
 
 def test_a_point_outside_the_format_is_not_used_and_many_are_an_error(block: Block) -> None:
@@ -137,6 +139,18 @@ def test_a_point_outside_the_format_is_not_used_and_many_are_an_error(block: Blo
     assert found.suspects.row.tolist() == [4]
     with pytest.raises(InputError, match="outside the format"):
         affine(replace(block, image_points=replace(points, xy=points.xy + 300.0)))
+
+
+def test_a_principal_point_far_from_the_centre_is_told(block: Block) -> None:
+    told = Told()
+    affine(replace(block, cameras=replace(block.cameras, principal_point_mm=[[115.0, -115.0]])), context=told)
+    assert "principal point" in told.warnings[0]
+
+
+def test_marks_without_standard_deviation_are_refused(block: Block) -> None:
+    marks = block.fiducial_points
+    with pytest.raises(InputError, match="not positive"):
+        affine(replace(block, fiducial_points=replace(marks, sigma_mm=np.zeros((len(marks), 2)))))
 
 
 def test_digital_images_lose_their_principal_point_only() -> None:

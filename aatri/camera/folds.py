@@ -1,0 +1,41 @@
+"""Folds of a distortion: where two places of the ideal image come to lie at one place of the measured one.
+
+A map of the plane has not folded between the axis and a point as long as the determinant of its derivative is positive
+on the way. It is tested at all points, and all along the way to the outermost ones, which pass where the others lie.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Float = npt.NDArray[np.float64]
+
+OUTERMOST = 1000
+"""Number of points the way to which is tested."""
+
+
+def first_folded(derivative: Callable[[Float], Float], points: Float) -> int | None:
+    """The first point that lies beyond a fold, or None.
+
+    Parameters
+    ----------
+    derivative : callable
+        (n, 2) -> (n, 2, 2)
+    points : (n, 2) float64
+        From the axis.
+
+    Returns
+    -------
+    int or None
+        Row of the point.
+    """
+    order = np.argsort(-(points**2).sum(axis=1), kind="stable")
+    outermost = order[:OUTERMOST]
+    for rows, share in [(order, 1.0), *((outermost, s) for s in np.linspace(0.1, 0.9, 9))]:
+        folded = ~(np.linalg.det(derivative(share * points[rows])) > 0)
+        if folded.any():
+            return int(rows[folded].min())
+    return None
