@@ -56,7 +56,11 @@ def _truth(figures: Mapping[str, float]) -> str:
 
 def _xyz(figures: Mapping[str, float], name: str) -> str:
     values = ((axis.upper(), figures.get(name.format(axis))) for axis in "xyz")
-    return ", ".join(f"{axis} {value:.3g}" for axis, value in values if value is not None)
+    return ", ".join(f"{axis} {_metres(value)}" for axis, value in values if value is not None)
+
+
+def _metres(value: float) -> str:
+    return f"{value:.4f}" if value == 0 or value >= 0.0005 else f"{value:.1e}"
 
 
 def _count(n: int, what: str) -> str:

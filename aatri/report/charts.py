@@ -9,7 +9,7 @@ from aatri.report import svg
 from aatri.report.scales import Axis, log_axis, tick_text
 from aatri.report.svg import Float
 
-WIDTH, LEFT, RIGHT = 560.0, 150.0, 20.0
+WIDTH, LEFT, RIGHT = 390.0, 135.0, 20.0
 
 
 def sigma0_chart(sigma0: dict[str, float]) -> tuple[Markup, str] | None:

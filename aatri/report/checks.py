@@ -104,7 +104,7 @@ def _suspects(stage: StageView | None) -> Light:
     if not n:
         return Light("Suspects", GOOD, f"{stage.name}: none")
     state = LOOK if n <= 0.01 * of else BAD
-    return Light("Suspects", state, f"{stage.name}: {number(n)} observations, listed below")
+    return Light("Suspects", state, f"{stage.name}: {number(n)} observation{'' if n == 1 else 's'}, listed below")
 
 
 def _check(figures: Mapping[str, float | int | None]) -> Light:

@@ -17,6 +17,8 @@ def number(value: Any) -> str:
         return f"{value:,}".replace(",", "\u202f")
     if isinstance(value, float):
         return f"{value:.4g}"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(number(item) for item in value) or DASH
     return str(value)
 
 

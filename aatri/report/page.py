@@ -112,11 +112,11 @@ def _counts(run: RunView) -> Mapping[str, str]:
 
 def _first_page_pictures(run: RunView, around: Surroundings) -> list[Picture]:
     pictures = [block_plan(around.block, around.solution) if around.block else None]
+    sigma0 = {s.name: float(s.metrics["sigma0"]) for s in run.stages if s.metrics.get("sigma0")}  # type: ignore[arg-type]
+    pictures.append(sigma0_chart(sigma0))
     evaluation = run.last(Evaluation)
     if evaluation is not None:
         pictures += difference_pictures(evaluation, around, ("control", "check"))
-    sigma0 = {s.name: float(s.metrics["sigma0"]) for s in run.stages if s.metrics.get("sigma0")}  # type: ignore[arg-type]
-    pictures.append(sigma0_chart(sigma0))
     return [picture for picture in pictures if picture is not None]
 
 

@@ -16,7 +16,8 @@ from aatri.report.scales import Plan, length_text, plan_of, round_below, thinned
 from aatri.report.svg import Float
 
 MOST_FOOTPRINTS = 400
-MOST_LABELS = 60
+MOST_STRIP_LABELS = 60
+MOST_POINT_LABELS = 30
 
 
 def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | None:
@@ -138,7 +139,7 @@ def _flight_lines(block: Block, centres: Float, plan: Plan) -> list[Markup]:
     flown = [part for part in parts if strip[part[0]] >= 0]
     marks = [svg.line(px[part], "flight") for part in flown if len(part) > 1]
     marks.append(svg.dots(px[thinned(len(px))], "centre"))
-    if len(flown) <= MOST_LABELS:
+    if len(flown) <= MOST_STRIP_LABELS:
         marks += [_strip_label(str(block.strips.id[strip[part[0]]]), px[part]) for part in flown]
     return marks
 
@@ -163,6 +164,6 @@ def _points(block: Block, ground: Float, plan: Plan) -> tuple[list[Markup], list
         marks.append(draw(px, name))
         if len(shown) < len(rows):
             notes.append(f"{len(shown)} of {len(rows)} {name} points")
-        if kind and len(rows) <= MOST_LABELS:
+        if kind and len(rows) <= MOST_POINT_LABELS:
             marks.append(svg.labels(px, block.points.id[shown]))
     return marks, notes

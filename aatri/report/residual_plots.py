@@ -87,7 +87,7 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
     vectors = {name: vector_of(d) for name, (_, d) in drawn.items()}  # type: ignore[operator]
     lengths = np.concatenate([np.hypot(*v.T) for v in vectors.values()])
     plan = plan_of(places[:, :2], width=540.0, margin=44.0, most_height=560.0)
-    exaggeration = round_below(40.0 / max(float(np.percentile(lengths, 98)), 1e-12) / plan.px_per_m)
+    exaggeration = round_below(50.0 / max(float(np.percentile(lengths, 98)), 1e-12) / plan.px_per_m)
     px_per_m = exaggeration * plan.px_per_m
     marks: list[Markup] = []
     notes = []

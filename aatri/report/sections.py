@@ -19,7 +19,7 @@ from aatri.errors import AatriError
 from aatri.ids import rows_of
 from aatri.report import tables
 from aatri.report.charts import convergence_chart, residual_histogram
-from aatri.report.numbers import metres, number, seconds
+from aatri.report.numbers import number, seconds
 from aatri.report.plan import block_plan, ground_positions
 from aatri.report.residual_plots import height_bars, image_vectors, plan_vectors
 from aatri.report.run_view import RunView, StageView
@@ -190,7 +190,7 @@ def _transformation_columns(t: Any) -> dict[str, Callable[[int], str]]:
         "model": lambda k: str(t.model[k]),
         "parameter": lambda k: str(t.parameter[k]),
         "value": lambda k: f"{float(t.value[k]):.8g}",
-        "sigma": lambda k: metres(float(t.sigma[k])) if np.isfinite(t.sigma[k]) else number(None),
+        "sigma": lambda k: number(float(t.sigma[k])),
     }
 
 

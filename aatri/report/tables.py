@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,10 +28,8 @@ class PageTable:
 
 
 def pairs(caption: str, values: Mapping[str, Any]) -> PageTable | None:
-    """Names and values, as of metrics and options."""
-    rows = [
-        (name, number(value) if not isinstance(value, (dict, list)) else repr(value)) for name, value in values.items()
-    ]
+    """Names and values, as of metrics and options; nested ones with dotted names."""
+    rows = [(name, number(value)) for name, value in _flat(values)]
     return PageTable(caption, ("", ""), rows) if rows else None
 
 
@@ -150,3 +148,11 @@ def point_tables(evaluation: Evaluation) -> list[PageTable]:
 
 def _of(shown: int, total: int, which: str) -> str:
     return f" ({total})" if shown == total else f" (the {shown} {which} of {total})"
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
