@@ -35,15 +35,15 @@ from aatri.orientation.relative_start import parallel_start, refuse_degenerate
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
-State = tuple[Float, Float]
-"""(left_from_right (3, 3), base (3,))."""
+State = tuple[Float, Float, Float]
+"""(left_from_right (3, 3), base (3,), tangents of the base (3, 2))."""
 
 UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base along tangent 1", "base along tangent 2")
 
 WEAK_RAD = 0.01
 """A direction or rotation less certain than this is reported: the geometry is near a singular one."""
 
-MANY = 60
+MANY = 20
 """With more points, gross errors are first rejected several at a time."""
 
 OPEN_RAD = 0.3
@@ -151,9 +151,13 @@ def dependent_angles(left_from_right: Float, base: Float) -> Float:
     return np.concatenate([angles, base[1:] / base[0]])
 
 
+def _state(left_from_right: Float, base: Float) -> State:
+    return left_from_right, base, tangents(base)
+
+
 def _update(state: State, step: Float) -> State:
-    R, b = state
-    return exp_rotation(step[:3]) @ R, unit(b + tangents(b) @ step[3:])
+    R, b, T = state
+    return _state(exp_rotation(step[:3]) @ R, unit(b + T @ step[3:]))
 
 
 def _best(rays: Rays, limit: float, max_iterations: int) -> _Solution:
@@ -186,11 +190,12 @@ def _best(rays: Rays, limit: float, max_iterations: int) -> _Solution:
 def _starts(rays: Rays, limit: float) -> Iterator[tuple[State, Bool]]:
     """Starts in the order of their cost: (state, points to begin with)."""
     everything = np.ones(len(rays.left), dtype=bool)
-    yield parallel_start(rays), everything
+    yield _state(*parallel_start(rays)), everything
     for R, b in essential_starts(rays):
-        v = np.abs(sampson(R, b, tangents(b), rays)[0])
+        start = _state(R, b)
+        v = np.abs(sampson(*start, rays)[0])
         fitting = v < max(3 * limit, 5 * float(np.median(v)))
-        yield (R, b), fitting if fitting.sum() >= 6 else everything
+        yield start, fitting if fitting.sum() >= 6 else everything
 
 
 def _rank(solution: _Solution) -> tuple[int, float]:
@@ -208,7 +213,7 @@ def _solve(rays: Rays, start: State, active: Bool, limit: float, max_iterations:
         result, kept = _snooped(part, start, active[inside], limit, max_iterations)
         active = np.zeros(n, dtype=bool)
         active[inside] = kept
-        R, b = result.state
+        R, b, _ = result.state
         front = np.asarray((intersect_pair(R, b, rays).depth > 0).all(axis=1))
         newly = active & ~front
         if not newly.any():
@@ -222,13 +227,13 @@ def _solve(rays: Rays, start: State, active: Bool, limit: float, max_iterations:
     behind = ~front
     controlled = result.redundancy > 1
     fits = bool((test[active & np.isfinite(test)] <= limit).all()) or not controlled
-    good = fits and bool((active & front).sum() >= 0.8 * n) and bool(active.sum() >= 5)
+    good = fits and bool((active & front).sum() >= 0.6 * n) and bool(active.sum() >= 5)
     return _Solution(result, active & front, test, behind, good)
 
 
 def _linearise(rays: Rays) -> Linearise[State]:
     def linearise(state: State) -> tuple[Float, Float]:
-        v, J = sampson(state[0], state[1], tangents(state[1]), rays)
+        v, J = sampson(*state, rays)
         return v[:, None], J[:, None]
 
     return linearise
@@ -243,7 +248,7 @@ def _snooped(
 
     def solve(use: Bool, state: State) -> DenseResult[State]:
         part = rays.take(use)
-        return adjust(lambda s: sampson(s[0], s[1], tangents(s[1]), part), _update, state,
+        return adjust(lambda s: sampson(*s, part), _update, state,
                       names=UNKNOWNS, max_iterations=max_iterations, what="relative orientation")  # fmt: skip
 
     if n < 7:
@@ -277,9 +282,9 @@ def _coarsely_cleaned(
 
 def _finish(rays: Rays, solution: _Solution, limit: float) -> RelativeOrientation:
     result = solution.result
-    R, b = result.state
+    R, b, T = result.state
     p, sigma = parallax(R, b, rays)
-    v, J = sampson(R, b, tangents(b), rays)
+    v, J = sampson(R, b, T, rays)
     leverage = np.einsum("ni,ij,nj->n", J, result.covariance, J)
     r = np.where(solution.active, 1.0 - leverage, 1.0 + leverage)
     controlled = (r > 1e-6) & np.isfinite(solution.test)
