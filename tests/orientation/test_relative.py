@@ -14,7 +14,7 @@ from aatri.geometry.coplanarity import Rays
 from aatri.orientation.relative import relative_orientation
 
 sys.path.insert(0, str(Path(__file__).parent))
-from pairs import gruber_ground, rays_of, rotation, simulate
+from tests.orientation.pairs import gruber_ground, rays_of, rotation, simulate
 
 B = np.array([0.6, 0.02, -0.01])
 ORIGIN = np.zeros(3)
@@ -126,3 +126,55 @@ def _cylinder(rng):
     """Points on a circular cylinder through both projection centres, its axis along the base."""
     angle = rng.uniform(-1, 1, 18)
     return np.column_stack([rng.uniform(0, 0.6, 18), np.sin(2 * angle) * 0.5, -0.5 - 0.5 * np.cos(2 * angle)])
+
+
+def test_exactly_five_points_are_oriented_with_a_warning():
+    rng = np.random.default_rng(11)
+    rays, R, b = simulate(gruber_ground(2, rng, relief=0.1)[:9:2], rotation(rng), rotation(rng), ORIGIN, B)
+    found = relative_orientation(rays)
+    np.testing.assert_allclose(found.left_from_right, R, atol=1e-9)
+    np.testing.assert_allclose(found.base, b, atol=1e-9)
+    assert found.redundancy == 0
+    assert np.isnan(found.sigma0)
+    assert "no redundancy" in found.warnings[0]
+
+
+def test_an_error_among_six_points_is_seen_but_no_point_is_blamed():
+    rng = np.random.default_rng(12)
+    rays, _, _ = simulate(gruber_ground(1, rng), rotation(rng), rotation(rng), ORIGIN, B, rng)
+    right = rays.right.copy()
+    right[1, 1] += 0.5
+    found = relative_orientation(Rays(rays.left, right, rays.left_sigma, rays.right_sigma))
+    assert found.active.all()
+    assert "cannot be told" in found.warnings[0]
+
+
+def test_points_in_a_corner_are_oriented_with_a_warning():
+    rng = np.random.default_rng(13)
+    X = np.array([0.3, 0.5, -1.0]) + rng.uniform(-0.05, 0.05, (12, 3))
+    rays, _, _ = simulate(X, rotation(rng), rotation(rng), ORIGIN, B, rng)
+    assert "weak geometry" in relative_orientation(rays).warnings[0]
+
+
+def test_points_behind_an_image_are_rejected():
+    rng = np.random.default_rng(14)
+    rays, R, _ = simulate(gruber_ground(4, rng, relief=0.05), rotation(rng), rotation(rng), ORIGIN, B, rng)
+    # a mismatch along the epipolar line: the right point lies right of the left one
+    left = np.vstack([rays.left, rays.left[:1]])
+    right = np.vstack([rays.right, rays.right[:1] + [2 * (rays.left[0, 0] - rays.right[0, 0]), 0.0, 0.0]])
+    sigma = np.full((len(left), 2), 0.05)
+    found = relative_orientation(Rays(left, right, sigma, sigma))
+    assert not found.active[-1]
+    assert found.active[:-1].all()
+
+
+def test_two_thousand_points_with_gross_errors_are_oriented():
+    rng = np.random.default_rng(15)
+    X = np.column_stack([rng.uniform(-0.2, 0.8, 2000), rng.uniform(-0.7, 0.7, 2000), rng.uniform(-1.1, -0.9, 2000)])
+    rays, R, _ = simulate(X, rotation(rng), rotation(rng, kappa=3.0), ORIGIN, B, rng)
+    right = rays.right.copy()
+    right[::10, :2] += rng.uniform(-2, 2, (200, 2))
+    found = relative_orientation(Rays(rays.left, right, rays.left_sigma, rays.right_sigma))
+    np.testing.assert_allclose(found.left_from_right, R, atol=5e-5)
+    assert (~found.active[::10]).sum() > 190
+    assert (~np.delete(found.active, np.arange(0, 2000, 10))).sum() <= 2

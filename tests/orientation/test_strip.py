@@ -14,7 +14,7 @@ from aatri.orientation.scale_transfer import Model, scale_transfer
 from aatri.orientation.strip import form_strip
 
 sys.path.insert(0, str(Path(__file__).parent))
-from pairs import image_coordinates, rays_of, rotation
+from tests.orientation.pairs import image_coordinates, rays_of, rotation
 
 
 def _strip(rng, n_images, kappa=0.0, density=3):

@@ -12,6 +12,7 @@ from aatri.report.numbers import metres, number
 from aatri.report.plan import footprints
 from aatri.report.residual_plots import height_bars, image_vectors, plan_vectors
 from aatri.report.scales import Axis, length_text, log_axis, plan_of, round_below, thinned
+from aatri.report.tables import by_axis, without_axis
 from tests.made_solutions import made_block, made_solution
 
 
@@ -102,3 +103,10 @@ def test_numbers_are_printed_for_reading():
     assert metres(1.2e-7) == "1.2e-07"
     assert length_text(0.0467061) == "46.7 mm"
     assert length_text(2000.0) == "2 km"
+
+
+def test_figures_of_the_three_axes_stand_side_by_side():
+    metrics = {"check_points": 4, "check_rmse_x_m": 1.0, "check_rmse_z_m": 3.0, "truth_over_theory_y": 0.5}
+    table = by_axis("", metrics)
+    assert table.rows == [("check_rmse_m", "1", "–", "3"), ("truth_over_theory", "–", "0.5", "–")]
+    assert without_axis(metrics) == {"check_points": 4}

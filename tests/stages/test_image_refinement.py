@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.affine import affine
-from film_blocks import Told, flown, true_photo_mm
+from tests.stages.film_blocks import Told, flown, true_photo_mm
 
 from aatri.artifacts.block import Block, Exterior
 from aatri.artifacts.image_points import ImagePoints

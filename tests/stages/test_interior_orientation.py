@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
-from film_blocks import Told, flown, with_marks, without_marks
+from tests.stages.film_blocks import Told, flown, with_marks, without_marks
 
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, GeometryError, InputError
