@@ -95,20 +95,26 @@ def _joined(
     for k, (before, model) in enumerate(zip(run.models[:-1], run.models[1:])):
         image, following = run.images[k + 1], run.images[k + 2]
         names = f"{models.orientations.id[before]} and {models.orientations.id[model]}"
-        common = len(common_points(geometry[before], geometry[model])[0])
-        if common < options.min_connection_points:
-            reason = f"models {names} share {common} usable points, {options.min_connection_points} are needed"
+        joint = _joint(geometry[before], geometry[model], options)
+        if joint is None or joint.active.sum() < options.min_connection_points:
+            usable = 0 if joint is None else int(joint.active.sum())
+            reason = f"models {names} share {usable} usable points, {options.min_connection_points} are needed"
             gaps.append(Gap(run.strip, image, following, reason))
             chain = Chain(run.strip, [image, following], [model])
             chains.append(chain)
             continue
-        joint = transfer(geometry[before], geometry[model], snooping_limit=options.snooping_limit)
         for warning in _warnings(joint, options):
             context.warn(f"joint of {names} at image {block.images.id[image]}: {warning}")
         chain.models.append(model)
         chain.images.append(following)
         chain.joints.append(joint)
     return chains, gaps
+
+
+def _joint(first: Model, second: Model, options: ScaleTransferOptions) -> Joint | None:
+    if not len(common_points(first, second)[0]):
+        return None
+    return transfer(first, second, snooping_limit=options.snooping_limit)
 
 
 def _warnings(joint: Joint, options: ScaleTransferOptions) -> list[str]:

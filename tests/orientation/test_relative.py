@@ -110,7 +110,7 @@ def test_forty_percent_mismatches_are_survived():
     [
         (lambda X, rng: simulate(X[:4], np.eye(3), np.eye(3), ORIGIN, B)[0], "4 common points"),
         (lambda X, rng: simulate(X * [1, 0, 1], np.eye(3), np.eye(3), ORIGIN, B)[0], "on a line"),
-        (lambda X, rng: simulate(X, np.eye(3), rotation(rng), ORIGIN, ORIGIN + 1e-9, rng)[0], "no base"),
+        (lambda X, rng: simulate(X, np.eye(3), rotation(rng), ORIGIN, 1e-9 * B, rng)[0], "no base"),
         (lambda X, rng: rays_of(100 * X[:, :2], 100 * X[:, :2]), "identical coordinates"),
         (lambda X, rng: rays_of(rng.uniform(-90, 90, (18, 2)), rng.uniform(-90, 90, (18, 2))), "one orientation"),
         (lambda X, rng: simulate(_cylinder(rng), np.eye(3), np.eye(3), ORIGIN, np.array([0.6, 0, 0]))[0], "determined"),
@@ -161,7 +161,7 @@ def test_points_behind_an_image_are_rejected():
     rays, R, _ = simulate(gruber_ground(4, rng, relief=0.05), rotation(rng), rotation(rng), ORIGIN, B, rng)
     # a mismatch along the epipolar line: the right point lies right of the left one
     left = np.vstack([rays.left, rays.left[:1]])
-    right = np.vstack([rays.right, rays.right[:1] + [2 * (rays.left[0, 0] - rays.right[0, 0]), 0.0, 0.0]])
+    right = np.vstack([rays.right, rays.right[:1] + 2 * (rays.left[0, 0] - rays.right[0, 0]) * np.eye(3)[:1]])
     sigma = np.full((len(left), 2), 0.05)
     found = relative_orientation(Rays(left, right, sigma, sigma))
     assert not found.active[-1]
