@@ -86,8 +86,9 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         return None
     vectors = {name: vector_of(d) for name, (_, d) in drawn.items()}  # type: ignore[operator]
     lengths = np.concatenate([np.hypot(*v.T) for v in vectors.values()])
-    plan = plan_of(places[:, :2], width=540.0, margin=44.0, most_height=560.0)
-    exaggeration = round_below(50.0 / max(float(np.percentile(lengths, 98)), 1e-12) / plan.px_per_m)
+    plan = plan_of(places[:, :2], width=540.0, margin=52.0, most_height=560.0)
+    longest = 50.0 if len(places) < 300 else 25.0
+    exaggeration = round_below(longest / max(float(np.percentile(lengths, 98)), 1e-12) / plan.px_per_m)
     px_per_m = exaggeration * plan.px_per_m
     marks: list[Markup] = []
     notes = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,8 @@ from aatri.report.run_view import RunView, StageView
 from aatri.report.tables import PageTable
 
 Picture = tuple[Markup, str]
+LONG = 15
+"""Options and transformations of more rows are folded."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,10 @@ def section(run: RunView, stage: StageView, around: Surroundings) -> Section:
     """The section of a stage, also of one that failed or whose artifact cannot be read."""
     record = stage.record or {}
     made = Section(stage, seconds(record.get("seconds")))
-    made.tables.extend(_present(tables.pairs("Metrics", stage.metrics)))
-    made.tables.extend(
-        _present(tables.pairs("Options", record.get("options") or (stage.failure or {}).get("options", {})))
-    )
+    single, by_axis = tables.without_axis(stage.metrics), tables.by_axis("Metrics by axis", stage.metrics)
+    made.tables.extend(_present(tables.pairs("Metrics", single), by_axis))
+    options = (stage.failure or record).get("options", {})
+    made.tables.extend(_present(_folded(tables.pairs("Options", options))))
     if stage.status != "done":
         return made
     try:
@@ -139,7 +141,7 @@ def _solution(made: Section, solution: Solution, around: Surroundings) -> None:
         _present(
             tables.residual_classes(solution),
             tables.first_rows("Parameters", parameters, _parameter_columns(parameters), 3),
-            tables.first_rows("Transformations", transformations, _transformation_columns(transformations), 3),
+            _folded(tables.first_rows("Transformations", transformations, _transformation_columns(transformations), 3)),
         )
     )
     made.pictures.extend(image_residual_pictures(solution, around))
@@ -192,6 +194,11 @@ def _transformation_columns(t: Any) -> dict[str, Callable[[int], str]]:
         "value": lambda k: f"{float(t.value[k]):.8g}",
         "sigma": lambda k: number(float(t.sigma[k])),
     }
+
+
+def _folded(table: PageTable | None) -> PageTable | None:
+    """A long table shows only its caption until it is opened."""
+    return replace(table, folded=True) if table is not None and len(table.rows) > LONG else table
 
 
 def _present(*items: Any) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,22 +16,40 @@ from aatri.artifacts.suspects import Suspects
 from aatri.report.numbers import DASH, metres, number
 
 MOST_ROWS = 20
+_AXIS = re.compile(r"_([xyz])(_|$)")
 
 
 @dataclass(frozen=True)
 class PageTable:
-    """A table: `text_columns` leading columns are text, the others numbers."""
+    """A table: `text_columns` leading columns are text, the others numbers; `folded` shows only its caption."""
 
     caption: str
     heads: Sequence[str]
     rows: Sequence[Sequence[str]]
     text_columns: int = 1
+    folded: bool = False
 
 
 def pairs(caption: str, values: Mapping[str, Any]) -> PageTable | None:
     """Names and values, as of metrics and options; nested ones with dotted names."""
     rows = [(name, number(value)) for name, value in _flat(values)]
     return PageTable(caption, ("", ""), rows) if rows else None
+
+
+def by_axis(caption: str, values: Mapping[str, Any]) -> PageTable | None:
+    """The figures that exist for X, Y and Z, side by side: `check_rmse_x_m` is the row `check_rmse_m`."""
+    rows: dict[str, list[str]] = {}
+    for name, value in values.items():
+        if axis := _AXIS.search(name):
+            row = rows.setdefault(name[: axis.start()] + name[axis.end() - len(axis[2]) :], [DASH] * 3)
+            row["xyz".index(axis[1])] = number(value)
+    cells = [(name, *row) for name, row in rows.items()]
+    return PageTable(caption, ("figure", "x", "y", "z"), cells) if rows else None
+
+
+def without_axis(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures that are not of one axis."""
+    return {name: value for name, value in values.items() if not _AXIS.search(name)}
 
 
 def suspects_table(suspects: Suspects) -> PageTable | None:
