@@ -158,7 +158,7 @@ def test_points_in_a_corner_are_oriented_with_a_warning():
 
 def test_points_behind_an_image_are_rejected():
     rng = np.random.default_rng(14)
-    rays, R, _ = simulate(gruber_ground(4, rng, relief=0.05), rotation(rng), rotation(rng), ORIGIN, B, rng)
+    rays, _, _ = simulate(gruber_ground(4, rng, relief=0.05), rotation(rng), rotation(rng), ORIGIN, B, rng)
     # a mismatch along the epipolar line: the right point lies right of the left one
     left = np.vstack([rays.left, rays.left[:1]])
     right = np.vstack([rays.right, rays.right[:1] + 2 * (rays.left[0, 0] - rays.right[0, 0]) * np.eye(3)[:1]])
