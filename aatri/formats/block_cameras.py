@@ -28,19 +28,17 @@ def camera_tables(source: Source) -> CameraTables:
     given = source.settings.cameras
     ids = canonical(given)
     cameras = [given[name] for name in ids]
-    return CameraTables(_cameras(source, ids, cameras), _parameters(cameras), _distortion(cameras),
+    return CameraTables(_cameras(source, ids, cameras), _parameters(source, cameras), _distortion(cameras),
                         _fiducials(source, ids, cameras))  # fmt: skip
 
 
 def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> Cameras:
     nothing = [np.nan, np.nan]
-    unit = source.settings.units.angle
     for name, camera in zip(ids, cameras):
-        if any(camera.boresight) and unit is None:
+        if any(camera.boresight) and source.settings.units.angle is None:
             where = source.document.where("cameras", name, "boresight")
             source.problems.append(InputError("units.angle is missing, but a boresight is given", where=where,
                                               remedy="add units: {angle: deg} (or gon, rad)"))  # fmt: skip
-    to_rad = ANGLE_RAD["deg" if unit == "dms" else unit or "rad"]
     n = len(ids)
     return Cameras(
         id=texts(ids),
@@ -55,11 +53,17 @@ def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> C
         symmetry_point_mm=np.array([c.symmetry_point for c in cameras]).reshape(n, 2),
         distortion=texts(c.distortion.model for c in cameras),
         lever_arm_m=np.array([c.lever_arm for c in cameras]).reshape(n, 3),
-        boresight_rad=np.array([c.boresight for c in cameras]).reshape(n, 3) * to_rad,
+        boresight_rad=np.array([c.boresight for c in cameras]).reshape(n, 3) * _rad(source),
     )
 
 
-def _parameters(cameras: list[CameraSettings]) -> CameraParameters:
+def _rad(source: Source) -> float:
+    """Factor of plain angles in block.yaml; degrees where tables have degrees, minutes and seconds."""
+    unit = source.settings.units.angle
+    return ANGLE_RAD["deg" if unit == "dms" else unit or "rad"]
+
+
+def _parameters(source: Source, cameras: list[CameraSettings]) -> CameraParameters:
     """One row per distortion parameter or given standard deviation, by camera and name."""
     camera, name, value, sigma, free = [], [], [], [], []
     for k, settings in enumerate(cameras):
@@ -67,7 +71,8 @@ def _parameters(cameras: list[CameraSettings]) -> CameraParameters:
         for parameter, given in settings.sigmas.items():
             if parameter in VECTORS:
                 listed = given if isinstance(given, list) else [given] * len(VECTORS[parameter])
-                sigmas |= {f"{parameter}.{axis}": s for axis, s in zip(VECTORS[parameter], listed)}
+                unit = _rad(source) if parameter == "boresight" else 1.0
+                sigmas |= {f"{parameter}.{axis}": s * unit for axis, s in zip(VECTORS[parameter], listed)}
             else:
                 sigmas[parameter] = given[0] if isinstance(given, list) else given
         for parameter in sorted({*sigmas, *settings.distortion.parameters}):

@@ -266,7 +266,7 @@ def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sig
         _ask_for_sigma(source, table, lacking, key, unit)
     for name in SIGMAS if key == "position" else ("s1", "s2", "s3"):
         not_negative(table, name, zero=True)
-    return observed.astype(np.int32)
+    return np.asarray(observed, dtype=np.int32)
 
 
 def _attitudes(source: Source, table: CsvTable, use: Sequence[str],

@@ -62,7 +62,7 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
         for name, columns in _tables(block).items():
             _write_csv(folder / name, columns)
         if len(block.relative_control):
-            write_relative_control(block, folder / RELATIVE_CONTROL)
+            write_relative_control(block, folder / RELATIVE_CONTROL, _axis_names(block))
     except OSError as error:
         raise ResourceError(
             f"cannot write: {error}", where=str(folder), remedy="free space or choose a folder"
@@ -191,12 +191,13 @@ def _ground_points(block: Block) -> dict[str, Cells]:
 
 def _exterior(block: Block) -> dict[str, Cells]:
     rows = block.exterior
-    observed = (rows.position_use == OBSERVED_VALUE) | (rows.angle_use == OBSERVED_VALUE)
+    position, angles = rows.position_use == OBSERVED_VALUE, rows.angle_use == OBSERVED_VALUE
+    covariance = np.where(position[:, None, None], rows.position_covariance_m2, np.nan)
     columns = {"image": _text(block.images.id[rows.image])}
-    columns |= _position(block, rows.position_m, rows.position_covariance_m2)
+    columns |= _position(block, rows.position_m, covariance)
     columns |= {f"a{k + 1}": _numbers(rows.angles_rad[:, k]) for k in range(3)}
-    columns |= {f"s{k + 1}": _numbers(rows.angle_sigma_rad[:, k]) for k in range(3)}
-    columns["use"] = ["" if o else "approximate" for o in observed.tolist()]
+    columns |= {f"s{k + 1}": _numbers(np.where(angles, rows.angle_sigma_rad[:, k], np.nan)) for k in range(3)}
+    columns["use"] = ["" if o else "approximate" for o in (position | angles).tolist()]
     columns["refers_to"] = ["antenna" if r == ANTENNA else "" for r in rows.refers_to.tolist()]
     columns["drift_group"] = _text(rows.drift_group)
     return columns

@@ -250,10 +250,12 @@ def _fault(document: Document, item: dict[str, Any]) -> InputError:
         return InputError(what + did_you_mean(str(keys[-1]), known), where=document.where_key(*keys), remedy=remedy)
     if item["type"] == "missing":
         return InputError(f"{path} is missing", where=document.where(*keys), remedy=f"add `{keys[-1]}:`")
-    message = item["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    value = item["input"]
+    message, value = item["msg"].removeprefix("Value error, "), item["input"]
     if item["type"] == "value_error":
         return InputError(f"{path}: {message}", where=document.where(*keys), remedy="see docs/formats.md")
+    if not message.startswith("Input should be "):
+        return InputError(f"{path}: {message}", where=document.where(*keys), remedy="write as many values as it takes")
+    message = message.removeprefix("Input should be ")
     shown = printable(repr(value)) if not isinstance(value, dict | list) else "a list or mapping"
     near = did_you_mean(value, message.replace("'", " ").split()) if isinstance(value, str) else ""
     return InputError(f"{path} is {shown}{near}", where=document.where(*keys), remedy=f"it must be {message}")

@@ -8,7 +8,7 @@ unit. Conditions come out sorted by type, axis, members and value; the order of 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,8 +98,8 @@ def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[Relati
     )  # fmt: skip
 
 
-def write_relative_control(block: Block, path: Path) -> None:
-    """Write the conditions of a block whose units are m and rad."""
+def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, str]) -> None:
+    """Write the conditions in m and rad; `table_axis` says what the tables call the axes X, Y, Z of the block."""
     rows, members = block.relative_control, block.relative_control_members
     lines = []
     for k in range(len(rows)):
@@ -114,7 +114,7 @@ def write_relative_control(block: Block, path: Path) -> None:
         if np.isfinite(rows.value[k]):
             item["radius" if rows.type[k] in ("sphere", "cylinder") else "value"] = float(rows.value[k])
         if rows.axis[k]:
-            item["axis"] = str(rows.axis[k])
+            item["axis"] = table_axis[str(rows.axis[k])]
         item |= {"sigma": float(rows.sigma[k])} if rows.sigma[k] > 0 else {"exact": True}
         lines.append(f"- {json.dumps(item, ensure_ascii=False)}\n")
     path.write_text("".join(lines), encoding="utf-8", newline="\n")

@@ -209,7 +209,8 @@ def _too_many(block: Block, images: _Set, points: _Set) -> list[InputError]:
         _share_error("images", image_lines, len(block.images), FEW_POINTS,
                      "measure more points, give an observed position, or remove the images"),
     ]  # fmt: skip
-    return [error for error in found if error is not None]
+    errors = [error for error in found if error is not None]
+    return errors[:1] if found[0] is not None else errors  # what lies outside the format takes the rest with it
 
 
 def _share_error(kind: str, found: list[tuple[str, str]], total: int, reason: str, remedy: str) -> InputError | None:
@@ -243,8 +244,8 @@ def _rejects(block: Block, images: _Set, points: _Set) -> Rejects:
         & ((_images_per_point(block, points.active) == 0) & ~_joined(block))[ground.point]
     )
     for row in np.flatnonzero(unseen).tolist():
-        name = str(block.points.id[ground.point[row]])
-        listed.append(("ground_point", name, NOT_SEEN, int(ground.file[row]), int(ground.line[row])))
+        point = str(block.points.id[ground.point[row]])
+        listed.append(("ground_point", point, NOT_SEEN, int(ground.file[row]), int(ground.line[row])))
     listed = sorted(set(listed), key=lambda r: (r[0], r[1].encode(), r[2], r[3], r[4]))
     if not listed:
         return Rejects.empty()

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 -- one case per line reads better
 """Bad input: every fault is found with its place, the value, a remedy and exit code 3, and never a traceback."""
 
 from __future__ import annotations
@@ -6,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.formats.block_folder import FILES, replaced, write_folder
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from aatri.errors import AatriError, InputError
 from aatri.formats.block_reader import read_block
+from tests.formats.block_folder import FILES, replaced, write_folder
 
 Change = dict[str, str | bytes | None]
 POINTS, IMAGES, GROUND, YAML = "image_points.csv", "images.csv", "ground_points.csv", "block.yaml"
@@ -184,7 +185,9 @@ def test_mutated_files_give_a_block_or_an_error_of_ours(tmp_path: Path, mutation
         text = FILES[name].encode()
         k = place % len(text)
         changes[name] = text[:k] + new + text[k + length :]
+    exit_code = 0
     try:
         read_block(write_folder(tmp_path / "block", changes))
     except AatriError as error:
-        assert error.exit_code == 3
+        exit_code = error.exit_code
+    assert exit_code in (0, 3)

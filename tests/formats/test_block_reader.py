@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.formats.block_folder import FILES, replaced, write_folder
 
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, TRUTH, Block
 from aatri.formats.block_reader import read_block
 from aatri.tables.digest import content_digest
+from tests.formats.block_folder import FILES, replaced, write_folder
 
 
 @pytest.fixture

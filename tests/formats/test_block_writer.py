@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.formats.block_folder import FILES, write_folder
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from aatri.formats.block_writer import write_block
 from aatri.formats.wucaps import read_wucaps
 from aatri.ids import is_valid
 from aatri.tables.digest import content_digest
+from tests.formats.block_folder import FILES, write_folder
 
 
 def _digest(block: Block) -> str:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from aatri.stages.block.wucaps import WucapsOptions, wucaps
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import AatriError, InputError
 from aatri.formats.wucaps import read_wucaps
-from aatri.stages.block.wucaps import WucapsOptions, wucaps
 from aatri.tables.digest import content_digest
 
 FOLDER = "rc30_2x3/Data/bundle_ajustment"
@@ -134,8 +134,8 @@ def test_a_malformed_line_is_named(folder: Path, name: str, old: str, new: str, 
 
 
 def test_missing_files_and_folders_name_the_nearest(folder: Path) -> None:
-    (folder / "PRECPI.DAT").rename(folder / "PRECPO.DAT")
-    with pytest.raises(InputError, match="did you mean 'PREC"):
+    (folder / "PRECPI.DAT").rename(folder / "PRECPI_.DAT")
+    with pytest.raises(InputError, match="did you mean 'PRECPI_.DAT'"):
         read_wucaps(folder)
     with pytest.raises(InputError, match="did you mean 'rc30'"):
         read_wucaps(folder.parent / "rc31")
