@@ -47,7 +47,11 @@ def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | 
         *points,
         *furniture(plan),
     ]
-    caption = "Block plan: footprints, flight lines with projection centres, control (triangles), check points (circles), new points (dots)."  # noqa: E501
+    what = "footprints, " if len(shown) else ""
+    caption = (
+        f"Block plan: {what}flight lines with projection centres, control (triangles), check points (circles), "
+        "new points (dots)."
+    )
     if notes:
         caption += f" Drawn: {', '.join(notes)}."
     return svg.drawing(plan.width_px, plan.height_px + 34, "Block plan", *marks), caption

@@ -20,7 +20,7 @@ from aatri.ids import rows_of
 from aatri.report import tables
 from aatri.report.charts import convergence_chart, residual_histogram
 from aatri.report.numbers import number, seconds
-from aatri.report.plan import block_plan, ground_positions
+from aatri.report.plan import ground_positions
 from aatri.report.residual_plots import height_bars, image_vectors, plan_vectors
 from aatri.report.run_view import RunView, StageView
 from aatri.report.tables import PageTable
@@ -83,9 +83,7 @@ def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tup
     return _present(plan_vectors(groups), height_bars(groups))
 
 
-def _block(made: Section, block: Block, around: Surroundings) -> None:
-    if around.solution is None:
-        made.pictures.extend(_present(block_plan(block, None)))
+def _block(made: Section, block: Block, _around: Surroundings) -> None:
     cameras = block.cameras
     columns = {
         "camera": lambda k: str(cameras.id[k]),
