@@ -35,7 +35,7 @@ class MadeBlock:
         for strip in range(n_strips):
             for k in range(n_images):
                 self.image_strip.append(strip)
-                self.truth_X0.append([BASE_M * k, (SPACING_M + gap_m) * strip, HEIGHT_M] + rng.normal(0, 3, 3))
+                self.truth_X0.append(rng.normal([BASE_M * k, (SPACING_M + gap_m) * strip, HEIGHT_M], 3))
                 self.truth_R.append(exp_rotation(rng.normal(0, 0.01, 3)))
         self.truth_X0, self.truth_R = np.array(self.truth_X0) + ORIGIN_M, np.array(self.truth_R)
         self.image_strip = np.array(self.image_strip)

@@ -31,15 +31,8 @@ from aatri.geometry.similarity import (
     updated,
 )
 from aatri.orientation.datum_analysis import DatumAnalysis, analyse_datum
-from aatri.orientation.tied_strips import (
-    Control,
-    Linearised,
-    Problem,
-    TiedResult,
-    adjust_tied,
-    block_rows,
-    observations_of,
-)
+from aatri.orientation.tie_elimination import Control, Linearised, observations_of
+from aatri.orientation.tied_strips import Problem, TiedResult, adjust_tied
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -212,7 +205,7 @@ def _adjust(
         C = transform_covariance(similarity, datum.covariance)
         return Linearised(
             np.concatenate([transform(similarity, x, datum.offset_m), given_m]),
-            block_rows(J, observations.strip, 1),
+            J,
             np.concatenate([C, datum.covariance_m2]),
         )
 

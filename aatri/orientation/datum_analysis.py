@@ -62,7 +62,8 @@ def analyse_datum(observed: Float, given: Bool, names: Sequence[str], body: Floa
     body : (m, 3) float64
         Points of the body in the same frame.
     """
-    some = given.any(1)
+    # Where heights are known is what the body can still turn about.
+    some = given[:, 2] if given[:, 2].any() else given.any(1)
     centre = observed[some].mean(0) if some.any() else body.mean(0)
     extent = float(np.sqrt(((body - body.mean(0)) ** 2).sum(1).mean()))
     axes, line = _axes(observed[some] - centre, extent)
@@ -75,7 +76,7 @@ def analyse_datum(observed: Float, given: Bool, names: Sequence[str], body: Floa
     smallest = max(float(values[0]), 0.0)
     # Parameters refer to the centre of control, so that a rotation about the line of control is one of them.
     share = np.linalg.norm(np.linalg.qr(missing)[0], axis=1)
-    labels = _labels(line, observed - centre, axes, given, names)
+    labels = _labels(line, observed - centre, axes, some, names)
     named = tuple(label for label, s in zip(labels, share) if s > NAMED)
     return DatumAnalysis(named, missing.shape[1], 1 / np.sqrt(smallest) if smallest > 1e-12 else float("inf"))
 
@@ -99,10 +100,10 @@ def _design(x: Float, axes: Float) -> Float:
     return J
 
 
-def _labels(line: bool, reduced: Float, axes: Float, given: Bool, names: Sequence[str]) -> list[str]:
+def _labels(line: bool, reduced: Float, axes: Float, some: Bool, names: Sequence[str]) -> list[str]:
     first, second = "tilt about X", "tilt about Y"
     if line:
-        along = np.where(given.any(1), reduced @ axes[:, 0], np.nan)
+        along = np.where(some, reduced @ axes[:, 0], np.nan)
         a, b = names[int(np.nanargmin(along))], names[int(np.nanargmax(along))]
         first, second = f"rotation about the line through {a} and {b}", "tilt along that line"
     return ["shift in X", "shift in Y", "height", first, second, "azimuth", "scale"]

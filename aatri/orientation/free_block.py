@@ -32,7 +32,8 @@ from aatri.geometry.similarity import (
     transform_covariance,
     updated,
 )
-from aatri.orientation.tied_strips import Linearised, Problem, TiedResult, adjust_tied, block_rows, observations_of
+from aatri.orientation.tie_elimination import Linearised, observations_of
+from aatri.orientation.tied_strips import Problem, TiedResult, adjust_tied
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
@@ -232,7 +233,6 @@ def _adjusted(
     centre = np.stack([mine.xyz[local == k].mean(0) for k in range(len(strips))])
     start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
     reduced = mine.xyz - centre[local]
-    block = np.where(local == held, -1, local - (local > held))
 
     def linearise(state: list[Similarity]) -> Linearised:
         xyz, J, C = np.empty_like(reduced), np.zeros((len(reduced), 3, 7)), np.empty_like(mine.covariance)
@@ -241,7 +241,7 @@ def _adjusted(
             xyz[of] = transform(similarity, reduced[of])
             J[of] = jacobian(similarity, reduced[of])
             C[of] = transform_covariance(similarity, mine.covariance[of])
-        return Linearised(xyz, block_rows(J, block, len(state) - 1), C)
+        return Linearised(xyz, J, C)
 
     def update(state: list[Similarity], dx: Float) -> list[Similarity]:
         moving = [k for k in range(len(state)) if k != held]
@@ -249,7 +249,7 @@ def _adjusted(
         return [updated(s, steps[k]) if k in steps else s for k, s in enumerate(state)]
 
     what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
-    problem = Problem(observations_of(mine.strip, point, len(number)), linearise, update, what)
+    problem = Problem(observations_of(local, point, len(number), held=held), linearise, update, what)
     tied = adjust_tied(problem, start, limit=limit, active=use[rows])
     component_from_strip = [compose(s, Similarity(-c, 1.0, np.eye(3))) for s, c in zip(tied.state, centre)]
     solved = np.isfinite(tied.point_m).all(1)
@@ -260,6 +260,7 @@ def _adjusted(
 def _reasons(
     components: list[Component], weak: dict[tuple[int, int], _Tie], member: Int, names: Sequence[str]
 ) -> tuple[str, ...]:
+    components = sorted(components, key=lambda c: int(c.strips[0]))
     label = [int(member[c.strips[0]]) for c in components]
     texts = []
     for i, first in enumerate(components):

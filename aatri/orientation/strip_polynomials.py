@@ -28,24 +28,15 @@ import numpy.typing as npt
 
 from aatri.geometry.polynomials import COUNT, TERMS, StripAxes, correction_design
 from aatri.orientation.free_block import StripPoints
-from aatri.orientation.tied_strips import (
-    Control,
-    Linearised,
-    Observations,
-    Problem,
-    TiedResult,
-    adjust_tied,
-    block_rows,
-    eliminate,
-    observations_of,
-)
+from aatri.orientation.tie_elimination import Control, Linearised, Observations, eliminate, observations_of
+from aatri.orientation.tied_strips import Problem, TiedResult, adjust_tied
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-RANK = 1e-10
-WORST = 3.0
+RANK = 1e-7
+WORST = 10.0
 LIMIT = 4.0
 COEFFICIENTS = 15
 PART = np.repeat([0, 0, 1], 5)
@@ -124,33 +115,30 @@ def adjust_strip_polynomials(
     design = np.zeros((len(observations.strip), 3, COEFFICIENTS))
     for k, strip in enumerate(axes):
         rows = points.strip == k
-        design[: len(points.strip)][rows] = correction_design(strip, points.xyz[rows])
-    full = Linearised(
-        np.concatenate([points.xyz, np.where(control.given, control.xyz_m, 0.0)]),
-        block_rows(design, observations.strip, len(axes)),
-        np.concatenate([points.covariance, control.covariance_m2]),
-    )
+        design[np.flatnonzero(rows)] = correction_design(strip, points.xyz[rows])
+    xyz = np.concatenate([points.xyz, np.where(control.given, control.xyz_m, 0.0)])
+    covariance = np.concatenate([points.covariance, control.covariance_m2])
     use = np.ones(len(observations.strip), dtype=bool) if active is None else active
-    degrees, falls = _determined_degrees(observations, full, design, use, np.full((len(axes), 2), degree))
+    degrees, falls = _determined_degrees(observations, design, use, np.full((len(axes), 2), degree))
     kept = np.flatnonzero(_kept(degrees))
-    J = full.jacobian[:, kept]
 
-    def linearise(theta: Float) -> Linearised:
-        return Linearised(full.xyz_m + (J @ theta).reshape(-1, 3), J, full.covariance_m2)
+    def linearise(coefficients: Float) -> Linearised:
+        of_block = coefficients.reshape(-1, COEFFICIENTS)[observations.block]
+        return Linearised(xyz + np.einsum("nik,nk->ni", design, of_block), design, covariance)
 
-    problem = Problem(observations, linearise, lambda theta, step: theta + step, "strip block adjustment")
-    tied = adjust_tied(problem, np.zeros(len(kept)), limit=limit, active=use)
+    problem = Problem(observations, linearise, lambda theta, step: theta + step, "strip block adjustment", kept)
+    tied = adjust_tied(problem, np.zeros(len(axes) * COEFFICIENTS), limit=limit, active=use)
     solved = linearise(tied.state)
     strips_only = tied.active & (observations.strip >= 0)
-    coefficients, sigma = np.zeros(len(axes) * COEFFICIENTS), np.full(len(axes) * COEFFICIENTS, np.nan)
-    coefficients[kept], sigma[kept] = tied.state, np.sqrt(np.diag(tied.covariance))
+    variance = np.diag(tied.covariance)
+    sigma = np.where(variance > 0, np.sqrt(variance), np.nan)
     return StripPolynomials(
         degree=degrees,
         falls=tuple(falls),
-        coefficients_m=coefficients.reshape(-1, 3, 5),
+        coefficients_m=tied.state.reshape(-1, 3, 5),
         sigma_m=sigma.reshape(-1, 3, 5),
         corrected_m=solved.xyz_m[: len(points.strip)],
-        point_m=eliminate(observations, solved, strips_only, tied.tau_m).point_m,
+        point_m=eliminate(observations, linearise(tied.state), strips_only, tied.tau_m).point_m,
         tied=tied,
     )
 
@@ -160,75 +148,57 @@ def _kept(degrees: Int) -> Bool:
     return np.asarray(degrees[:, PART] >= TERM_DEGREE).ravel()
 
 
-def _determined_degrees(
-    observations: Observations, full: Linearised, design: Float, use: Bool, degrees: Int
-) -> tuple[Int, list[Fall]]:
+def _determined_degrees(observations: Observations, design: Float, use: Bool, degrees: Int) -> tuple[Int, list[Fall]]:
     degrees, falls = degrees.copy(), []
-    strips = observations.strip >= 0
-    equal = np.where(strips[:, None, None], np.eye(3), 0.0)
-    while (degrees >= 0).any():
-        kept = np.flatnonzero(_kept(degrees))
-        N = eliminate(observations, Linearised(full.xyz_m, full.jacobian[:, kept], equal), use, 0.0).N
-        lower, reason = _undetermined(N, kept, degrees)
-        if not lower.any():
-            lower, reason = _extrapolating(N, kept, degrees, design, observations)
-        if not lower.any():
-            break
-        for strip, part in np.argwhere(lower):
-            degrees[strip, part] -= 1
-            falls.append(Fall(int(strip), PARTS[part], int(degrees[strip, part]), reason[strip, part]))
+    equal = np.where((observations.strip >= 0)[:, None, None], np.eye(3), 0.0)
+    N = eliminate(observations, Linearised(np.zeros((len(equal), 3)), design, equal), use, 0.0).N
+    for part in (0, 1):
+        while (degrees[:, part] >= 0).any():
+            kept = np.flatnonzero(_kept(degrees) & np.tile(part == PART, len(degrees)))
+            reasons = _undetermined(N[np.ix_(kept, kept)], kept)
+            if not reasons:
+                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, design, observations)
+            if not reasons:
+                break
+            for strip, reason in sorted(reasons.items()):
+                degrees[strip, part] -= 1
+                falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
     return degrees, falls
 
 
-def _undetermined(N: Float, kept: Int, degrees: Int) -> tuple[Bool, npt.NDArray[np.object_]]:
-    """Strips and parts in the null vectors of the unit-diagonal normal matrix."""
-    lower, reason = np.zeros(degrees.shape, dtype=bool), np.full(degrees.shape, "", dtype=object)
-    # Control and ties may cancel to rounding: a diagonal this small against the others is none.
+def _undetermined(N: Float, kept: Int) -> dict[int, str]:
+    """Strips in the null vectors of the unit-diagonal normal matrix, with what is open."""
     diagonal = np.diag(N)
     empty = diagonal <= 1e-12 * diagonal.max(initial=1.0)
     scale = np.where(empty, 1.0, np.sqrt(np.where(empty, 1.0, diagonal)))
     unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
     values, vectors = np.linalg.eigh(unit)
     missing = values < RANK
-    if not missing.any():
-        return lower, reason
     weight = (vectors[:, missing] ** 2).sum(1)
-    involved = np.zeros(len(degrees) * COEFFICIENTS)
-    involved[kept] = weight
-    parts = np.stack([involved.reshape(-1, COEFFICIENTS)[:, part == PART].sum(1) for part in (0, 1)], 1)
-    lower = (parts > 0.1 * parts.max()) & (degrees >= 0)
-    for strip, part in np.argwhere(lower):
-        mine = [
-            (f"{'abc'[k // 5]}_{TERMS[k % 5]}", involved[strip * COEFFICIENTS + k])
-            for k in range(COEFFICIENTS)
-            if PART[k] == part and involved[strip * COEFFICIENTS + k] > 0.05
-        ]
-        named = ", ".join(name for name, _ in sorted(mine, key=lambda pair: -pair[1])[:4])
-        reason[strip, part] = f"rank {len(N) - missing.sum()} of {len(N)}; not determined: {named}"
-    return lower, reason
+    strip, coefficient = np.divmod(kept, COEFFICIENTS)
+    involved = np.bincount(strip, weight)
+    reasons = {}
+    for k in np.flatnonzero(involved > 0.1 * max(involved.max(), 1e-9)):
+        mine = np.flatnonzero(strip == k)
+        largest = mine[np.argsort(-weight[mine], kind="stable")][:4]
+        named = [f"{'abc'[c // 5]}_{TERMS[c % 5]}" for c in coefficient[largest[weight[largest] > 0.05]]]
+        reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
+    return reasons
 
 
-def _extrapolating(
-    N: Float, kept: Int, degrees: Int, design: Float, observations: Observations
-) -> tuple[Bool, npt.NDArray[np.object_]]:
-    """Strips and parts whose corrections would be far less precise than a single point."""
-    Q = np.zeros((len(degrees) * COEFFICIENTS,) * 2)
+def _extrapolating(N: Float, kept: Int, part: int, design: Float, observations: Observations) -> dict[int, str]:
+    """Strips whose corrections would be far less precise than a single point."""
     scale = np.sqrt(np.diag(N))
-    Q[np.ix_(kept, kept)] = np.linalg.inv(N / np.outer(scale, scale)) / np.outer(scale, scale)
-    factor = np.zeros(degrees.shape)
-    for strip in range(len(degrees)):
-        mine = slice(strip * COEFFICIENTS, (strip + 1) * COEFFICIENTS)
-        J = design[observations.strip == strip]
-        for part in (0, 1):
-            of = np.flatnonzero(part == PART)
-            spread = np.einsum("nik,kl,nil->n", J[:, :, of], Q[mine, mine][np.ix_(of, of)], J[:, :, of])
-            factor[strip, part] = np.sqrt(spread.mean() / (2 - part)) if len(J) else 0.0
-    factor[degrees < 0] = 0.0
+    Q = np.linalg.inv(N / np.outer(scale, scale)) / np.outer(scale, scale)
+    strip, coefficient = np.divmod(kept, COEFFICIENTS)
+    factor = np.zeros(int(strip.max()) + 1)
+    for k in np.unique(strip):
+        mine = strip == k
+        J = design[observations.strip == k][:, :, coefficient[mine]]
+        spread = np.einsum("nik,kl,nil->n", J, Q[np.ix_(mine, mine)], J)
+        factor[k] = np.sqrt(spread.mean() / (2 - part)) if len(J) else np.inf
     lower = (factor > WORST) & (factor >= 0.5 * factor.max())
-    reason = np.full(degrees.shape, "", dtype=object)
-    for strip, part in np.argwhere(lower):
-        reason[strip, part] = f"the corrections would be {factor[strip, part]:.1f} times less precise than a point"
-    return lower, reason
+    return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}
 
 
 def model_name(degree: int) -> str:

@@ -37,7 +37,7 @@ from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
-from aatri.orientation import tied_strips
+from aatri.orientation import tie_elimination
 from aatri.orientation.free_block import StripPoints
 from aatri.orientation.resection import resect_images
 from aatri.orientation.strip_polynomials import StripPolynomials, adjust_strip_polynomials, model_name, terms_of
@@ -67,7 +67,7 @@ class _Ground:
     axes: list[StripAxes]
     rows: Int
     points: StripPoints
-    control: tied_strips.Control
+    control: tie_elimination.Control
 
 
 @stage(version=1)
@@ -148,7 +148,7 @@ def _on_the_ground(strips: Strips, initial: Solution, control: Control, origin: 
         xyz=np.concatenate([xyz for _, xyz, _ in parts]),
         covariance=np.concatenate([covariance for _, _, covariance in parts]),
     )
-    given = tied_strips.Control(
+    given = tie_elimination.Control(
         control.point.astype(np.int64),
         control.xyz_m - origin,
         control.covariance_m2,
