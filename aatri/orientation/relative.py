@@ -17,37 +17,36 @@ Source: photogrammetry.md A301-A311, F6; Mikhail, Bethel & McGlone, Introduction
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.dense import DenseResult, Linearise, adjust
-from aatri.adjustment.snooping import snoop, statistics
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.coplanarity import Rays, parallax, sampson
-from aatri.geometry.intersection import Intersection, intersect_pair
-from aatri.geometry.rotations import angles_from_rotation, exp_rotation
-from aatri.geometry.vectors import tangents, unit
+from aatri.geometry.intersection import Intersection
+from aatri.geometry.rotations import angles_from_rotation
 from aatri.orientation.essential import essential_starts
+from aatri.orientation.relative_adjustment import AdjustedPair, State, adjust_pair, state_of
 from aatri.orientation.relative_start import parallel_start, refuse_degenerate
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
-State = tuple[Float, Float, Float]
-"""(left_from_right (3, 3), base (3,), tangents of the base (3, 2))."""
-
-UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base along tangent 1", "base along tangent 2")
 
 WEAK_RAD = 0.01
 """A direction or rotation less certain than this is reported: the geometry is near a singular one."""
 
-MANY = 20
-"""With more points, gross errors are first rejected several at a time."""
+MANY_REJECTED = 0.2
+"""A larger share of rejected points is reported."""
+
+FEWEST = 0.3
+"""A smaller share of points that fit makes no model."""
 
 OPEN_RAD = 0.3
 """A direction or rotation less certain than this is not determined."""
+
+_REMEDY = "check that the images belong together and the points carry the right ids"
 
 
 @dataclass(frozen=True)
@@ -94,15 +93,6 @@ class RelativeOrientation:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Solution:
-    result: DenseResult[State]
-    active: Bool
-    test: Float
-    behind: Bool
-    good: bool
-
-
 def relative_orientation(
     rays: Rays, *, snooping_limit: float = 4.0, max_iterations: int = 20, min_points: int = 5
 ) -> RelativeOrientation:
@@ -125,13 +115,9 @@ def relative_orientation(
     """
     refuse_degenerate(rays, max(min_points, 5))
     solution = _best(rays, snooping_limit, max_iterations)
-    used = int(solution.active.sum())
-    n = len(solution.active)
-    if used < max(min_points, 5) or used < 0.3 * n:
-        raise GeometryError(
-            f"only {used} of {n} points fit one orientation, {int(solution.behind.sum())} lie behind an image",
-            remedy="check that the images belong together and the points carry the right ids",
-        )
+    used, n = int(solution.active.sum()), len(solution.active)
+    if used < max(min_points, 5) or used < FEWEST * n:
+        raise GeometryError(f"only {used} of {n} points fit one orientation", remedy=_REMEDY)
     return _finish(rays, solution, snooping_limit)
 
 
@@ -151,22 +137,13 @@ def dependent_angles(left_from_right: Float, base: Float) -> Float:
     return np.concatenate([angles, base[1:] / base[0]])
 
 
-def _state(left_from_right: Float, base: Float) -> State:
-    return left_from_right, base, tangents(base)
-
-
-def _update(state: State, step: Float) -> State:
-    R, b, T = state
-    return _state(exp_rotation(step[:3]) @ R, unit(b + T @ step[3:]))
-
-
-def _best(rays: Rays, limit: float, max_iterations: int) -> _Solution:
+def _best(rays: Rays, limit: float, max_iterations: int) -> AdjustedPair:
     """The solution from the parallel start if it is good, else the best of all starts."""
-    best: _Solution | None = None
+    best: AdjustedPair | None = None
     failures: list[GeometryError | ConvergenceError] = []
     for start, inliers in _starts(rays, limit):
         try:
-            solution = _solve(rays, start, inliers, limit, max_iterations)
+            solution = adjust_pair(rays, start, inliers, limit=limit, max_iterations=max_iterations)
         except (GeometryError, ConvergenceError) as error:
             failures.append(error)
             continue
@@ -176,111 +153,29 @@ def _best(rays: Rays, limit: float, max_iterations: int) -> _Solution:
             return best
     if best is None:
         open_geometry = [error for error in failures if isinstance(error, GeometryError)]
-        raise (
-            open_geometry[0]
-            if open_geometry
-            else GeometryError(
-                f"no relation between the images fits one orientation: {failures[-1].what}",
-                remedy="check that the images belong together and the points carry the right ids",
-            )
-        )
+        if open_geometry:
+            raise open_geometry[0]
+        raise GeometryError(f"no relation between the images fits one orientation: {failures[-1].what}", remedy=_REMEDY)
     return best
 
 
 def _starts(rays: Rays, limit: float) -> Iterator[tuple[State, Bool]]:
     """Starts in the order of their cost: (state, points to begin with)."""
     everything = np.ones(len(rays.left), dtype=bool)
-    yield _state(*parallel_start(rays)), everything
+    yield state_of(*parallel_start(rays)), everything
     for R, b in essential_starts(rays):
-        start = _state(R, b)
+        start = state_of(R, b)
         v = np.abs(sampson(*start, rays)[0])
         fitting = v < max(3 * limit, 5 * float(np.median(v)))
         yield start, fitting if fitting.sum() >= 6 else everything
 
 
-def _rank(solution: _Solution) -> tuple[int, float]:
+def _rank(solution: AdjustedPair) -> tuple[int, float]:
     squares = float(solution.result.residual @ solution.result.residual)
     return -int(solution.active.sum()), squares
 
 
-def _solve(rays: Rays, start: State, active: Bool, limit: float, max_iterations: int) -> _Solution:
-    """Adjust with snooping; points that come to lie behind an image are taken out and it is adjusted again."""
-    n = len(active)
-    behind = np.zeros(n, dtype=bool)
-    for _ in range(3):
-        inside = np.flatnonzero(~behind)
-        part = rays.take(inside)
-        result, kept = _snooped(part, start, active[inside], limit, max_iterations)
-        active = np.zeros(n, dtype=bool)
-        active[inside] = kept
-        R, b, _ = result.state
-        front = np.asarray((intersect_pair(R, b, rays).depth > 0).all(axis=1))
-        newly = active & ~front
-        if not newly.any():
-            break
-        behind |= newly
-        active &= ~newly
-        start = result.state
-        if active.sum() < 5:
-            raise ConvergenceError(f"only {int(active.sum())} of {n} points fit and lie in front of both images")
-    test = statistics(_linearise(rays), result, active)[1]
-    behind = ~front
-    controlled = result.redundancy > 1
-    fits = bool((test[active & np.isfinite(test)] <= limit).all()) or not controlled
-    good = fits and bool((active & front).sum() >= 0.6 * n) and bool(active.sum() >= 5)
-    return _Solution(result, active & front, test, behind, good)
-
-
-def _linearise(rays: Rays) -> Linearise[State]:
-    def linearise(state: State) -> tuple[Float, Float]:
-        v, J = sampson(*state, rays)
-        return v[:, None], J[:, None]
-
-    return linearise
-
-
-def _snooped(
-    rays: Rays, start: State, active: Bool, limit: float, max_iterations: int
-) -> tuple[DenseResult[State], Bool]:
-    """Adjustment with data snooping; with fewer than seven points an error is seen, but not located."""
-    n = len(active)
-    linearise = _linearise(rays)
-
-    def solve(use: Bool, state: State) -> DenseResult[State]:
-        part = rays.take(use)
-        return adjust(lambda s: sampson(*s, part), _update, state,
-                      names=UNKNOWNS, max_iterations=max_iterations, what="relative orientation")  # fmt: skip
-
-    if n < 7:
-        everything = np.ones(n, dtype=bool)
-        return solve(everything, start), everything
-    active, start = _coarsely_cleaned(solve, linearise, start, active, limit)
-    most_rejected = min(0.7 * n, n - 6.5)
-    snooped = snoop(solve, linearise, start, n, limit=limit, max_share=most_rejected / n, active=active)
-    return snooped.result, snooped.active
-
-
-def _coarsely_cleaned(
-    solve: Callable[[Bool, State], DenseResult[State]],
-    linearise: Linearise[State],
-    start: State,
-    active: Bool,
-    limit: float,
-) -> tuple[Bool, State]:
-    """With many points, those beyond half of the largest test statistic go together, until the rest is near."""
-    while active.sum() > MANY:
-        result = solve(active, start)
-        start = result.state
-        test = statistics(linearise, result, active)[1]
-        bound = max(2 * limit, 0.5 * float(np.nanmax(test[active])))
-        keep = test <= bound
-        if keep.sum() < MANY or (keep == active).all():
-            break
-        active = np.asarray(keep)
-    return active, start
-
-
-def _finish(rays: Rays, solution: _Solution, limit: float) -> RelativeOrientation:
+def _finish(rays: Rays, solution: AdjustedPair, limit: float) -> RelativeOrientation:
     result = solution.result
     R, b, T = result.state
     p, sigma = parallax(R, b, rays)
@@ -294,12 +189,13 @@ def _finish(rays: Rays, solution: _Solution, limit: float) -> RelativeOrientatio
     return RelativeOrientation(
         left_from_right=R, base=b, covariance=result.covariance, sigma0=result.sigma0, redundancy=result.redundancy,
         iterations=result.iterations, active=solution.active, parallax_mm=p, error_mm=error,
-        error_sigma_mm=error_sigma, test=np.abs(v) / np.sqrt(r), behind=solution.behind,
-        points=intersect_pair(R, b, rays), warnings=_warnings(solution, limit),
+        error_sigma_mm=error_sigma, test=np.abs(v) / np.sqrt(r),
+        behind=np.asarray(~(solution.points.depth > 0).all(axis=1)),
+        points=solution.points, warnings=_warnings(solution, limit),
     )  # fmt: skip
 
 
-def _warnings(solution: _Solution, limit: float) -> tuple[str, ...]:
+def _warnings(solution: AdjustedPair, limit: float) -> tuple[str, ...]:
     result, found = solution.result, []
     largest = float(np.sqrt(np.linalg.eigvalsh(result.covariance)[-1]))
     if largest > OPEN_RAD:
@@ -315,4 +211,7 @@ def _warnings(solution: _Solution, limit: float) -> tuple[str, ...]:
     elif result.redundancy == 1 and result.sigma0 > limit:
         found.append(f"sigma0 is {result.sigma0:.1f} with one redundant point: there is a gross error, but which point "
                      "has it cannot be told")  # fmt: skip
+    rejected, n = int((~solution.active).sum()), len(solution.active)
+    if n >= 10 and rejected > MANY_REJECTED * n:
+        found.append(f"{rejected} of {n} points are rejected: mismatches, or standard deviations that are too small")
     return tuple(found)

@@ -22,7 +22,7 @@ from aatri.artifacts.assemble import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.artifacts.pairs import models_of, neighbouring_images, pair_id, pairs_of
+from aatri.artifacts.pairs import doubtful_places, models_of, neighbouring_images, pair_id, pairs_of
 from aatri.errors import GeometryError
 from aatri.orientation.relative import relative_orientation
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -48,6 +48,11 @@ def dependent(
 ) -> Models:
     """Orient the consecutive images of every strip to each other."""
     check_same_block(block, image_points.images.id, "image_points")
+    for image, other in doubtful_places(block, image_points):
+        first, second = block.images.id[[image, other]]
+        context.warn(
+            f"image {first} shares more points with {second} than with its neighbours: is the sequence of the strip right?"
+        )
     formed, unformed = [], []
     pairs = pairs_of(block, image_points, neighbouring_images(block))
     for done, pair in enumerate(pairs):

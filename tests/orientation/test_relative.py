@@ -34,7 +34,7 @@ def test_error_free_pairs_are_recovered_to_machine_precision(kappa_left, kappa_r
 
 
 def test_oblique_and_convergent_pairs_of_any_direction_are_recovered():
-    for seed in range(20):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         X = rng.uniform(-1, 1, (15, 3))
         stations = [rng.normal(size=3) for _ in range(2)]
@@ -70,13 +70,13 @@ def test_sigma0_is_one_and_the_covariance_is_that_of_repetitions():
     X = gruber_ground(3, rng, relief=0.05)
     R1, R2 = rotation(rng), rotation(rng)
     d, s = [], []
-    for _ in range(200):
+    for _ in range(100):
         rays, R, _ = simulate(X, R1, R2, ORIGIN, B, rng)
         found = relative_orientation(rays, snooping_limit=6.0)
         d.append(Rotation.from_matrix(found.left_from_right @ R.T).as_rotvec())
         s.append(found.sigma0**2)
-    assert np.mean(s) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 13 / 200))
-    np.testing.assert_allclose(np.std(d, axis=0), np.sqrt(np.diag(found.covariance)[:3]), rtol=0.2)
+    assert np.mean(s) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 13 / 100))
+    np.testing.assert_allclose(np.std(d, axis=0), np.sqrt(np.diag(found.covariance)[:3]), rtol=0.25)
 
 
 def test_gross_errors_are_rejected_with_their_size():

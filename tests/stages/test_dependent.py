@@ -52,6 +52,17 @@ def test_order_follows_sequence_and_not_the_ids():
     assert models.orientations.right.tolist() == [2, 1, 0]
 
 
+def test_a_wrong_sequence_is_reported():
+    log = Log()
+    made = made_strips(5, sequence=[0.0, 3.0, 2.0, 1.0, 4.0])
+    dependent(made.block, made.image_points, context=log)
+    assert any("1-00 shares more points with 1-01" in warning for warning in log.warnings)
+    log = Log()
+    made = made_strips(5)
+    dependent(made.block, made.image_points, context=log)
+    assert log.warnings == []
+
+
 def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size():
     made = made_strips(3, noise_mm=0.005)
     common = np.flatnonzero(made.image_points.measurements.image == 1)
