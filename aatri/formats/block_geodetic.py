@@ -18,7 +18,8 @@ from scipy.sparse.csgraph import connected_components
 from aatri.artifacts.block import Geodetic, GeodeticCovariances, Rejects
 from aatri.errors import InputError
 from aatri.formats.block_source import Source, choice, look_up, rad_of, texts, yes_no
-from aatri.formats.csv_table import Column, CsvTable, number_of
+from aatri.formats.csv_table import Column, CsvTable
+from aatri.formats.number_text import number_of
 from aatri.units import ANGLE_RAD
 
 ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -75,7 +76,7 @@ def image_point_table(source: Source, table: CsvTable | None, images: ImageTable
         return ImagePoints.empty()
     image = look_up(table, "image", images.row, "image", "add it to images.csv, or mend the id")
     point_row = {str(name): k for k, name in enumerate(points.id)}
-    point = np.fromiter((point_row.get(p, 0) for p in table.text["point"]), np.int32, len(table))
+    point = np.fromiter(map(point_row.get, table.text["point"], repeat(0)), np.int32, len(table))
     sigma = _sigma_mm(source, table, image, images, cameras, "image")
     rows = ImagePoints(
         image=np.maximum(image, 0), point=point, xy=np.stack([table.number["x"], table.number["y"]], axis=1),

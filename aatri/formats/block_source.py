@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy.typing as npt
 
 from aatri.errors import InputError
 from aatri.formats.block_yaml import Settings
-from aatri.formats.csv_table import MOST_PER_COLUMN, Column, CsvTable, number_of, read_csv
+from aatri.formats.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
+from aatri.formats.number_text import number_of
 from aatri.ids import did_you_mean, printable
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
@@ -66,7 +68,7 @@ def texts(values: Iterable[str]) -> npt.NDArray[np.str_]:
 def look_up(table: CsvTable, column: str, known: Mapping[str, int], what: str, remedy: str) -> Int:
     """Rows of the ids in a column; -1 where empty. Each unknown id is a fault at its first place, with its count."""
     cells = table.text[column]
-    rows = np.fromiter((known.get(cell, -1) for cell in cells), dtype=np.int32, count=len(cells))
+    rows = np.fromiter(map(known.get, cells, repeat(-1)), dtype=np.int32, count=len(cells))
     first: dict[str, tuple[int, int]] = {}
     for k in np.flatnonzero(rows < 0).tolist():
         if cells[k]:

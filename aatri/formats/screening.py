@@ -98,10 +98,10 @@ def screen_block(block: Block, reporter: Reporter = SILENT) -> Block:
 def repeated_measurements(block: Block) -> list[InputError]:
     """Errors for points measured twice in an image with different results."""
     rows = block.image_points
-    key = rows.image.astype(np.int64) * max(1, len(block.points)) + rows.point
+    key = _pair_key(block)
     order = np.argsort(key, kind="stable")
     order = order[rows.active[order]]
-    first = np.concatenate([[True], key[order][1:] != key[order][:-1]]) if len(order) else np.zeros(0, bool)
+    first = _first_of_each(key[order])
     leader = order[np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))]
     sigma = np.hypot(rows.sigma_mm[order], rows.sigma_mm[leader]) / _mm_per_unit(block)[rows.image[order]]
     apart = (np.abs(rows.xy[order] - rows.xy[leader]) > SAME_POINT_SIGMAS * sigma).any(axis=1)
@@ -152,8 +152,7 @@ def _reject_round(block: Block, images: _Set, points: _Set) -> bool:
     once = points.active & (_images_per_point(block, points.active) < 2)[rows.point]
     once &= ~_has_prior(block)[rows.point]
     points.reject(np.flatnonzero(once), SEEN_ONCE)
-    key = np.unique(rows.image[points.active].astype(np.int64) * max(1, len(block.points)) + rows.point[points.active])
-    count = np.bincount(key // max(1, len(block.points)), minlength=len(block.images))
+    count = np.bincount(rows.image[_pairs(block, points.active)], minlength=len(block.images))
     few = images.active & (count < MIN_IMAGE_POINTS) & ~_has_position(block)
     images.reject(np.flatnonzero(few), FEW_POINTS)
     orphans = points.active & ~images.active[rows.image]
@@ -161,11 +160,26 @@ def _reject_round(block: Block, images: _Set, points: _Set) -> bool:
     return bool(once.any() or few.any() or orphans.any())
 
 
+def _pairs(block: Block, active: Bool) -> Int:
+    """Rows of the active image points, one for each image and point."""
+    rows = np.flatnonzero(active)
+    key = _pair_key(block)[rows]
+    order = np.argsort(key, kind="stable")  # the rows are sorted already, which makes this cheap
+    return rows[order][_first_of_each(key[order])]
+
+
+def _pair_key(block: Block) -> Int:
+    rows = block.image_points
+    return rows.image.astype(np.int64) * max(1, len(block.points)) + rows.point
+
+
+def _first_of_each(sorted_key: Int) -> Bool:
+    return np.concatenate([[True], sorted_key[1:] != sorted_key[:-1]])[: len(sorted_key)]
+
+
 def _images_per_point(block: Block, active: Bool) -> Int:
     """Number of images in which each point has an active measurement."""
-    rows, m = block.image_points, max(1, len(block.images))
-    key = np.unique(rows.point[active].astype(np.int64) * m + rows.image[active])
-    return np.bincount(key // m, minlength=len(block.points))
+    return np.bincount(block.image_points.point[_pairs(block, active)], minlength=len(block.points))
 
 
 def _has_prior(block: Block) -> Bool:
@@ -200,7 +214,7 @@ def _too_many(block: Block, images: _Set, points: _Set) -> list[InputError]:
     ]
     point_lines = [(_point_name(block, r), place(block, rows, r)) for r in single]
     outside_lines = [(_point_name(block, r), place(block, rows, r)) for r in sorted(by_reason[OUTSIDE])]
-    measured = len(np.unique(rows.point))
+    measured = int(np.count_nonzero(np.bincount(rows.point)))
     found = [
         _share_error("image points", outside_lines, len(rows), OUTSIDE,
                      "check unit, origin, axes and `format` of the camera in block.yaml"),

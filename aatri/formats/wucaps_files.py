@@ -19,7 +19,7 @@ from typing import TypeVar
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
-from aatri.formats.csv_table import number_of
+from aatri.formats.number_text import number_of
 from aatri.formats.text_file import missing, read_lines
 from aatri.ids import did_you_mean, is_valid, printable
 from aatri.progress import SILENT, Reporter

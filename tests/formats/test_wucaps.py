@@ -135,7 +135,7 @@ def test_a_malformed_line_is_named(folder: Path, name: str, old: str, new: str, 
 
 def test_missing_files_and_folders_name_the_nearest(folder: Path) -> None:
     (folder / "PRECPI.DAT").rename(folder / "PRECPI_.DAT")
-    with pytest.raises(InputError, match="did you mean 'PRECPI_.DAT'"):
+    with pytest.raises(InputError, match=r"did you mean 'PRECPI_\.DAT'"):
         read_wucaps(folder)
     with pytest.raises(InputError, match="did you mean 'rc30'"):
         read_wucaps(folder.parent / "rc31")
