@@ -53,7 +53,7 @@ def convergence_chart(cost: Float, decrement: Float) -> tuple[Markup, str] | Non
     """
     if len(cost) < 2:
         return None
-    width, height, left = 420.0, 200.0, 64.0
+    width, height, left = 360.0, 200.0, 64.0
     steps = np.arange(1, len(cost) + 1)
     across = Axis(1.0, float(len(cost)), left, width - 20)
     marks: list[Markup] = []
@@ -88,7 +88,7 @@ def residual_histogram(normalised: Float) -> tuple[Markup, str] | None:
     """
     if len(normalised) < 10:
         return None
-    width, height, limit = 420.0, 220.0, 5.0
+    width, height, limit = 360.0, 220.0, 5.0
     edges = np.linspace(-limit, limit, 41)
     count, _ = np.histogram(normalised, edges)
     density = count / len(normalised) / (edges[1] - edges[0])

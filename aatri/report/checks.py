@@ -36,7 +36,7 @@ def internal_lights(run: RunView, solution: Solution | None) -> list[Light]:
     """Chain, convergence, sigma0 and suspects; `solution` is the last one."""
     solutions = run.of_kind(Solution)
     best = solutions[-1] if solutions else None
-    return [_chain(run), _converged(best, solution), _sigma0(best), _suspects(best)]
+    return [_chain(run), _converged(best, solution), _sigma0(best), _suspects(best, solution)]
 
 
 def external_lights(run: RunView) -> list[Light]:
@@ -97,14 +97,16 @@ def _sigma0(stage: StageView | None) -> Light:
     return Light("sigma0", LOOK if 0.9 <= sigma0 <= 1.1 else BAD, f"{words}: {size}")
 
 
-def _suspects(stage: StageView | None) -> Light:
-    if stage is None or stage.metrics.get("suspects") is None:
-        return Light("Suspects", NONE, "not tested")
-    n, of = int(stage.metrics["suspects"] or 0), int(stage.metrics.get("observations") or 0)
-    if not n:
-        return Light("Suspects", GOOD, f"{stage.name}: none")
-    state = LOOK if n <= 0.01 * of else BAD
-    return Light("Suspects", state, f"{stage.name}: {number(n)} observation{'' if n == 1 else 's'}, listed below")
+def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
+    title = "Suspects"
+    if stage is None or solution is None:
+        return Light(title, NONE, "no solution")
+    rejected = int((solution.suspects.verdict == "rejected").sum())
+    others = len(solution.suspects) - rejected
+    words = f"{stage.name}: {number(rejected)} rejected" + (f", {number(others)} kept or readmitted" if others else "")
+    if not rejected:
+        return Light(title, GOOD, words)
+    return Light(title, LOOK if rejected <= 0.01 * solution.observations else BAD, f"{words}; listed below")
 
 
 def _check(figures: Mapping[str, float | int | None]) -> Light:

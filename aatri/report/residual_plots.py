@@ -62,9 +62,9 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     filled = count > 0
     mean = _cell_means(number, residual_mm, count)[filled]
     place = _cell_means(number, xy_mm, count)[filled]
-    plan = plan_of(np.stack([low, high]), width=420.0, margin=24.0, most_height=420.0)
+    plan = plan_of(np.stack([low, high]), width=360.0, margin=24.0, most_height=360.0)
     size = float(np.percentile(np.hypot(*mean.T), 95))
-    exaggeration = round_below(24.0 / max(size, 1e-12) / plan.px_per_m)
+    exaggeration = round_below(22.0 / max(size, 1e-12) / plan.px_per_m)
     px_per_mm = exaggeration * plan.px_per_m
     start = plan.px(place)
     marks = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -56,6 +56,8 @@ class RunView:
     folder: Path
     overview: Mapping[str, Any]
     stages: tuple[StageView, ...]
+    kept: dict[str, Artifact] = field(default_factory=dict, repr=False)
+    """Artifacts that `last` has read: large ones are not read twice."""
 
     def of_kind(self, kind: type[Artifact]) -> list[StageView]:
         """The finished stages with artifacts of a kind, in order."""
@@ -69,19 +71,21 @@ class RunView:
         AatriError
             If it is gone, altered or unreadable.
         """
+        if stage.name in self.kept:
+            return self.kept[stage.name]
         if stage.kind not in KINDS:
             raise ArtifactError(f"no kind of artifact: {stage.kind!r}", where=stage.name)
         return store.load(self.folder, stage.name, KINDS[stage.kind])
 
-    def last(self, kind: type[A], *, before: StageView | None = None) -> A | None:
-        """The last readable artifact of a kind, of the stages before one if it is given."""
-        stages = self.stages if before is None else self.stages[: self.stages.index(before)]
-        for stage in reversed(stages):
-            if stage.kind == kind.kind and stage.status == "done":
-                try:
-                    return store.load(self.folder, stage.name, kind)
-                except AatriError:
-                    continue
+    def last(self, kind: type[A]) -> A | None:
+        """The last readable artifact of a kind."""
+        for stage in reversed(self.of_kind(kind)):
+            try:
+                found = self.artifact(stage)
+            except AatriError:
+                continue
+            self.kept[stage.name] = found
+            return found if isinstance(found, kind) else None
         return None
 
 

@@ -199,3 +199,13 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
     text = page.read_text(encoding="utf-8")
     assert "400 of 2000 footprints" in text
     assert "5000 of 9986 new points" in text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"), [("rejected", "1 rejected; listed"), ("readmitted", "0 rejected, 1 kept")]
+)
+def test_only_rejected_suspects_turn_the_light(tmp_path, verdict, words):
+    suspects = Suspects(kind=["image_point"], row=[0], image=["1-0"], point=["p00"], stage=["bundle_adjustment"],
+                        size=[0.03], unit=["mm"], sigma=[0.006], test=[5.0], verdict=[verdict])  # fmt: skip
+    text = Elements(write_report(make_run(tmp_path / "run", made_artifacts(suspects=suspects))).read_text("utf-8")).text
+    assert f"bundle: {words}" in text
