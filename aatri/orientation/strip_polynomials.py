@@ -36,7 +36,7 @@ Int = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 RANK = 1e-7
-WORST = 10.0
+WORST = 2.0
 LIMIT = 4.0
 COEFFICIENTS = 15
 PART = np.repeat([0, 0, 1], 5)
@@ -197,7 +197,8 @@ def _extrapolating(N: Float, kept: Int, part: int, design: Float, observations: 
         J = design[observations.strip == k][:, :, coefficient[mine]]
         spread = np.einsum("nik,kl,nil->n", J, Q[np.ix_(mine, mine)], J)
         factor[k] = np.sqrt(spread.mean() / (2 - part)) if len(J) else np.inf
-    lower = (factor > WORST) & (factor >= 0.5 * factor.max())
+    # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
+    lower = (factor > WORST / 2) & (factor.max() > WORST)
     return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}
 
 

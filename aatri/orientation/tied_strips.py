@@ -37,6 +37,10 @@ S = TypeVar("S")
 MEDIAN_CHI2_3 = 2.366
 """Median of chi-square with three degrees of freedom."""
 
+MAX_SHARE = 0.15
+"""At most this share of a strip's ties, and of control, is rejected: where more disagrees the model is wrong, not the
+data, and to go on rejecting would cut the strip off."""
+
 ROUNDS = 25
 MAX_ITERATIONS = 30
 DECREMENT = 1e-4
@@ -120,9 +124,7 @@ class _Solved(Generic[S]):
     iterations: int
 
 
-def adjust_tied(
-    problem: Problem[S], start: S, *, limit: float, active: Bool | None = None, max_share: float = 0.3
-) -> TiedResult[S]:
+def adjust_tied(problem: Problem[S], start: S, *, limit: float, active: Bool | None = None) -> TiedResult[S]:
     """Adjust all strips together, with data snooping and an estimate of the strips' deformation.
 
     Parameters
@@ -133,8 +135,6 @@ def adjust_tied(
         Observations with a larger test statistic are rejected.
     active : (n,) bool, optional
         Observations to begin with; the others are tested for re-admission.
-    max_share : float
-        At most this share of the observations is rejected.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def adjust_tied(
         cofactor = residual_cofactors(o, solved.system, solved.Q, use)
         size, test = _tests(solved.system, cofactor, use)
         new_tau = _deformation(o, solved, cofactor, use, robust)
-        wrong = _worst(test, o, solved.linear.covariance_m2, use, limit, max_share)
+        wrong = _worst(test, o, solved.linear.covariance_m2, use, limit)
         fitting = ~use & ~readmitted & (test < limit)
         if abs(new_tau - tau_m) > 0.02 * max(new_tau, tau_m):
             tau_m = new_tau
@@ -218,20 +218,27 @@ def _tests(system: Eliminated, cofactor: Float, use: Bool) -> tuple[Float, Float
     return size, test
 
 
-def _worst(test: Float, o: Observations, covariance_m2: Float, use: Bool, limit: float, max_share: float) -> Bool:
-    """The clearest gross errors: one per point, and only those at least half as large as the largest."""
+def _worst(test: Float, o: Observations, covariance_m2: Float, use: Bool, limit: float) -> Bool:
+    """The clearest gross errors: one per point, those at least half as large as the largest, few of each strip."""
     wrong = np.zeros(len(test), dtype=bool)
     candidates = np.flatnonzero(use & (test > limit))
-    # In a small problem one rejection changes the tests of all others: one at a time.
-    room = min(int(max_share * len(test)) - int((~use).sum()), max(1, len(test) // 100))
-    if not len(candidates) or room <= 0:
+    if not len(candidates):
         return wrong
     # Two observations of a point share one test: control is named before a strip, the less precise before the other.
     variance = np.einsum("nii->n", covariance_m2[candidates])
     order = candidates[np.lexsort((-variance, o.strip[candidates] >= 0, -np.round(test[candidates], 6)))]
     order = order[test[order] >= 0.5 * test[order[0]]]
-    _, first = np.unique(o.point[order], return_index=True)
-    wrong[order[np.sort(first)][:room]] = True
+    shared = np.bincount(o.point, minlength=o.n_points)[o.point] > 1
+    source = o.strip + 1  # control, then the strips
+    room = np.ceil(MAX_SHARE * np.bincount(source[shared], minlength=source.max() + 1)).astype(int)
+    room -= np.bincount(source[~use & shared], minlength=len(room))
+    # In a small problem one rejection changes the tests of all others: one at a time.
+    most, points = max(1, len(test) // 100), set()
+    for k in order:
+        if len(points) < most and room[source[k]] > 0 and int(o.point[k]) not in points:
+            wrong[k] = True
+            room[source[k]] -= 1
+            points.add(int(o.point[k]))
     return wrong
 
 

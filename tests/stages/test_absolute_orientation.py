@@ -1,0 +1,139 @@
+"""absolute_orientation/similarity on made-up free strips."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
+
+from aatri.errors import GeometryError
+from aatri.geometry.rotations import log_rotation
+from tests.made_strips import Heard, MadeBlock
+
+
+def _oriented(made, **options):
+    heard = Heard()
+    solution = similarity(
+        made.block(), made.strips(), made.image_points(), options=SimilarityOptions(**options), context=heard
+    )
+    return solution, heard
+
+
+def _errors(made, solution):
+    """Largest errors of positions (m), rotations (rad) and points (m) of what is oriented."""
+    on = solution.images.oriented
+    turn = log_rotation(solution.images.ground_from_image[on] @ made.truth_R[on].swapaxes(1, 2))
+    return (
+        np.abs(solution.images.position_m[on] - made.truth_X0[on]).max(),
+        np.abs(turn).max(),
+        np.nanmax(np.abs(solution.points.xyz_m - made.truth)),
+    )
+
+
+@pytest.mark.parametrize("n_strips", [2, 4])
+def test_four_corner_points_orient_a_block_where_no_strip_has_three(n_strips):
+    made = MadeBlock(n_strips, 5)
+    made.control(made.corners())
+    solution, heard = _oriented(made)
+    position, rotation, point = _errors(made, solution)
+    assert solution.images.oriented.all()
+    assert position < 1e-6
+    assert rotation < 1e-9
+    assert point < 1e-6
+    assert heard.warnings == []
+
+
+def test_plan_and_height_control_and_antenna_positions_orient_together_exactly():
+    made = MadeBlock(3, 5)
+    a, b, c, d = made.corners()
+    made.control([a, d], roles=(1, 1, 0)).control([b, c], roles=(0, 0, 1), sigma_m=0.02)
+    made.positions([0, 7, 12], lever_arm_m=(0.4, -0.2, 1.1))
+    solution, _ = _oriented(made)
+    assert max(_errors(made, solution)) < 1e-6
+
+
+def test_residuals_of_control_are_component_minus_given():
+    made = MadeBlock(2, 5, noise_m=0.02)
+    made.control(made.corners(), sigma_m=0.05)
+    solution, _ = _oriented(made)
+    block, table = made.block(), solution.residuals
+    of = np.flatnonzero(table.kind == "control")
+    row = table.row[of]
+    expected = solution.points.xyz_m[block.ground_points.point[row]] - block.ground_points.xyz_m[row]
+    np.testing.assert_allclose(table.residual[of], expected, atol=1e-8)
+    assert solution.redundancy == solution.observations - solution.unknowns
+
+
+def test_counts_of_image_points_are_those_of_solved_points_in_oriented_images():
+    made = MadeBlock(2, 5)
+    made.control(made.corners())
+    solution, _ = _oriented(made)
+    solved = np.isfinite(solution.points.xyz_m).all(1)
+    image, point = made.rows[:, 0].astype(int), made.rows[:, 1].astype(int)
+    np.testing.assert_array_equal(solution.images.image_points, np.bincount(image[solved[point]], minlength=10))
+    assert (solution.points.rays[~solved] == 0).all()
+
+
+def test_two_strips_with_nothing_in_common_are_an_error_that_says_why():
+    made = MadeBlock(2, 5, gap_m=400.0)
+    low = made.truth[:, 1] < made.truth[:, 1].mean()
+    made.control(np.flatnonzero(low)[::7])
+    with pytest.raises(GeometryError) as raised:
+        _oriented(made)
+    text = str(raised.value)
+    assert raised.value.exit_code == 4
+    assert "component 2 (strip 2): not determined, it holds no control point" in text
+    assert "strip 1 and strip 2 have no common point" in text
+    assert "components: largest" in text
+
+
+def test_components_largest_orients_the_rest_and_lists_what_it_leaves():
+    made = MadeBlock(2, 5, gap_m=400.0)
+    low = made.truth[:, 1] < made.truth[:, 1].mean()
+    made.control(np.flatnonzero(low)[::7])
+    solution, heard = _oriented(made, components="largest")
+    assert solution.images.oriented.tolist() == [True] * 5 + [False] * 5
+    assert max(_errors(made, solution)) < 1e-6
+    assert any("5 images are not oriented: 005" in text for text in heard.warnings)
+    assert any("component 2 (strip 2)" in text for text in heard.warnings)
+
+
+def test_two_components_with_control_of_their_own_are_both_oriented():
+    made = MadeBlock(2, 5, gap_m=400.0)
+    made.control(range(0, len(made.truth), 5))
+    solution, heard = _oriented(made)
+    assert solution.images.oriented.all()
+    assert max(_errors(made, solution)) < 1e-6
+    assert any("have no common point" in text for text in heard.warnings)
+
+
+def test_too_little_and_collinear_control_is_named_with_its_points():
+    made = MadeBlock(2, 5)
+    a, b, _, _ = made.corners()
+    made.control([a, b])
+    line = f"rotation about the line through point p{min(a, b):03d} and point p{max(a, b):03d}"
+    with pytest.raises(GeometryError, match=f"strips 1, 2.*not determined: {line}"):
+        _oriented(made)
+
+
+def test_wrong_control_becomes_a_suspect():
+    made = MadeBlock(3, 6, noise_m=0.01)
+    made.control(range(0, len(made.truth), 6), sigma_m=0.01)
+    made.control([24], sigma_m=0.01, error_m=(0.0, 0.0, 1.5))
+    solution, _ = _oriented(made)
+    suspects = solution.suspects
+    assert suspects.kind.tolist() == ["control"]
+    assert suspects.point.tolist() == ["p024"]
+    assert suspects.verdict.tolist() == ["rejected"]
+    assert suspects.size[0] == pytest.approx(1.5, abs=0.1)
+
+
+def test_the_result_does_not_depend_on_a_shift_of_the_map():
+    made = MadeBlock(2, 5, noise_m=0.02)
+    made.control(made.corners(), sigma_m=0.02)
+    here, _ = _oriented(made)
+    far = np.array([5.0e6, -3.0e6, 0.0])
+    for p, (roles, xyz, sigma) in made.given.items():
+        made.given[p] = (roles, xyz + far, sigma)
+    there, _ = _oriented(made)
+    np.testing.assert_allclose(there.points.xyz_m - far, here.points.xyz_m, atol=1e-7)
