@@ -120,7 +120,7 @@ def _transformer(source: Frame, target: Frame) -> Any:
                              remedy="write it as EPSG:32650, PROJ or WKT text") from error  # fmt: skip
         systems.append(system)
     try:
-        return Transformer.from_crs(systems[0], systems[1], always_xy=True, only_best=True)
+        return Transformer.from_crs(systems[0], systems[1], always_xy=True, only_best=True, allow_ballpark=False)
     except Exception as error:
         raise InputError(f"no transformation from frame {source.name} to {target.name}: {error}", where=source.name,
                          remedy="install the grid pyproj names (projsync), or use other frames") from error  # fmt: skip

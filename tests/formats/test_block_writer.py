@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from aatri.stages.block.simulate import SimulateOptions, simulate
+from aatri.stages.block.tables import TablesOptions, tables
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -81,3 +83,10 @@ def test_any_ids_and_numbers_survive(tmp_path: Path, ids: list[str], values: lis
     assert np.sort(block.ground_points.xyz_m[:, 2]).tolist() == sorted(values)
     write_block(block, tmp_path / "copy")
     assert _digest(read_block(tmp_path / "copy")) == _digest(block)
+
+
+def test_a_simulated_block_goes_through_the_folder_unchanged(tmp_path: Path) -> None:
+    block = simulate(options=SimulateOptions(), rng=np.random.default_rng(1))
+    write_block(block, tmp_path / "copy")
+    assert _digest(read_block(tmp_path / "copy")) == _digest(block)
+    assert _digest(tables(options=TablesOptions(path=tmp_path / "copy"))) == _digest(block)
