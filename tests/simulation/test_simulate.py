@@ -7,8 +7,10 @@ import pytest
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from pydantic import ValidationError
 
-from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
+from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import GeometryError, InputError
+from aatri.formats.block_reader import read_block
+from aatri.formats.block_writer import write_block
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest
 
@@ -249,6 +251,21 @@ def test_every_combination_of_switches_gives_a_valid_block(kind, tmp_path):
         assert (np.diff(pairs) > 0).all()
     digest = hdf5.write(block, tmp_path / "block.h5")
     assert content_digest(hdf5.read(tmp_path / "block.h5", type(block))) == digest
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"known": {"full": 4, "plan": 2, "height": 3, "check_height": 1}, "earth": "tangent"},
+        {"camera": {"distortion": "table", "fiducials": 8}, "gnss": {"shift_m": 1.0}, "noise": {"image_um": 4.3}},
+        {"camera": {"distortion": "brown", "brown": {"b1": 1e-5}}, "gnss": {"observed": False}},
+        {"preset": "uav", "flight": {"strips": 2, "images_per_strip": 5}, "known": {"full": 4, "check_full": 0}},
+    ],
+)
+def test_a_block_folder_holds_all_but_the_truth(options, tmp_path):
+    block = made(**options)
+    write_block(block, tmp_path / "block")
+    assert content_digest(read_block(tmp_path / "block")) == content_digest(block, without=TRUTH)
 
 
 def test_a_large_block_with_few_points_in_each_image():
