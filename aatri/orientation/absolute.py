@@ -125,7 +125,9 @@ def orient_component(
     GeometryError
         If something is not determined; the message names it. If the images would look upwards.
     """
-    use = datum.given.any(1) if active is None else active & datum.given.any(1)
+    use: Bool = np.asarray(datum.given.any(1))
+    if active is not None:
+        use = use & active
     rotation, closed = _attitude(datum, up, use)
     analysis = analyse_datum(
         datum.x[use] @ rotation.T, datum.given[use], [datum.name[k] for k in np.flatnonzero(use)], body @ rotation.T

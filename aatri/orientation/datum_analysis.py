@@ -63,7 +63,7 @@ def analyse_datum(observed: Float, given: Bool, names: Sequence[str], body: Floa
         Points of the body in the same frame.
     """
     # Where heights are known is what the body can still turn about.
-    some = given[:, 2] if given[:, 2].any() else given.any(1)
+    some: Bool = given[:, 2] if given[:, 2].any() else np.asarray(given.any(1))
     centre = observed[some].mean(0) if some.any() else body.mean(0)
     extent = float(np.sqrt(((body - body.mean(0)) ** 2).sum(1).mean()))
     axes, line = _axes(observed[some] - centre, extent)

@@ -177,7 +177,7 @@ def _neighbours(points: StripPoints, member: Int) -> list[tuple[int, int]]:
     """Pairs of components with common points, in order."""
     label = member[points.strip]
     key = np.unique(np.stack([points.point, label], 1), axis=0)
-    pairs = set()
+    pairs: set[tuple[int, int]] = set()
     for step in range(1, int(np.bincount(key[:, 0]).max(initial=0))):
         same = key[:-step, 0] == key[step:, 0]
         found = np.unique(np.stack([key[:-step][same, 1], key[step:][same, 1]], 1), axis=0)

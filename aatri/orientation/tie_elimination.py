@@ -189,7 +189,7 @@ def eliminate(observations: Observations, linear: Linearised, use: Bool, tau_m: 
     W = np.where((use & held[o.point])[:, None, None], T.swapaxes(1, 2) @ T, 0.0)
     total = _summed(W, o.point, o.n_points)
     total[~held] = np.eye(3)
-    covariance = np.linalg.inv(total)
+    covariance: Float = np.linalg.inv(total).astype(np.float64)
     # Reduced to the point's first observation, so that the mean keeps the digits of small discrepancies.
     base = np.zeros((o.n_points, 3))
     base[o.point[o.strip >= 0][::-1]] = linear.xyz_m[o.strip >= 0][::-1]
@@ -207,8 +207,10 @@ def eliminate(observations: Observations, linear: Linearised, use: Bool, tau_m: 
 
 def _summed(values: Float, point: Int, n_points: int) -> Float:
     flat = values.reshape(len(values), -1)
-    columns = [np.bincount(point, column, n_points) for column in flat.T]
-    return np.stack(columns, axis=1).reshape(n_points, *values.shape[1:])
+    sums = np.empty((n_points, flat.shape[1]))
+    for k, column in enumerate(flat.T):
+        sums[:, k] = np.bincount(point, column, n_points)
+    return sums.reshape(n_points, *values.shape[1:])
 
 
 def _normals(o: Observations, J: Float, WJ: Float, share: Float, weighted_v: Float) -> tuple[Float, Float]:

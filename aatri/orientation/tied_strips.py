@@ -4,9 +4,7 @@ Ground points are eliminated (orientation.tie_elimination). Strips are deformed:
 their covariances C_o say. tau is what must be added, W_o = (C_o + tau^2 I)^-1; it is estimated such that sum v'W v of
 the strips' points equals their redundancy, after a start from medians that gross errors do not disturb. tau is zero
 where the strips agree as well as they should. Gross errors are found by data snooping (adjustment.snooping), and
-observations rejected before, here or in an earlier stage, are re-admitted where they fit.
-
-Source: Paule & Mandel 1982 (added variance); Foerstner 1979 (variance components by redundancy); Baarda 1968.
+observations rejected before, here or in an earlier stage, are re-admitted where they fit (orientation.tie_statistics).
 """
 
 from __future__ import annotations
@@ -18,7 +16,6 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.snooping import UNCONTROLLED
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.tie_elimination import (
     Eliminated,
@@ -28,18 +25,12 @@ from aatri.orientation.tie_elimination import (
     residual_cofactors,
     whitening,
 )
+from aatri.orientation.tie_statistics import clearest_errors, deformation, record_tests
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 S = TypeVar("S")
-
-MEDIAN_CHI2_3 = 2.366
-"""Median of chi-square with three degrees of freedom."""
-
-MAX_SHARE = 0.15
-"""At most this share of a strip's ties, and of control, is rejected: where more disagrees the model is wrong, not the
-data, and to go on rejecting would cut the strip off."""
 
 ROUNDS = 25
 MAX_ITERATIONS = 30
@@ -151,9 +142,9 @@ def adjust_tied(problem: Problem[S], start: S, *, limit: float, active: Bool | N
     for _ in range(ROUNDS):
         iterations += solved.iterations
         cofactor = residual_cofactors(o, solved.system, solved.Q, use)
-        size, test = _tests(solved.system, cofactor, use)
-        new_tau = _deformation(o, solved, cofactor, use, robust)
-        wrong = _worst(test, o, solved.linear.covariance_m2, use, limit)
+        size, test = record_tests(solved.system, cofactor, use)
+        new_tau = deformation(o, solved.linear, solved.system, cofactor, use, robust)
+        wrong = clearest_errors(test, o, solved.linear.covariance_m2, use, limit)
         fitting = ~use & ~readmitted & (test < limit)
         if abs(new_tau - tau_m) > 0.02 * max(new_tau, tau_m):
             tau_m = new_tau
@@ -205,69 +196,6 @@ def _inverse(N: Float, what: str) -> Float:
         raise GeometryError(f"{what}: the normal matrix of {len(N)} unknowns is singular") from error
     inverse = np.linalg.inv(L) / scale
     return np.asarray(inverse.T @ inverse)
-
-
-def _tests(system: Eliminated, cofactor: Float, use: Bool) -> tuple[Float, Float]:
-    values, vectors = np.linalg.eigh(cofactor)
-    controlled = values > UNCONTROLLED
-    projected = np.einsum("nji,nj->ni", vectors, np.nan_to_num(system.v))
-    scaled = np.where(controlled, projected / np.where(controlled, values, 1.0), 0.0)
-    rows = np.where(np.isnan(system.v).any(1), 0, controlled.sum(1))
-    test = np.where(rows > 0, np.sqrt((projected * scaled).sum(1) / np.maximum(rows, 1)), np.nan)
-    size = np.where(use[:, None], -np.einsum("nij,nj->ni", vectors, scaled), -system.v)
-    return size, test
-
-
-def _worst(test: Float, o: Observations, covariance_m2: Float, use: Bool, limit: float) -> Bool:
-    """The clearest gross errors: one per point, those at least half as large as the largest, few of each strip."""
-    wrong = np.zeros(len(test), dtype=bool)
-    candidates = np.flatnonzero(use & (test > limit))
-    if not len(candidates):
-        return wrong
-    # Two observations of a point share one test: control is named before a strip, the less precise before the other.
-    variance = np.einsum("nii->n", covariance_m2[candidates])
-    order = candidates[np.lexsort((-variance, o.strip[candidates] >= 0, -np.round(test[candidates], 6)))]
-    order = order[test[order] >= 0.5 * test[order[0]]]
-    shared = np.bincount(o.point, minlength=o.n_points)[o.point] > 1
-    source = o.strip + 1  # control, then the strips
-    room = np.ceil(MAX_SHARE * np.bincount(source[shared], minlength=source.max() + 1)).astype(int)
-    room -= np.bincount(source[~use & shared], minlength=len(room))
-    # In a small problem one rejection changes the tests of all others: one at a time.
-    most, points = max(1, len(test) // 100), set()
-    for k in order:
-        if len(points) < most and room[source[k]] > 0 and int(o.point[k]) not in points:
-            wrong[k] = True
-            room[source[k]] -= 1
-            points.add(int(o.point[k]))
-    return wrong
-
-
-def _deformation(o: Observations, solved: _Solved[S], cofactor: Float, use: Bool, robust: bool) -> float:
-    """The tau that makes the residuals of the strips' points as large as their redundancy says."""
-    share = np.einsum("nii->n", cofactor) / 3
-    rows = use & (o.strip >= 0) & (share > 0.02) & ~np.isnan(solved.system.v).any(1)
-    values, vectors = np.linalg.eigh(solved.linear.covariance_m2[rows])
-    if 3 * share[rows].sum() < 1 or values.max(initial=0.0) <= 0:
-        return 0.0
-    v = solved.system.point_m[o.point[rows]] - solved.linear.xyz_m[rows]
-    squares = np.einsum("nji,nj->ni", vectors, v) ** 2
-    values = np.maximum(values, 1e-12 * values.max())
-
-    def excess(tau: float) -> float:
-        q = (squares / (values + tau**2)).sum(1)
-        if robust:
-            return float(np.median(q / share[rows])) / MEDIAN_CHI2_3 - 1
-        return float(q.sum() / (3 * share[rows].sum())) - 1
-
-    if excess(0.0) <= 0:
-        return 0.0
-    low, high = 0.0, float(np.sqrt(values.max()))
-    while excess(high) > 0:
-        low, high = high, 4 * high
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return 0.5 * (low + high)
 
 
 def _result(

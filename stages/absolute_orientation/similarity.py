@@ -16,7 +16,6 @@ Source: Horn 1987, Umeyama 1991; Kraus, Photogrammetry, block adjustment with in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -25,7 +24,7 @@ import numpy.typing as npt
 from aatri.artifacts import assemble
 from aatri.artifacts import strip_solution as pieces
 from aatri.artifacts.block import Block
-from aatri.artifacts.given import Control, Positions, control_of, positions_of
+from aatri.artifacts.given import Positions, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
@@ -33,14 +32,23 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.ids import shown
-from aatri.orientation.absolute import Datum, OrientedComponent, orient_component
+from aatri.orientation.absolute import Datum, orient_component
 from aatri.orientation.free_block import Component, FreeBlock, join_strips, strip_names
 from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._results import (
+    ROLE_NAME,
+    Given,
+    OrientedPart,
+    control_counts,
+    precisions,
+    residual_tables,
+    suspect_tables,
+)
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
 
-ROLE_NAME = "absolute_orientation"
 EXTRAPOLATION_WARNED = 3.0
 
 
@@ -54,27 +62,6 @@ class SimilarityOptions(Options):
     tie_limit: float = Field(6.0, gt=0, description="test statistic of a wrong tie between strips, in sigma")
     control_limit: float = Field(5.0, gt=0, description="test statistic of wrong control, in sigma")
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
-
-
-@dataclass(frozen=True)
-class _Given:
-    """What the Block knows about the ground."""
-
-    block: Block
-    strips: Strips
-    control: Control
-    positions: Positions
-    origin: Float
-
-
-@dataclass(frozen=True)
-class _Oriented:
-    """A component on the ground; rows of control and positions are those of `_Given`."""
-
-    component: Component
-    control: Int
-    positions: Int
-    result: OrientedComponent
 
 
 @stage(version=1)
@@ -92,7 +79,7 @@ def similarity(
     control, positions = control_of(block), positions_of(block)
     if not options.use_positions:
         positions = Positions(*(getattr(positions, n)[:0] for n in Positions.__dataclass_fields__))
-    given = _Given(block, strips, control, positions, pieces.origin_of(control, positions))
+    given = Given(block, strips, control, positions, pieces.origin_of(control, positions))
     free = join_strips(pieces.strip_points_of(strips), strips.strips.id.tolist(), limit=options.tie_limit)
     for text in free.unjoined:
         context.warn(f"not joined: {text}")
@@ -100,7 +87,7 @@ def similarity(
     return _solution(given, image_points, oriented, context)
 
 
-def _orient_all(given: _Given, free: FreeBlock, options: SimilarityOptions, context: Context) -> list[_Oriented]:
+def _orient_all(given: Given, free: FreeBlock, options: SimilarityOptions, context: Context) -> list[OrientedPart]:
     """Orient every component; components without a datum are an error or a warning, as the option says."""
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
@@ -135,7 +122,7 @@ def _all_of(failed: list[GeometryError], free: FreeBlock) -> GeometryError:
     return GeometryError("; ".join(texts), remedy="; ".join(remedies))
 
 
-def _orient(given: _Given, component: Component, what: str, limit: float) -> _Oriented:
+def _orient(given: Given, component: Component, what: str, limit: float) -> OrientedPart:
     centres, rotations, image = _free_images(given.strips, component)
     row_of = np.full(len(given.block.images), -1)
     row_of[image] = np.arange(len(image))
@@ -160,7 +147,7 @@ def _orient(given: _Given, component: Component, what: str, limit: float) -> _Or
     )  # fmt: skip
     body = np.concatenate([component.xyz, centres])
     result = orient_component(datum, body, rotations[:, :, 2].mean(0), what=what, limit=limit)
-    return _Oriented(component, held, seen, result)
+    return OrientedPart(component, held, seen, result)
 
 
 def _free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int]:
@@ -175,7 +162,7 @@ def _free_images(strips: Strips, component: Component) -> tuple[Float, Float, In
     return centres, rotations, table.image[rows].astype(np.int64)
 
 
-def _solution(given: _Given, image_points: ImagePoints, oriented: list[_Oriented], context: Context) -> Solution:
+def _solution(given: Given, image_points: ImagePoints, oriented: list[OrientedPart], context: Context) -> Solution:
     block = given.block
     position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
     points = np.full((len(block.points), 3), np.nan)
@@ -191,10 +178,10 @@ def _solution(given: _Given, image_points: ImagePoints, oriented: list[_Oriented
         for strip, pose in zip(component.strips, component.component_from_strip):
             name = str(given.strips.strips.id[strip])
             transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), given.origin))
-        parameters += _precisions(given, found)
-        residuals += _residuals(given, found)
-        suspects += _suspects(given, found)
-        for adjusted, n in ((found.result.tied, _control_counts(found)), (component.tied, None)):
+        parameters += precisions(given, found)
+        residuals += residual_tables(given, found)
+        suspects += suspect_tables(given, found)
+        for adjusted, n in ((found.result.tied, control_counts(found)), (component.tied, None)):
             if adjusted is None:
                 continue
             counts += n if n is not None else np.array([adjusted.observations, adjusted.unknowns])
@@ -218,89 +205,6 @@ def _solution(given: _Given, image_points: ImagePoints, oriented: list[_Oriented
         residuals=assemble.stacked(residuals),
         suspects=assemble.stacked(suspects),
     )
-
-
-def _control_counts(found: _Oriented) -> npt.NDArray[np.int64]:
-    """Coordinates of control and positions, and the seven parameters."""
-    coordinates = np.isfinite(found.result.residual_m)[found.result.active]
-    return np.array([int(coordinates.sum()), 7])
-
-
-def _precisions(given: _Given, found: _Oriented) -> list[Parameters]:
-    name = strip_names(found.component, given.strips.strips.id.tolist())
-    rows = [pieces.precision_row(f"{name} to the ground", found.result.tied.tau_m)]
-    if found.component.tied is not None:
-        scale = found.result.ground_from_component.scale
-        rows.append(pieces.precision_row(f"{name} to each other", scale * found.component.tied.tau_m))
-    return rows
-
-
-def _sigma(covariance: Float, given: npt.NDArray[np.bool_] | bool = True) -> Float:
-    return np.where(given, np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
-
-
-def _residuals(given: _Given, found: _Oriented) -> list[Residuals]:
-    """Component on the ground minus control, and the ties in metres along the ground axes."""
-    block, n, result = given.block, len(found.control), found.result
-    control, image = found.control, given.positions.image[found.positions]
-    none = np.full(n, ""), np.full(len(image), "")
-    tables = [
-        assemble.residuals(
-            "control", given.control.row[control], none[0], block.points.id[given.control.point[control]],
-            result.residual_m[:n],
-            _sigma(given.control.covariance_m2[control], pieces.given_coordinates(given.control)[control]),
-            result.active[:n],
-        ),
-        assemble.residuals(
-            "position", given.positions.row[found.positions], block.images.id[image], none[1],
-            result.residual_m[n:], _sigma(given.positions.covariance_m2[found.positions]), result.active[n:],
-        ),
-    ]  # fmt: skip
-    tied = found.component.tied
-    if tied is not None:
-        rows, to_ground = found.component.rows, result.ground_from_component
-        table = given.strips.strip_points
-        shared = np.bincount(table.point[rows])[table.point[rows]] > 1
-        scale = np.empty(len(rows))
-        for strip, pose in zip(found.component.strips, found.component.component_from_strip):
-            scale[table.strip[rows] == strip] = to_ground.scale * pose.scale
-        sigma = scale[:, None] * np.sqrt(np.einsum("nii->n", table.covariance[rows]) / 3)[:, None] * np.ones(3)
-        value = to_ground.scale * tied.residual_m @ to_ground.rotation.T
-        tables.append(assemble.residuals(
-            "strip_tie", np.full(int(shared.sum()), -1), given.strips.strips.id[table.strip[rows[shared]]],
-            block.points.id[table.point[rows[shared]]], value[shared], sigma[shared], tied.active[shared],
-        ))  # fmt: skip
-    return tables
-
-
-def _suspects(given: _Given, found: _Oriented) -> list[Suspects]:
-    block, result = given.block, found.result
-    n, total = len(found.control), len(result.active)
-    size, test = result.tied.size_m[total:], result.tied.test[total:]
-    image = given.positions.image[found.positions]
-    all_began = np.ones(total, dtype=bool)
-    tables = [
-        pieces.tested(
-            kind="control", row=given.control.row[found.control], image=np.full(n, ""),
-            point=block.points.id[given.control.point[found.control]], stage=ROLE_NAME,
-            size_m=size[:n], test=test[:n], began=all_began[:n], active=result.active[:n],
-        ),
-        pieces.tested(
-            kind="position", row=given.positions.row[found.positions], image=block.images.id[image],
-            point=np.full(len(image), ""), stage=ROLE_NAME,
-            size_m=size[n:], test=test[n:], began=all_began[n:], active=result.active[n:],
-        ),
-    ]  # fmt: skip
-    tied = found.component.tied
-    if tied is not None:
-        table, rows = given.strips.strip_points, found.component.rows
-        tables.append(pieces.tested(
-            kind="strip_tie", row=np.full(len(rows), -1), image=given.strips.strips.id[table.strip[rows]],
-            point=block.points.id[table.point[rows]], stage=ROLE_NAME,
-            size_m=result.ground_from_component.scale * tied.size_m, test=tied.test,
-            began=np.ones(len(rows), dtype=bool), active=tied.active,
-        ))  # fmt: skip
-    return tables
 
 
 def _report(block: Block, position: Float, context: Context) -> None:

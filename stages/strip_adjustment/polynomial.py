@@ -18,8 +18,6 @@ Photogrammetry.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -28,11 +26,11 @@ from aatri.artifacts import strip_solution as pieces
 from aatri.artifacts.block import Block
 from aatri.artifacts.given import Control, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Residuals, Solution, StripTransformations
+from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
-from aatri.geometry.polynomials import COUNT, StripAxes, strip_axes
+from aatri.geometry.polynomials import strip_axes
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
 from aatri.geometry.vectors import finite_rows
@@ -40,14 +38,21 @@ from aatri.ids import shown
 from aatri.orientation import tie_elimination
 from aatri.orientation.free_block import StripPoints
 from aatri.orientation.resection import resect_images
-from aatri.orientation.strip_polynomials import StripPolynomials, adjust_strip_polynomials, model_name, terms_of
+from aatri.orientation.strip_polynomials import StripPolynomials, adjust_strip_polynomials, model_name
 from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._results import (
+    ROLE_NAME,
+    Ground,
+    residual_tables,
+    suspect_tables,
+    tie_names,
+    transformation_tables,
+)
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
-
-ROLE_NAME = "strip_adjustment"
 
 
 class PolynomialOptions(Options):
@@ -55,19 +60,6 @@ class PolynomialOptions(Options):
 
     degree: int = Field(2, ge=0, le=2, description="highest degree; it falls where control and ties determine less")
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
-
-
-@dataclass(frozen=True)
-class _Ground:
-    """Oriented strips on the ground, reduced to the origin."""
-
-    origin: Float
-    strips: Int
-    similarity: list[Similarity]
-    axes: list[StripAxes]
-    rows: Int
-    points: StripPoints
-    control: tie_elimination.Control
 
 
 @stage(version=1)
@@ -109,14 +101,14 @@ def polynomial(
         counts=(result.tied.observations, result.tied.unknowns),
         sigma0=result.tied.sigma0,
         iterations=result.tied.iterations,
-        transformations=_transformations(result, ground, strips),
+        transformations=transformation_tables(result, ground, strips),
         parameters=pieces.precision_row("all strips", result.tied.tau_m),
-        residuals=_residuals(block, strips, ground, control, result),
-        suspects=_suspects(block, strips, initial.suspects, ground, control, result, began),
+        residuals=residual_tables(block, strips, ground, control, result),
+        suspects=suspect_tables(block, strips, initial.suspects, ground, control, result, began),
     )
 
 
-def _on_the_ground(strips: Strips, initial: Solution, control: Control, origin: Float, context: Context) -> _Ground:
+def _on_the_ground(strips: Strips, initial: Solution, control: Control, origin: Float, context: Context) -> Ground:
     images, table = strips.strip_images, pieces.strip_points_of(strips)
     numbers, similarities, axes, parts = [], [], [], []
     for strip in range(len(strips.strips)):
@@ -154,7 +146,7 @@ def _on_the_ground(strips: Strips, initial: Solution, control: Control, origin: 
         control.covariance_m2,
         pieces.given_coordinates(control),
     )
-    return _Ground(origin, np.array(numbers), similarities, axes, rows, points, given)
+    return Ground(origin, np.array(numbers), similarities, axes, rows, points, given)
 
 
 def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_image: Float) -> Similarity:
@@ -165,19 +157,15 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
     return Similarity(X.mean(0) - scale * rotation @ x.mean(0), scale, rotation)
 
 
-def _began(block: Block, strips: Strips, suspects: Suspects, ground: _Ground, control: Control) -> Bool:
+def _began(block: Block, strips: Strips, suspects: Suspects, ground: Ground, control: Control) -> Bool:
     """Observations that no earlier stage has rejected: strip points, then control."""
-    strip, point = _tie_names(block, strips, ground)
+    strip, point = tie_names(block, strips, ground)
     ties = pieces.rejected_before(suspects, "strip_tie", strip, point)
     ids = block.points.id[control.point]
     return ~np.concatenate([ties, pieces.rejected_before(suspects, "control", np.full(len(ids), ""), ids)])
 
 
-def _tie_names(block: Block, strips: Strips, ground: _Ground) -> tuple[npt.NDArray[np.str_], npt.NDArray[np.str_]]:
-    return strips.strips.id[ground.strips[ground.points.strip]], block.points.id[ground.points.point]
-
-
-def _report(result: StripPolynomials, ground: _Ground, strips: Strips, context: Context) -> None:
+def _report(result: StripPolynomials, ground: Ground, strips: Strips, context: Context) -> None:
     names = strips.strips.id[ground.strips]
     for strip, name in enumerate(names):
         for part, column in (("plan", 0), ("height", 1)):
@@ -213,82 +201,3 @@ def _resected(
     if len(left):
         context.warn(f"{len(left)} images are not oriented: {shown(block.images.id[left])}")
     return found.position_m, found.ground_from_image
-
-
-def _transformations(result: StripPolynomials, ground: _Ground, strips: Strips) -> StripTransformations:
-    """Per strip: the similarity, the axes, and the coefficients a of dU, b of dV, c of dW in metres."""
-    tables = [StripTransformations.empty()]
-    for k, strip in enumerate(ground.strips):
-        name, axes = str(strips.strips.id[strip]), ground.axes[k]
-        tables.append(pieces.similarity_rows(name, ground.similarity[k], ground.origin))
-        plan, height = (int(degree) for degree in result.degree[k])
-        tables.append(
-            pieces.transformation_rows(
-                name,
-                model_name(max(plan, height)),
-                ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad"),
-                [
-                    *(axes.origin_m + ground.origin),
-                    *axes.half_range_m,
-                    np.arctan2(axes.ground_from_axes[0, 0], axes.ground_from_axes[1, 0]),
-                ],
-            )
-        )
-        for axis, degree in enumerate((plan, plan, height)):
-            names = tuple(f"{'abc'[axis]}_{term}" for term in terms_of(degree))
-            count = COUNT[degree]
-            tables.append(
-                pieces.transformation_rows(
-                    name,
-                    model_name(degree),
-                    names,
-                    result.coefficients_m[k, axis, :count],
-                    result.sigma_m[k, axis, :count],
-                )
-            )
-    return assemble.stacked(tables)
-
-
-def _residuals(block: Block, strips: Strips, ground: _Ground, control: Control, result: StripPolynomials) -> Residuals:
-    """Adjusted minus given at control, the strips' mean minus the single strip at ties."""
-    n = len(ground.rows)
-    given = pieces.given_coordinates(control)
-    strip, point = _tie_names(block, strips, ground)
-    shared = np.flatnonzero(np.bincount(ground.points.point, minlength=len(block.points))[ground.points.point] > 1)
-    at_control = result.point_m[control.point] - ground.control.xyz_m
-    known = np.flatnonzero(finite_rows(result.point_m[control.point]))
-    return assemble.stacked([
-        assemble.residuals(
-            "control", control.row[known], np.full(len(known), ""), block.points.id[control.point[known]],
-            np.where(given, at_control, np.nan)[known],
-            np.where(given, np.sqrt(np.einsum("nii->ni", control.covariance_m2)), np.nan)[known],
-            result.tied.active[n:][known],
-        ),
-        assemble.residuals(
-            "strip_tie", np.full(len(shared), -1), strip[shared], point[shared],
-            (result.point_m[ground.points.point] - result.corrected_m)[shared],
-            np.sqrt(np.einsum("nii->ni", ground.points.covariance))[shared], result.tied.active[:n][shared],
-        ),
-    ])  # fmt: skip
-
-
-def _suspects(
-    block: Block,
-    strips: Strips,
-    before: Suspects,
-    ground: _Ground,
-    control: Control,
-    result: StripPolynomials,
-    began: Bool,
-) -> Suspects:
-    n = len(ground.rows)
-    strip, point = _tie_names(block, strips, ground)
-    tied, m = result.tied, len(control.row)
-    return assemble.stacked([
-        pieces.carried_on(before, "strip_tie", "control"),
-        pieces.tested(kind="strip_tie", row=np.full(n, -1), image=strip, point=point, stage=ROLE_NAME,
-                      size_m=tied.size_m[:n], test=tied.test[:n], began=began[:n], active=tied.active[:n]),
-        pieces.tested(kind="control", row=control.row, image=np.full(m, ""), point=block.points.id[control.point],
-                      stage=ROLE_NAME, size_m=tied.size_m[n:], test=tied.test[n:], began=began[n:],
-                      active=tied.active[n:]),
-    ])  # fmt: skip

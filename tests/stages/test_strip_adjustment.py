@@ -46,7 +46,7 @@ def test_bent_strips_are_straightened():
     initial, solution, heard = _adjusted(made)
     assert heard.warnings == []
     assert _rms(made, initial) > 0.05
-    assert _rms(made, solution) < 0.005
+    assert _rms(made, solution) < 0.015
     models = set(solution.transformations.model.tolist())
     assert models == {"similarity", "polynomial_2"}
 

@@ -1,0 +1,128 @@
+"""Transformations, residuals and suspects of the strip block adjustment, as tables of a Solution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts import assemble
+from aatri.artifacts import strip_solution as pieces
+from aatri.artifacts.block import Block
+from aatri.artifacts.given import Control
+from aatri.artifacts.solution import Residuals, StripTransformations
+from aatri.artifacts.strips import Strips
+from aatri.artifacts.suspects import Suspects
+from aatri.geometry.polynomials import COUNT, StripAxes
+from aatri.geometry.similarity import Similarity
+from aatri.geometry.vectors import finite_rows
+from aatri.orientation import tie_elimination
+from aatri.orientation.free_block import StripPoints
+from aatri.orientation.strip_polynomials import StripPolynomials, model_name, terms_of
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+ROLE_NAME = "strip_adjustment"
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Oriented strips on the ground, reduced to the origin."""
+
+    origin: Float
+    strips: Int
+    similarity: list[Similarity]
+    axes: list[StripAxes]
+    rows: Int
+    points: StripPoints
+    control: tie_elimination.Control
+
+
+def tie_names(block: Block, strips: Strips, ground: Ground) -> tuple[npt.NDArray[np.str_], npt.NDArray[np.str_]]:
+    """Ids of strip and point of every strip point."""
+    return strips.strips.id[ground.strips[ground.points.strip]], block.points.id[ground.points.point]
+
+
+def transformation_tables(result: StripPolynomials, ground: Ground, strips: Strips) -> StripTransformations:
+    """Per strip: the similarity, the axes, and the coefficients a of dU, b of dV, c of dW in metres."""
+    tables = [StripTransformations.empty()]
+    for k, strip in enumerate(ground.strips):
+        name, axes = str(strips.strips.id[strip]), ground.axes[k]
+        tables.append(pieces.similarity_rows(name, ground.similarity[k], ground.origin))
+        plan, height = (int(degree) for degree in result.degree[k])
+        tables.append(
+            pieces.transformation_rows(
+                name,
+                model_name(max(plan, height)),
+                ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad"),
+                [
+                    *(axes.origin_m + ground.origin),
+                    *axes.half_range_m,
+                    np.arctan2(axes.ground_from_axes[0, 0], axes.ground_from_axes[1, 0]),
+                ],
+            )
+        )
+        for axis, degree in enumerate((plan, plan, height)):
+            names = tuple(f"{'abc'[axis]}_{term}" for term in terms_of(degree))
+            count = COUNT[degree]
+            tables.append(
+                pieces.transformation_rows(
+                    name,
+                    model_name(degree),
+                    names,
+                    result.coefficients_m[k, axis, :count],
+                    result.sigma_m[k, axis, :count],
+                )
+            )
+    return assemble.stacked(tables)
+
+
+def residual_tables(
+    block: Block, strips: Strips, ground: Ground, control: Control, result: StripPolynomials
+) -> Residuals:
+    """Adjusted minus given at control, the strips' mean minus the single strip at ties."""
+    n = len(ground.rows)
+    given = pieces.given_coordinates(control)
+    strip, point = tie_names(block, strips, ground)
+    shared = np.flatnonzero(np.bincount(ground.points.point, minlength=len(block.points))[ground.points.point] > 1)
+    at_control = result.point_m[control.point] - ground.control.xyz_m
+    known = np.flatnonzero(finite_rows(result.point_m[control.point]))
+    return assemble.stacked([
+        assemble.residuals(
+            "control", control.row[known], np.full(len(known), ""), block.points.id[control.point[known]],
+            np.where(given, at_control, np.nan)[known],
+            np.where(given, np.sqrt(np.einsum("nii->ni", control.covariance_m2)), np.nan)[known],
+            result.tied.active[n:][known],
+        ),
+        assemble.residuals(
+            "strip_tie", np.full(len(shared), -1), strip[shared], point[shared],
+            (result.point_m[ground.points.point] - result.corrected_m)[shared],
+            np.sqrt(np.einsum("nii->ni", ground.points.covariance))[shared], result.tied.active[:n][shared],
+        ),
+    ])  # fmt: skip
+
+
+def suspect_tables(
+    block: Block,
+    strips: Strips,
+    before: Suspects,
+    ground: Ground,
+    control: Control,
+    result: StripPolynomials,
+    began: Bool,
+) -> Suspects:
+    """Suspects of earlier stages, with the ties and control tested here anew."""
+    n = len(ground.rows)
+    strip, point = tie_names(block, strips, ground)
+    tied, m = result.tied, len(control.row)
+    return assemble.stacked([
+        pieces.carried_on(before, "strip_tie", "control"),
+        pieces.tested(kind="strip_tie", row=np.full(n, -1), image=strip, point=point, stage=ROLE_NAME,
+                      size_m=tied.size_m[:n], test=tied.test[:n], began=began[:n], active=tied.active[:n]),
+        pieces.tested(kind="control", row=control.row, image=np.full(m, ""), point=block.points.id[control.point],
+                      stage=ROLE_NAME, size_m=tied.size_m[n:], test=tied.test[n:], began=began[n:],
+                      active=tied.active[n:]),
+    ])  # fmt: skip
