@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command line starts without it
+    import numpy as np
+    import numpy.typing as npt
 
 MAX_BYTES = 255
 """Longest id, in UTF-8 bytes."""
@@ -30,6 +31,8 @@ def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.ND
     -------
     (n,) int32
     """
+    import numpy as np
+
     row = {str(text): k for k, text in enumerate(table)}
     return np.array([row.get(str(text), -1) for text in ids], dtype=np.int32)
 
