@@ -17,7 +17,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation.free_block import StripPoints
+from aatri.orientation.component_growth import StripPoints
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer[Any]]

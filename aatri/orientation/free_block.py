@@ -1,12 +1,6 @@
 """Free components: strips, each in a frame of its own, joined to each other by common points.
 
-1. Components grow from single strips: of all pairs of components the best tied pair is joined first, by the similarity
-   of their common points with the least sum of distances (geometry.similarity). How well a pair is tied is the standard
-   deviation of its weakest rotation, about the line along which the common points lie:
-
-       sigma_rotation = sigma_point / sqrt(sum of squared distances from that line).
-
-   Above `WEAKEST_RAD` the points count as collinear and the pair is not joined; so it is with fewer than 3 points.
+1. Components grow from single strips, the best tied pair first (orientation.component_growth).
 2. All strips of a component are then adjusted together as similarities of seven unknowns each, the common points
    eliminated (orientation.tied_strips), one strip held; wrong ties are found by data snooping.
 
@@ -27,11 +21,11 @@ from aatri.geometry.similarity import (
     compose,
     inverse,
     jacobian,
-    robust_closed_form,
     transform,
     transform_covariance,
     updated,
 )
+from aatri.orientation.component_growth import StripPoints, Tie, grow_components
 from aatri.orientation.tie_elimination import Linearised, observations_of
 from aatri.orientation.tied_strips import Problem, TiedResult, adjust_tied
 
@@ -39,33 +33,11 @@ Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-WEAKEST_RAD = 0.05
-"""A tie whose weakest rotation is known worse than this joins nothing."""
+GROSS = 30.0
+"""Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
 
 TIE_LIMIT = 6.0
 """Test statistic of a wrong tie. Strips are deformed smoothly, so that good ties reach larger values than noise."""
-
-
-@dataclass(frozen=True)
-class StripPoints:
-    """Points of all strips, in the strips' own frames.
-
-    Attributes
-    ----------
-    strip : (n,) int
-    point : (n,) int
-    xyz : (n, 3) float64, unit of the strip
-    covariance : (n, 3, 3) float64, unit of the strip squared
-    """
-
-    strip: Int
-    point: Int
-    xyz: Float
-    covariance: Float
-
-    def take(self, rows: Bool | Int) -> StripPoints:
-        """The chosen rows."""
-        return StripPoints(self.strip[rows], self.point[rows], self.xyz[rows], self.covariance[rows])
 
 
 @dataclass(frozen=True)
@@ -116,13 +88,6 @@ class FreeBlock:
     unjoined: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Tie:
-    similarity: Similarity
-    sigma_rad: float
-    common: int
-
-
 def join_strips(
     points: StripPoints, names: Sequence[str], *, active: Bool | None = None, limit: float = TIE_LIMIT
 ) -> FreeBlock:
@@ -139,7 +104,7 @@ def join_strips(
         Test statistic of a wrong tie.
     """
     use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
-    member, pose, weak = _grow(points.take(use), len(names))
+    member, pose, weak = grow_components(points.take(use), len(names))
     components = []
     for label in np.unique(member):
         strips = np.flatnonzero(member == label)
@@ -149,72 +114,6 @@ def join_strips(
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
     return FreeBlock(tuple(components), use, _reasons(components, weak, member, names))
-
-
-def _grow(points: StripPoints, n_strips: int) -> tuple[Int, list[Similarity], dict[tuple[int, int], _Tie]]:
-    """Join components pair by pair, the best tied first; returns label, pose of every strip and the ties left over."""
-    member = np.arange(n_strips)
-    pose = [IDENTITY] * n_strips
-    ties: dict[tuple[int, int], _Tie] = {}
-    for a, b in _neighbours(points, member):
-        ties[a, b] = _tie(points, member, pose, a, b)
-    while True:
-        good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.sigma_rad <= WEAKEST_RAD]
-        if not good:
-            return member, pose, ties
-        _, (a, b) = min(good)
-        joined = ties[a, b].similarity
-        for k in np.flatnonzero(member == b):
-            pose[k] = compose(joined, pose[k])
-        member = np.where(member == b, a, member)
-        ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
-        for pair in _neighbours(points, member):
-            if a in pair:
-                ties[pair] = _tie(points, member, pose, *pair)
-
-
-def _neighbours(points: StripPoints, member: Int) -> list[tuple[int, int]]:
-    """Pairs of components with common points, in order."""
-    label = member[points.strip]
-    key = np.unique(np.stack([points.point, label], 1), axis=0)
-    pairs: set[tuple[int, int]] = set()
-    for step in range(1, int(np.bincount(key[:, 0]).max(initial=0))):
-        same = key[:-step, 0] == key[step:, 0]
-        found = np.unique(np.stack([key[:-step][same, 1], key[step:][same, 1]], 1), axis=0)
-        pairs.update((int(a), int(b)) for a, b in found)
-    return sorted(pairs)
-
-
-def _tie(points: StripPoints, member: Int, pose: list[Similarity], a: int, b: int) -> _Tie:
-    """The similarity from component b to component a, and how well it is determined."""
-    sides = [_mean_points(points, np.flatnonzero(member == label), pose) for label in (a, b)]
-    _, first, second = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
-    X, variance_a = sides[0][1][first], sides[0][2][first]
-    x, variance_b = sides[1][1][second], sides[1][2][second]
-    if len(X) < 3:
-        return _Tie(IDENTITY, np.inf, len(X))
-    similarity, distance = robust_closed_form(x, X)
-    noise = np.sqrt(np.median(variance_a + similarity.scale**2 * variance_b))
-    sigma = max(float(noise), float(np.median(distance)) / 1.5 if len(X) > 3 else 0.0)
-    fitting = distance <= 10 * max(sigma, float(np.median(distance)))
-    spread = np.linalg.svd(X[fitting] - X[fitting].mean(0), compute_uv=False)
-    across = float(np.hypot(*spread[1:3]))
-    determined = fitting.sum() >= 3 and across > 1e-9 * spread[0]
-    return _Tie(similarity, sigma / across if determined else np.inf, len(X))
-
-
-def _mean_points(points: StripPoints, strips: Int, pose: list[Similarity]) -> tuple[Int, Float, Float]:
-    """Points of a component, coordinates as plain means over its strips, and their mean variances."""
-    number, xyz, variance = [], [], []
-    for k in strips:
-        rows = points.strip == k
-        number.append(points.point[rows])
-        xyz.append(transform(pose[k], points.xyz[rows]))
-        variance.append(pose[k].scale ** 2 * np.einsum("nii->n", points.covariance[rows]) / 3)
-    distinct, of = np.unique(np.concatenate(number), return_inverse=True)
-    count = np.bincount(of)
-    mean = np.stack([np.bincount(of, column) for column in np.concatenate(xyz).T], 1) / count[:, None]
-    return distinct, mean, np.bincount(of, np.concatenate(variance)) / count**2
 
 
 def _adjusted(
@@ -250,15 +149,46 @@ def _adjusted(
 
     what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
     problem = Problem(observations_of(local, point, len(number), held=held), linearise, update, what)
-    tied = adjust_tied(problem, start, limit=limit, active=use[rows])
+    active = use[rows] & _plausible(linearise(start), point)
+    tied = adjust_tied(problem, start, limit=limit, active=active)
     component_from_strip = [compose(s, Similarity(-c, 1.0, np.eye(3))) for s, c in zip(tied.state, centre)]
     solved = np.isfinite(tied.point_m).all(1)
     return Component(strips, tuple(component_from_strip), rows, number[solved], tied.point_m[solved],
                      tied.point_covariance_m2[solved], tied)  # fmt: skip
 
 
+def _plausible(linear: Linearised, point: Int) -> Bool:
+    """Points of strips without the grossest errors, which least squares would not survive, by the robust start.
+
+    A point is compared with the median over its strips; of two that disagree the less precise is set aside. What was
+    set aside too much is re-admitted by its test.
+    """
+    order = np.argsort(point, kind="stable")
+    median = np.stack([_medians(point[order], column[order]) for column in linear.xyz_m.T], axis=1)
+    distance = np.linalg.norm(linear.xyz_m - median[point], axis=1)
+    shared = np.bincount(point)[point] > 1
+    if not shared.any():
+        return np.ones(len(point), dtype=bool)
+    least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(linear.xyz_m).max()))
+    gross = shared & (distance > least)
+    pair = np.bincount(point)[point] == 2
+    precise = np.lexsort((np.einsum("nii->n", linear.covariance_m2), point))
+    first = np.zeros(len(point), dtype=bool)
+    first[precise[np.diff(point[precise], prepend=-1) > 0]] = True
+    return np.asarray(~(gross & ~(pair & first)))
+
+
+def _medians(point: Int, value: Float) -> Float:
+    """Median of the values of each point; points ascending."""
+    order = np.lexsort((value, point))
+    start = np.flatnonzero(np.diff(point, prepend=-1))
+    count = np.diff([*start, len(point)])
+    ranked = value[order]
+    return np.asarray(0.5 * (ranked[start + (count - 1) // 2] + ranked[start + count // 2]))
+
+
 def _reasons(
-    components: list[Component], weak: dict[tuple[int, int], _Tie], member: Int, names: Sequence[str]
+    components: list[Component], weak: dict[tuple[int, int], Tie], member: Int, names: Sequence[str]
 ) -> tuple[str, ...]:
     components = sorted(components, key=lambda c: int(c.strips[0]))
     label = [int(member[c.strips[0]]) for c in components]

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.geometry.polynomials import COUNT, TERMS, StripAxes, correction_design
-from aatri.orientation.free_block import StripPoints
+from aatri.orientation.component_growth import StripPoints
 from aatri.orientation.tie_elimination import Control, Linearised, Observations, eliminate, observations_of
 from aatri.orientation.tied_strips import Problem, TiedResult, adjust_tied
 

@@ -18,7 +18,7 @@ from aatri.geometry.polynomials import COUNT, StripAxes
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation import tie_elimination
-from aatri.orientation.free_block import StripPoints
+from aatri.orientation.component_growth import StripPoints
 from aatri.orientation.strip_polynomials import StripPolynomials, model_name, terms_of
 
 Float = npt.NDArray[np.float64]

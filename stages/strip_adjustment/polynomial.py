@@ -36,7 +36,7 @@ from aatri.geometry.similarity import Similarity, transform, transform_covarianc
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.orientation import tie_elimination
-from aatri.orientation.free_block import StripPoints
+from aatri.orientation.component_growth import StripPoints
 from aatri.orientation.resection import resect_images
 from aatri.orientation.strip_polynomials import StripPolynomials, adjust_strip_polynomials, model_name
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -196,7 +196,7 @@ def _resected(
     failed = np.flatnonzero(initial.images.oriented & ~found.resected)
     if len(failed):
         ids = shown(block.images.id[failed])
-        context.warn(f"{len(failed)} images keep their initial orientation, too few points to resect them: {ids}")
+        context.warn(f"{len(failed)} images keep their initial orientation, their resection failed: {ids}")
     left = np.flatnonzero(~initial.images.oriented & block.images.active)
     if len(left):
         context.warn(f"{len(left)} images are not oriented: {shown(block.images.id[left])}")

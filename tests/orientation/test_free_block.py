@@ -6,7 +6,8 @@ import numpy as np
 
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, closed_form, transform
-from aatri.orientation.free_block import StripPoints, join_strips
+from aatri.orientation.component_growth import StripPoints
+from aatri.orientation.free_block import join_strips
 
 RNG = np.random.default_rng(5)
 

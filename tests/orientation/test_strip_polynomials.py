@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.geometry.polynomials import correction_design, strip_axes
-from aatri.orientation.free_block import StripPoints
+from aatri.orientation.component_growth import StripPoints
 from aatri.orientation.strip_polynomials import adjust_strip_polynomials
 from aatri.orientation.tie_elimination import Control
 
