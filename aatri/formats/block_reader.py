@@ -14,8 +14,9 @@ import numpy as np
 from aatri.artifacts.block import Block, Files, Frames, Points
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.block_cameras import camera_tables
+from aatri.formats.block_exterior import exterior_table
 from aatri.formats.block_geodetic import geodetic_tables
-from aatri.formats.block_ground import exterior_table, ground_point_table, read_ground_points
+from aatri.formats.block_ground import ground_point_table, read_ground_points
 from aatri.formats.block_images import fiducial_point_table, image_point_table, image_tables, read_image_points
 from aatri.formats.block_source import FILES, Source, texts
 from aatri.formats.block_yaml import Settings, read_settings

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from aatri.errors import InputError
+from aatri.errors import AatriError, Errors, InputError
 from aatri.formats.block_yaml import Settings
 from aatri.formats.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
 from aatri.formats.number_text import number_of
@@ -37,7 +37,7 @@ class Source:
     settings: Settings
     document: Document
     reporter: Reporter = SILENT
-    problems: list[InputError] = field(default_factory=list)
+    problems: list[AatriError] = field(default_factory=list)
 
     def table(self, name: str, columns: Mapping[str, Column]) -> CsvTable | None:
         """A table of the folder; None if it is not there or its header is wrong (then the fault is kept)."""
@@ -46,12 +46,10 @@ class Source:
             return None
         try:
             return read_csv(path, columns, self.problems, self.reporter)
+        except Errors as several:
+            self.problems.extend(several.errors)
         except InputError as error:
             self.problems.append(error)
-        except Exception as error:
-            if not hasattr(error, "errors"):
-                raise
-            self.problems.extend(error.errors)
         return None
 
     def file(self, name: str, rows: int) -> Int:

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from aatri.errors import InputError, raise_all
+from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell
 from aatri.formats.number_text import numbers_of, what_is_wrong
 from aatri.formats.text_file import read_lines
@@ -49,7 +49,7 @@ class CsvTable:
     text: dict[str, list[str]]
     number: dict[str, Float]
     source: Sequence[str] = field(repr=False)
-    problems: list[InputError] = field(default_factory=list)
+    problems: list[AatriError] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.line)
@@ -80,7 +80,7 @@ class CsvTable:
         return cells_of(self.source[int(self.line[row]) - 1])[self.header.index(column)]
 
 
-def read_csv(path: Path, columns: Mapping[str, Column], problems: list[InputError],
+def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriError],
              reporter: Reporter = SILENT) -> CsvTable:  # fmt: skip
     """Read a CSV file.
 
@@ -89,7 +89,7 @@ def read_csv(path: Path, columns: Mapping[str, Column], problems: list[InputErro
     path : Path
     columns : mapping of str to Column
         The columns of the contract.
-    problems : list of InputError
+    problems : list of AatriError
         Faults are added here; the returned table is only fit for use if none were.
 
     Raises
@@ -155,7 +155,7 @@ def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, 
     return header
 
 
-def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: list[InputError]) -> None:
+def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: list[AatriError]) -> None:
     for fault in malformed[:MOST_PER_COLUMN]:
         where = f"{path}:{fault.line}:{fault.character}"
         problems.append(InputError(fault.what, where=where, remedy=fault.remedy))

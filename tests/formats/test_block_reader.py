@@ -178,3 +178,34 @@ def test_a_geodetic_network_needs_no_images(tmp_path: Path) -> None:
     block = read_block(folder)
     assert block.geodetic.value.tolist() == [1.5]
     assert block.earth_curvature == "ignore"
+
+
+def test_what_looks_odd_is_pointed_out(tmp_path: Path) -> None:
+    ground = FILES["ground_points.csv"] + "K2,4505079.577,446263.980,6.378,1,1,5e5,,,\n"
+    images = FILES["images.csv"] + "A1,uav,,,,,\n"
+    points = FILES["image_points.csv"] + "".join(f"{p},A1,{k},5,,,,\n" for k, p in enumerate("123"))
+    changes = {"ground_points.csv": ground, "images.csv": images, "image_points.csv": points, "pionts.csv": "a\n"}
+    listener = Listener()
+    read_block(write_folder(tmp_path / "block", changes), listener)
+    warned = "\n".join(listener.warned)
+    assert "control points K and K2 are 0.004 m apart" in warned
+    assert "sZ is 5000 m; check units.sigma_ground" in warned
+    assert "'a1' and 'A1' differ in case only" in warned
+    assert "pionts.csv: not a table of a block" in warned
+    assert "rejected: ground_point K2: seen in no image" in warned
+
+
+class Listener:
+    """A reporter that keeps its warnings."""
+
+    def __init__(self) -> None:
+        self.warned: list[str] = []
+
+    def log(self, message: str) -> None:
+        pass
+
+    def warn(self, message: str) -> None:
+        self.warned.append(message)
+
+    def progress(self, done: int, total: int, what: str = "") -> None:
+        pass
