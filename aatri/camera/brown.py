@@ -1,10 +1,9 @@
 """Lens distortion after Brown: a correction added to the measured coordinate.
 
-    dx = x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y + b1 x' + b2 y'
+    dx = x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y + b1 x + b2 y
     dy = y (k1 r^2 + k2 r^4 + k3 r^6) + p2 (r^2 + 2 y^2) + 2 p1 x y
 
-x', y' from the principal point; x, y and r from the symmetry point, about which the lens is symmetric (the same unless
-it is given); mm. Parameters in mm^-2, mm^-4, mm^-6 (k), mm^-1 (p), 1 (b). The correction is a function of the measured
+x, y from the principal point, r from the symmetry point (the same unless it is given); mm. Parameters in mm^-2, mm^-4, mm^-6 (k), mm^-1 (p), 1 (b). The correction is a function of the measured
 coordinates, linear in its parameters. Programs that *apply* a distortion to the ideal coordinate have other signs and
 values: those are the forward models.
 
@@ -51,10 +50,10 @@ def brown_basis(xy_mm: npt.NDArray[Any], symmetry_point_mm: npt.ArrayLike = (0.0
     (n, 2, 7) float64
         Columns as in `PARAMETERS`.
     """
-    x, y = (xy_mm - np.asarray(symmetry_point_mm)).T
-    r2 = x**2 + y**2
+    x, y = xy_mm.T
+    r2 = ((xy_mm - np.asarray(symmetry_point_mm)) ** 2).sum(axis=1)
     zero = np.zeros_like(x)
-    dx = [x * r2, x * r2**2, x * r2**3, r2 + 2 * x**2, 2 * x * y, xy_mm[:, 0], xy_mm[:, 1]]
+    dx = [x * r2, x * r2**2, x * r2**3, r2 + 2 * x**2, 2 * x * y, x, y]
     dy = [y * r2, y * r2**2, y * r2**3, 2 * x * y, r2 + 2 * y**2, zero, zero]
     return np.stack([np.stack(dx, axis=1), np.stack(dy, axis=1)], axis=1)
 
@@ -64,15 +63,15 @@ def brown_derivative(
 ) -> npt.NDArray[Any]:
     """Derivative of the correction with respect to the measured coordinates, (n, 2, 2)."""
     k1, k2, k3, p1, p2, b1, b2 = (parameters.get(name, 0.0) for name in PARAMETERS)
-    x, y = (xy_mm - np.asarray(symmetry_point_mm)).T
-    r2 = x**2 + y**2
+    x, y = xy_mm.T
+    rx, ry = (xy_mm - np.asarray(symmetry_point_mm)).T
+    r2 = rx**2 + ry**2
     radial = k1 * r2 + k2 * r2**2 + k3 * r2**3
     slope = 2 * (k1 + 2 * k2 * r2 + 3 * k3 * r2**2)
-    mixed = slope * x * y + 2 * p1 * y + 2 * p2 * x
     columns = [
-        radial + slope * x**2 + 6 * p1 * x + 2 * p2 * y + b1,
-        mixed + b2,
-        mixed,
-        radial + slope * y**2 + 6 * p2 * y + 2 * p1 * x,
+        radial + slope * x * rx + p1 * (2 * rx + 4 * x) + 2 * p2 * y + b1,
+        slope * x * ry + 2 * p1 * ry + 2 * p2 * x + b2,
+        slope * y * rx + 2 * p2 * rx + 2 * p1 * y,
+        radial + slope * y * ry + p2 * (2 * ry + 4 * y) + 2 * p1 * x,
     ]
     return np.stack(columns, axis=1).reshape(-1, 2, 2)

@@ -4,7 +4,7 @@ A rejected ray of an adjusted image and point has the prediction error v with co
 
     S = sigma^2 + Jx Qx Jx' + Jp Qp Jp',
 
-Qx and Qp the covariances of pose and point; their correlation is left out, which makes S a little too large or small but
+Qx and Qp the covariances of pose and point; their correlation is left out, so that S is approximate, but
 never smaller than sigma^2. It is re-admitted if v'S^-1 v / 2 is within `limit` squared.
 """
 

@@ -11,8 +11,7 @@ the heights of station and terrain above sea level in km. `radial` displaces alo
 correction assumes; `vertical_plane` displaces each ray in the vertical plane through it, the same equation holding
 for the tangent of its nadir angle: t - K (t + t^3) = t_ideal.
 
-Lens (r from the symmetry point s, both x and s from the principal point; the radial terms and p1, p2 in coordinates
-reduced to s):
+Lens (x, y from the principal point, r from the symmetry point):
 brown, dx = x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y + b1 x + b2 y,
        dy = y (k1 r^2 + k2 r^4 + k3 r^6) + p2 (r^2 + 2 y^2) + 2 p1 x y;
 table, outwards by the tabulated correction, linear between the radii and constant outside them.
@@ -88,10 +87,11 @@ def through_lens(refracted_mm: Float, camera: Camera) -> Float:
 
 def _brown(m_mm: Float, camera: Camera) -> Float:
     k1, k2, k3, p1, p2, b1, b2 = camera.brown_parameters()
-    x, y = (m_mm - camera.symmetry_point_mm).T
-    rr = x * x + y * y
+    x, y = m_mm.T
+    from_symmetry = m_mm - camera.symmetry_point_mm
+    rr = from_symmetry[:, 0] ** 2 + from_symmetry[:, 1] ** 2
     radial = rr * (k1 + rr * (k2 + rr * k3))
-    dx = x * radial + p1 * (rr + 2 * x * x) + 2 * p2 * x * y + b1 * m_mm[:, 0] + b2 * m_mm[:, 1]
+    dx = x * radial + p1 * (rr + 2 * x * x) + 2 * p2 * x * y + b1 * x + b2 * y
     dy = y * radial + p2 * (rr + 2 * y * y) + 2 * p1 * x * y
     return np.stack([dx, dy], axis=1)
 

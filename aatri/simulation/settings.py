@@ -207,7 +207,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "ties": {"per_position": 6, "new_points": 3632},
         "known": {"full": 72, "check_full": 36},
         "earth": "map", "false_origin_m": (446000.0, 4505000.0), "refraction": "radial",
-        "noise": {"image_um": 5.0, "fiducial_um": 2.0, "control_m": (0.02, 0.02, 0.03), "gnss_m": (0.1, 0.1, 0.1)},
+        "noise": {"image_um": 5.0, "fiducial_um": 2.0, "control_m": (0.01, 0.01, 0.015), "gnss_m": (0.05, 0.05, 0.05)},
     },
     "uav": {
         "name": "uav",

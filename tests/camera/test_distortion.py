@@ -28,10 +28,13 @@ def test_brown_by_hand() -> None:
     assert found[0] == pytest.approx([1e-2 + 3e-3 + 1e-3, 2e-3], rel=1e-12)
 
 
-def test_brown_vanishes_at_the_symmetry_point_but_for_the_affine_terms() -> None:
-    symmetry = (0.3, -0.2)
+def test_brown_takes_the_radius_from_the_symmetry_point_and_x_y_from_the_principal_point() -> None:
+    # r = 0 at (0.3, -0.2): dx = 2 p1 x^2 + 2 p2 x y + b1 x + b2 y, dy = 2 p2 y^2 + 2 p1 x y
+    x, y = symmetry = (0.3, -0.2)
     found = brown_correction(np.array([symmetry]), BROWN, symmetry)
-    assert found[0] == pytest.approx([BROWN["b1"] * 0.3 - BROWN["b2"] * 0.2, 0.0], abs=1e-18)
+    p1, p2 = BROWN["p1"], BROWN["p2"]
+    wanted = [2 * p1 * x * x + 2 * p2 * x * y + BROWN["b1"] * x + BROWN["b2"] * y, 2 * p2 * y * y + 2 * p1 * x * y]
+    assert found[0] == pytest.approx(wanted, abs=1e-18)
 
 
 def test_brown_derivatives() -> None:

@@ -32,8 +32,8 @@ def lens_corrected(photo, block):
         k = dict(zip(block.camera_parameters.name.tolist(), block.camera_parameters.value.tolist()))
         k = {name: k.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2", "b1", "b2")}
         radial = k["k1"] * r2 + k["k2"] * r2**2 + k["k3"] * r2**3
-        x, y = bar.T
-        dx = x * radial + k["p1"] * (r2 + 2 * x**2) + 2 * k["p2"] * x * y + k["b1"] * xy[:, 0] + k["b2"] * xy[:, 1]
+        x, y = xy.T
+        dx = x * radial + k["p1"] * (r2 + 2 * x**2) + 2 * k["p2"] * x * y + k["b1"] * x + k["b2"] * y
         dy = y * radial + k["p2"] * (r2 + 2 * y**2) + 2 * k["p1"] * x * y
         return xy + np.stack([dx, dy], axis=1)
     if block.cameras.distortion[0] == "table":

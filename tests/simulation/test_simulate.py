@@ -47,7 +47,7 @@ def test_rc30_has_the_scale_overlaps_and_sigmas_of_the_notes(rc30):
     assert (rc30.image_points.sigma_mm == 0.005).all()
     assert (rc30.fiducial_points.sigma_mm == 0.002).all()
     variances = np.diagonal(rc30.ground_points.covariance_m2, axis1=1, axis2=2)
-    assert (variances == np.array([0.02 * 0.02, 0.02 * 0.02, 0.03 * 0.03])).all()
+    assert (variances == np.array([0.01 * 0.01, 0.01 * 0.01, 0.015 * 0.015])).all()
     tilt = np.rad2deg(np.arccos(rc30.true_images.ground_from_image[:, 2, 2]))
     assert 1.0 < tilt.max() <= 2.0
 
@@ -147,8 +147,8 @@ def test_noise_has_the_size_of_the_sigmas_and_changes_nothing_else(rc30):
     for table, column, sigma in (
         ("image_points", "xy", 0.005),
         ("fiducial_points", "xy", 0.002),
-        ("ground_points", "xyz_m", np.array([0.02, 0.02, 0.03])),
-        ("exterior", "position_m", 0.1),
+        ("ground_points", "xyz_m", np.array([0.01, 0.01, 0.015])),
+        ("exterior", "position_m", 0.05),
     ):
         error = (getattr(getattr(rc30, table), column) - getattr(getattr(exact, table), column)) / sigma
         n = error.size
