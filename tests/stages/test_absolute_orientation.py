@@ -137,3 +137,44 @@ def test_the_result_does_not_depend_on_a_shift_of_the_map():
         made.given[p] = (roles, xyz + far, sigma)
     there, _ = _oriented(made)
     np.testing.assert_allclose(there.points.xyz_m - far, here.points.xyz_m, atol=1e-7)
+
+
+def test_positions_of_a_single_strip_leave_the_roll_open_and_those_of_two_strips_do_not():
+    single = MadeBlock(1, 6).positions(range(6))
+    with pytest.raises(GeometryError, match="rotation about the line through image 000 and image 005"):
+        _oriented(single)
+    both = MadeBlock(2, 6).positions(range(12))
+    solution, _ = _oriented(both)
+    assert max(_errors(both, solution)) < 1e-6
+
+
+def test_a_wrong_position_becomes_a_suspect():
+    made = MadeBlock(3, 6, noise_m=0.01)
+    error = np.zeros((18, 3))
+    error[8] = [4.0, 0.0, 0.0]
+    made.control(range(0, len(made.truth), 6), sigma_m=0.02).positions(range(18), error_m=error)
+    solution, _ = _oriented(made)
+    assert solution.suspects.kind.tolist() == ["position"]
+    assert solution.suspects.image.tolist() == ["008"]
+
+
+def test_a_block_without_control_says_what_to_give():
+    with pytest.raises(GeometryError, match="no control point and no observed position") as raised:
+        _oriented(MadeBlock(2, 5))
+    assert "three in height" in raised.value.remedy
+
+
+def test_no_strips_at_all_is_an_error():
+    made = MadeBlock(2, 5)
+    made.control(made.corners())
+    from dataclasses import replace
+
+    strips = made.strips()
+    empty = replace(
+        strips,
+        strips=type(strips.strips).empty(),
+        strip_images=type(strips.strip_images).empty(),
+        strip_points=type(strips.strip_points).empty(),
+    )
+    with pytest.raises(GeometryError, match="no strips"):
+        similarity(made.block(), empty, made.image_points())
