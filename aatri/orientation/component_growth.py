@@ -75,7 +75,8 @@ def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Simil
             pose[k] = compose(joined, pose[k])
         member = np.where(member == b, a, member)
         ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
-        for pair in _neighbours(points, member):
+        touching = np.isin(points.point, points.point[member[points.strip] == a])
+        for pair in _neighbours(points.take(touching), member):
             if a in pair:
                 ties[pair] = _tie(points, member, pose, *pair)
 
