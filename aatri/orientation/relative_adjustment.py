@@ -48,7 +48,7 @@ class AdjustedPair:
         Test statistic; NaN where uncontrolled.
     points : Intersection
     good : bool
-        No active point contradicts, and enough are active.
+        Enough points fit: another start cannot do much better.
     """
 
     result: DenseResult[State]
@@ -103,7 +103,9 @@ def adjust_pair(rays: Rays, start: State, active: Bool, *, limit: float, max_ite
         raise ConvergenceError(f"points keep falling behind the images, {int(behind.sum())} of {n} so far")
     test = statistics(_linearise(rays), result, active)[1]
     fits = result.redundancy <= 1 or bool((np.nan_to_num(test[active]) <= limit).all())
-    return AdjustedPair(result, active, test, points, fits and bool(active.sum() >= ENOUGH * n))
+    # Standard deviations that are too small reject points everywhere; another start would not mend that.
+    near = float(np.median(np.abs(sampson(*start, rays)[0]))) <= limit
+    return AdjustedPair(result, active, test, points, near or (fits and bool(active.sum() >= ENOUGH * n)))
 
 
 def _update(state: State, step: Float) -> State:
@@ -135,7 +137,7 @@ def _snooped(
         everything = np.ones(n, dtype=bool)
         return solve(everything, start), everything
     active, start = _coarsely_cleaned(solve, linearise, start, active, limit)
-    most_rejected = min(0.7 * n, n - 6.5)
+    most_rejected = min(max(0.4 * n, 0.1 * n + n - active.sum()), n - 6.5)
     snooped = snoop(solve, linearise, start, n, limit=limit, max_share=most_rejected / n, active=active)
     return snooped.result, snooped.active
 

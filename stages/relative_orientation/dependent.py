@@ -51,7 +51,7 @@ def dependent(
     for image, other in doubtful_places(block, image_points):
         first, second = block.images.id[[image, other]]
         context.warn(
-            f"image {first} shares more points with {second} than with its neighbours: is the sequence of the strip right?"
+            f"image {first} shares more points with {second} than with its neighbours: is the strip's sequence right?"
         )
     formed, unformed = [], []
     pairs = pairs_of(block, image_points, neighbouring_images(block))
