@@ -139,7 +139,7 @@ STAGES = {
 }  # fmt: skip
 
 
-def made_up_registry() -> Registry:
+def made_up_registry(local: Path | None = None) -> Registry:
     """The registry of all of these."""
     roles = {name: lambda role=role: role for name, role in ROLES.items()}
     return Registry(roles, {name: lambda function=function: function for name, function in STAGES.items()})

@@ -1,0 +1,165 @@
+"""Where stages come from: the built-in folder, installed packages, and a project's own `stages/`.
+
+    built-in    ROLE/VARIANT.py under `aatri.stages`
+    installed   entry points of the group `aatri.stages`, named ROLE/VARIANT (value `module:function`, or `module` that
+                holds a function VARIANT) or ROLE (value `module:ROLE`, or `module` that declares ROLE)
+    project     ROLE/VARIANT.py under a folder `stages/`, only where asked for: it runs the project's code
+
+A folder is a role if its `__init__.py` assigns ROLE; otherwise its variants belong to the role of that name declared
+elsewhere. Files and folders that begin with `_` or `.` are helpers. Nothing is imported here: a module is imported when
+its variant is asked for. A project's folder is imported under a private package name made from its path, so that its
+relative imports work and it never mixes with `aatri.stages`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.machinery
+import importlib.metadata
+import importlib.util
+import re
+import sys
+import types
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from aatri.errors import PluginError
+
+GROUP = "aatri.stages"
+BUILT_IN, INSTALLED, PROJECT = "built-in", "installed", "project"
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_NAME_RULE = "small letters, digits and _, beginning with a letter"
+_DECLARES_ROLE = re.compile(r"^ROLE\s*[:=]", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a role or variant comes from.
+
+    Attributes
+    ----------
+    source : str
+        `built-in`, `installed` or `project`.
+    module, attribute : str
+        Where its declaration is imported from.
+    file : Path or None
+        The file of the module; None if it cannot be told without importing.
+    distribution : str
+        Name and version of the installed package.
+    """
+
+    source: str
+    module: str
+    attribute: str
+    file: Path | None = None
+    distribution: str = ""
+
+    @property
+    def place(self) -> str:
+        """The file, or else the name of the module; with the installed package."""
+        place = str(self.file or self.module)
+        return f"{place} ({self.distribution})" if self.distribution else place
+
+    def is_same(self, other: Origin) -> bool:
+        """Whether both are the same declaration in the same file."""
+        if self.file is None or other.file is None:
+            return (self.module, self.attribute) == (other.module, other.attribute)
+        return self.attribute == other.attribute and self.file.resolve() == other.file.resolve()
+
+
+@dataclass(frozen=True)
+class Found:
+    """A role (`ROLE`) or variant (`ROLE/VARIANT`); a role is `declared` if its folder says so, else only used."""
+
+    name: str
+    origin: Origin
+    declared: bool = True
+
+
+def built_in() -> Iterator[Found]:
+    """The stages that come with aatri."""
+    package = importlib.import_module(GROUP)
+    for folder in package.__path__:
+        yield from _in_folder(Path(folder), GROUP, BUILT_IN)
+
+
+def in_project(folder: Path) -> Iterator[Found]:
+    """The stages in a project's own folder.
+
+    Raises
+    ------
+    PluginError
+        If it is not there, or a file has a name that no variant can have.
+    """
+    if not folder.is_dir():
+        raise PluginError("no such folder", where=str(folder),
+                          remedy="put your stages there as ROLE/VARIANT.py, or leave out --local-plugins")  # fmt: skip
+    yield from _in_folder(folder, project_package(folder), PROJECT)
+
+
+def installed() -> Iterator[Found]:
+    """The stages of installed packages.
+
+    Raises
+    ------
+    PluginError
+        If an entry point has a name that no role or variant can have.
+    """
+    points = importlib.metadata.entry_points(group=GROUP)
+    for point in sorted(points, key=lambda p: (p.name, p.value)):
+        distribution = f"{point.dist.name} {point.dist.version}" if point.dist else ""
+        parts = point.name.split("/")
+        if len(parts) > 2 or not all(map(_NAME.fullmatch, parts)):
+            raise PluginError(f"entry point {point.name!r} is not ROLE/VARIANT", where=distribution or point.value,
+                              remedy=_NAME_RULE)  # fmt: skip
+        attribute = point.attr or ("ROLE" if len(parts) == 1 else parts[1])
+        file = file_of_module(point.module)
+        yield Found(point.name, Origin(INSTALLED, point.module, attribute, file, distribution))
+
+
+def project_package(folder: Path) -> str:
+    """The private name under which a project's folder of stages is imported; makes the package."""
+    place = folder.resolve()
+    name = "aatri_project_" + hashlib.sha256(str(place).encode()).hexdigest()[:12]
+    if name not in sys.modules:
+        package = types.ModuleType(name, f"Stages of the project in {place}.")
+        package.__path__ = [str(place)]
+        sys.modules[name] = package
+    importlib.invalidate_caches()
+    return name
+
+
+def file_of_module(module: str) -> Path | None:
+    """The file of a module, found without importing it or its packages; None if that is not possible."""
+    top, *rest = module.split(".")
+    try:
+        spec = importlib.util.find_spec(top)
+        for depth in range(len(rest)):
+            if spec is None or spec.submodule_search_locations is None:
+                return None
+            name = ".".join([top, *rest[: depth + 1]])
+            path = list(getattr(sys.modules.get(spec.name), "__path__", spec.submodule_search_locations))
+            spec = importlib.machinery.PathFinder.find_spec(name, path)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec is not None and spec.origin and spec.has_location else None
+
+
+def _in_folder(folder: Path, package: str, source: str) -> Iterator[Found]:
+    for role in sorted(p for p in folder.iterdir() if p.is_dir() and p.name[0] not in "_."):
+        files = sorted(p for p in role.glob("*.py") if p.name[0] not in "_.")
+        init = role / "__init__.py"
+        if not files and not init.is_file():
+            continue
+        for path in (role, *files):
+            if not _NAME.fullmatch(path.stem if path.is_file() else path.name):
+                raise PluginError("no role or variant can have this name", where=str(path),
+                                  remedy=f"{_NAME_RULE}; a helper begins with _")  # fmt: skip
+        declared = init.is_file() and bool(_DECLARES_ROLE.search(init.read_text(encoding="utf-8", errors="replace")))
+        yield Found(role.name, Origin(source, f"{package}.{role.name}", "ROLE", init), declared)
+        for path in files:
+            origin = Origin(source, f"{package}.{role.name}.{path.stem}", path.stem, path)
+            yield Found(f"{role.name}/{path.stem}", origin)
