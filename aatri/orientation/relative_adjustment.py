@@ -31,6 +31,9 @@ UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base al
 MANY = 20
 """With more points, gross errors are first rejected several at a time."""
 
+ROUNDS = 10
+"""Most rounds of that: points near the bound may come and go."""
+
 ENOUGH = 0.6
 """Share of the points that fit and lie in front of both images in a solution that needs no other start."""
 
@@ -150,7 +153,9 @@ def _coarsely_cleaned(
     limit: float,
 ) -> tuple[Bool, State]:
     """With many points, those beyond half of the largest test statistic go together, until the rest is near."""
-    while active.sum() > MANY:
+    for _ in range(ROUNDS):
+        if active.sum() <= MANY:
+            break
         result = solve(active, start)
         start = result.state
         test = statistics(linearise, result, active)[1]

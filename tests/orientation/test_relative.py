@@ -178,3 +178,14 @@ def test_two_thousand_points_with_gross_errors_are_oriented():
     np.testing.assert_allclose(found.left_from_right, R, atol=5e-5)
     assert (~found.active[::10]).sum() > 190
     assert (~np.delete(found.active, np.arange(0, 2000, 10))).sum() <= 2
+
+
+def test_standard_deviations_far_too_small_end_in_an_orientation_with_a_warning():
+    rng = np.random.default_rng(16)
+    X = gruber_ground(10, rng, relief=0.05)
+    for _ in range(10):
+        rays, R, _ = simulate(X, rotation(rng), rotation(rng), ORIGIN, B, rng, sigma=0.015)
+        sigma = rays.left_sigma / 3
+        found = relative_orientation(Rays(rays.left, rays.right, sigma, sigma))
+        np.testing.assert_allclose(found.left_from_right, R, atol=1e-3)
+        assert found.sigma0 > 1.3
