@@ -23,6 +23,7 @@ from aatri.formats.block_yaml import Settings, read_settings
 from aatri.formats.relative_control import relative_control_tables
 from aatri.formats.screening import screen_block
 from aatri.formats.text_file import missing
+from aatri.frames.heights import is_tangent_frame
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
@@ -114,5 +115,6 @@ def _frames(settings: Settings) -> Frames:
 
 
 def _earth_curvature(settings: Settings) -> str:
-    """Where the file does not say: images over a map frame need the correction, a local frame is taken as Cartesian."""
-    return "ignore" if next(iter(settings.frames.values())).crs == "local" else "correct"
+    """Where the file does not say: images over a map frame need the correction, a Cartesian frame does not."""
+    crs = next(iter(settings.frames.values())).crs
+    return "ignore" if crs == "local" or is_tangent_frame(crs) else "correct"

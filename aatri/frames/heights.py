@@ -5,8 +5,8 @@ its origin (0, 0, 0), exactly
 
     h = sqrt(X^2 + Y^2 + (R + Z)^2) - R
 
-A Cartesian frame whose coordinates are far from its origin cannot be tangent there; its Z is taken for the height. So
-a frame counts as tangent if all coordinates lie within 100 km of the origin.
+A tangent frame says so by its crs, `+proj=topocentric ...`; in any other frame the third coordinate is taken for the
+height.
 """
 
 from __future__ import annotations
@@ -18,23 +18,18 @@ from aatri.units import EARTH_RADIUS_M
 
 Float = npt.NDArray[np.float64]
 
-TANGENT_EXTENT_M = 100_000.0
-"""Coordinates of a tangent frame lie within this distance of its origin."""
+TOPOCENTRIC = "+proj=topocentric"
 
 
-def is_tangent_frame(earth_curvature: str, xyz_m: Float) -> bool:
-    """Whether coordinates are those of a frame tangent at its origin.
+def is_tangent_frame(crs: str) -> bool:
+    """Whether a frame is Cartesian and touches the earth at its origin.
 
     Parameters
     ----------
-    earth_curvature : str
-        As in the block: correct (a map frame), ignore or frame.
-    xyz_m : (n, 3) float64, m
-        All coordinates there are; NaN is not given.
+    crs : str
+        Coordinate reference system of the frame, as in the block.
     """
-    plan = xyz_m[:, :2][np.isfinite(xyz_m[:, :2]).all(axis=1)]
-    near = bool((np.abs(plan) <= TANGENT_EXTENT_M).all())
-    return earth_curvature != "correct" and near
+    return TOPOCENTRIC in crs
 
 
 def height_above_sea_level(xyz_m: Float, *, tangent: bool) -> Float:

@@ -19,7 +19,7 @@ from aatri.simulation.measured import Disturbance, no_source, rows, texts
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
 from aatri.simulation.settings import BROWN, Camera, Film, Gnss
-from aatri.units import LENGTH_MM
+from aatri.units import EARTH_RADIUS_M, LENGTH_MM
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
@@ -72,7 +72,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
         earth_curvature="correct" if scene.earth == "map" else "ignore",
         terrain_height_m=scene.photography.terrain_height_m,
         frames=b.Frames(
-            id=texts(_FRAME[scene.earth]), axes=texts("east,north,up"), crs=texts("local"), vertical=texts("")
+            id=texts(_FRAME[scene.earth]), axes=texts("east,north,up"), crs=texts(_CRS[scene.earth]), vertical=texts("")
         ),
         **_camera_tables(camera, marks),
         **_images(plan, of_image),
@@ -89,6 +89,11 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
 
 
 _FRAME = {"flat": "local", "tangent": "tangent", "map": "map"}
+_CRS = {
+    "flat": "local",
+    "tangent": f"+proj=topocentric +R={EARTH_RADIUS_M:.0f} +lat_0=0 +lon_0=0 +h_0=0",
+    "map": "local",
+}
 
 
 def _not_simulated() -> dict[str, Any]:

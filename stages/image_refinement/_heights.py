@@ -43,7 +43,7 @@ def heights_of(block: Block, image_points: ImagePoints, context: Context) -> Hei
     GeometryError
         If the block does not tell the heights, or a station lies below the terrain.
     """
-    tangent = is_tangent_frame(block.earth_curvature, _all_coordinates(block))
+    tangent = is_tangent_frame(str(block.frames.crs[0]) if len(block.frames) else "")
     terrain = _terrain_height(block, tangent)
     station = np.full(len(block.images), np.nan)
     station[block.exterior.image] = height_above_sea_level(block.exterior.position_m, tangent=tangent)
@@ -85,10 +85,6 @@ def refuse_tilted(block: Block, corrections: list[str]) -> None:
             f"{shown(block.images.id[tilted])}",
             remedy="adjust in a tangent frame (earth_curvature: ignore), and switch the correction off here",
         )
-
-
-def _all_coordinates(block: Block) -> Float:
-    return np.concatenate([block.ground_points.xyz_m, block.exterior.position_m])
 
 
 def _control_rows(block: Block, coordinates: list[int]) -> npt.NDArray[np.bool_]:
