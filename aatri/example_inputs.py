@@ -1,0 +1,118 @@
+"""Made-up inputs for the ports of any role: a small simulated block, and what the built-in stages make of it.
+
+The block has 3 strips of 5 images, about 200 points, control, check points, observed positions and a few gross errors.
+It has been written as a block folder and read again, so that its rows know their file and line; its truth has been put
+back. `film` is measured on a comparator, with fiducial marks; `digital` in pixels.
+"""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.errors import PluginError
+from aatri.formats.block_reader import read_block
+from aatri.formats.block_writer import write_block
+from aatri.pipeline.registry import find_stages
+from aatri.plugin import Role
+from aatri.tables.schema import Artifact
+
+EXAMPLES = ("film", "digital")
+
+_BLOCK: Mapping[str, Any] = {
+    "flight": {"strips": 3, "images_per_strip": 5},
+    "ties": {"per_position": 2, "new_points": 180},
+    "known": {"full": 12, "check_full": 4},
+    "gross_errors": {"image_points": 2},
+}
+_CAMERAS: Mapping[str, Any] = {
+    "film": {"kind": "film", "fiducials": 8},
+    "digital": {"kind": "digital", "format": (11500.0, 11500.0), "pixel_size_mm": 0.02},
+}
+_CHAIN: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "interior": ("interior_orientation/affine", {"block": "block"}),
+    "refined": ("image_refinement/systematic", {"block": "block", "image_points": "interior"}),
+    "models": ("relative_orientation/dependent", {"block": "block", "image_points": "refined"}),
+    "strips": ("strip_formation/scale_transfer", {"block": "block", "models": "models"}),
+    "absolute": (
+        "absolute_orientation/similarity",
+        {"block": "block", "strips": "strips", "image_points": "refined"},
+    ),
+    "accuracy": ("accuracy/evaluation", {"block": "block", "solution": "absolute"}),
+}
+"""Name -> variant, port -> name."""
+
+_BY_KIND = {
+    "Block": "block", "ImagePoints": "refined", "Models": "models", "Strips": "strips", "Solution": "absolute",
+    "Evaluation": "accuracy",
+}  # fmt: skip
+
+
+def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str, Artifact]:
+    """An artifact for every port of a role; made once, then kept.
+
+    Parameters
+    ----------
+    role : str
+    declared : Role
+    example : {'film', 'digital'}
+
+    Raises
+    ------
+    PluginError
+        If a port takes a kind that the built-in chain does not make.
+    """
+    inputs = {}
+    for port, kind in declared.ports.items():
+        name = "interior" if role == "image_refinement" and port == "image_points" else _BY_KIND.get(kind.kind)
+        if name is None:
+            raise PluginError(f"no example of a {kind.kind} for port {port} of role {role}",
+                              remedy="give one: check_stage(..., inputs={PORT: ARTIFACT})")  # fmt: skip
+        inputs[port] = _made(name, example)
+    return inputs
+
+
+def example_folder(folder: Path, example: str = "film", *, shuffled: bool = False) -> Path:
+    """Write the example as a block folder; `shuffled`: with the rows of every table in another order."""
+    write_block(_simulated(example), folder)
+    if shuffled:
+        rng = np.random.default_rng(7)
+        for path in sorted(folder.glob("*.csv")):
+            head, *rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
+            path.write_text(head + "".join(rows[k] for k in rng.permutation(len(rows))), encoding="utf-8")
+    return folder
+
+
+@functools.cache
+def example_block(example: str = "film", *, shuffled: bool = False) -> Block:
+    """The example, read from a block folder, with its truth."""
+    with tempfile.TemporaryDirectory() as folder:
+        block = read_block(example_folder(Path(folder), example, shuffled=shuffled))
+    true = _simulated(example)
+    return replace(block, true_images=true.true_images, true_points=true.true_points, gross_errors=true.gross_errors)
+
+
+@functools.cache
+def _simulated(example: str) -> Block:
+    card = find_stages().card("block/simulate")
+    assert card.options is not None
+    options = card.options.model_validate({**_BLOCK, "name": example, "camera": _CAMERAS[example]})
+    block = card.function(options=options, rng=np.random.default_rng(1))
+    assert isinstance(block, Block)
+    return block
+
+
+@functools.cache
+def _made(name: str, example: str) -> Artifact:
+    if name == "block":
+        return example_block(example)
+    variant, ports = _CHAIN[name]
+    card = find_stages().card(variant)
+    return card.function(**{port: _made(source, example) for port, source in ports.items()})
