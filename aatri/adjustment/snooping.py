@@ -39,7 +39,7 @@ class SnoopedResult(Generic[S]):
     active : (n,) bool
         Records not rejected.
     size : (n, m) float64
-        Estimated gross error of each record over its sigma; for rejected records their prediction error.
+        Estimated gross error of each record over its sigma, observed minus what it should be.
     test : (n,) float64
         Test statistic; NaN where uncontrolled.
     """
@@ -82,7 +82,8 @@ def snoop(
     result = solve(use, start)
     for _ in range(2 * n_records):
         size, test = statistics(linearise, result, use)
-        worst = int(np.nanargmax(np.where(use, test, -1.0))) if use.any() else -1
+        candidates = np.where(use & np.isfinite(test), test, -1.0)
+        worst = int(np.argmax(candidates)) if candidates.max() > 0 else -1
         fitting = np.flatnonzero(~use & (test < limit))
         if worst >= 0 and test[worst] > limit and (~use).sum() < max_share * n_records:
             use[worst] = False
@@ -126,7 +127,7 @@ def statistics(
     projected = np.einsum("nji,nj->ni", vectors, v)
     scaled = np.where(controlled, projected / np.where(controlled, values, 1.0), 0.0)
     size = np.einsum("nij,nj->ni", vectors, scaled)
-    size = np.where(active[:, None], -size, v)
+    size = -np.where(active[:, None], size, v)
     rows = controlled.sum(axis=1)
     test = np.where(rows > 0, np.sqrt((projected * scaled).sum(axis=1) / np.maximum(rows, 1)), np.nan)
     return size, test
