@@ -79,11 +79,11 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
     return inputs
 
 
-def example_folder(folder: Path, example: str = "film", *, shuffled: bool = False) -> Path:
-    """Write the example as a block folder; `shuffled`: with the rows of every table in another order."""
+def example_folder(folder: Path, example: str = "film", *, shuffle_seed: int | None = None) -> Path:
+    """Write the example as a block folder; with `shuffle_seed` the rows of every table are in another order."""
     write_block(_simulated(example), folder)
-    if shuffled:
-        rng = np.random.default_rng(7)
+    if shuffle_seed is not None:
+        rng = np.random.default_rng(shuffle_seed)
         for path in sorted(folder.glob("*.csv")):
             head, *rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
             path.write_text(head + "".join(rows[k] for k in rng.permutation(len(rows))), encoding="utf-8")
@@ -91,10 +91,10 @@ def example_folder(folder: Path, example: str = "film", *, shuffled: bool = Fals
 
 
 @functools.cache
-def example_block(example: str = "film", *, shuffled: bool = False) -> Block:
+def example_block(example: str = "film", *, shuffle_seed: int | None = None) -> Block:
     """The example, read from a block folder, with its truth."""
     with tempfile.TemporaryDirectory() as folder:
-        block = read_block(example_folder(Path(folder), example, shuffled=shuffled))
+        block = read_block(example_folder(Path(folder), example, shuffle_seed=shuffle_seed))
     true = _simulated(example)
     return replace(block, true_images=true.true_images, true_points=true.true_points, gross_errors=true.gross_errors)
 

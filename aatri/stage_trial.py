@@ -64,17 +64,17 @@ def call(card: StageCard, inputs: Mapping[str, Artifact], options: Options | Non
         extras["options"] = options
     if card.wants_context and not sparing:
         extras["context"] = recorder
-    before = {port: content_digest(value) for port, value in inputs.items()}
+    handed = {port: _copied(value) for port, value in inputs.items()}  # whatever it does to them, ours stay
     artifact, raised, printed = None, None, io.StringIO()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             try:
-                artifact = card.function(**inputs, **extras)
+                artifact = card.function(**handed, **extras)
             except Exception as error:
                 raised = error
         files = sorted(path.name for path in Path(folder).iterdir())
-    changed = [port for port, value in inputs.items() if content_digest(value) != before[port]]
+    changed = [port for port, value in inputs.items() if content_digest(value) != content_digest(handed[port])]
     told = [f"it printed {line!r}" for line in printed.getvalue().splitlines()[:3]]
     told += [f"{w.category.__name__} at {Path(w.filename).name}:{w.lineno}: {w.message}" for w in warned[:3]]
     return Outcome(artifact, raised, {
@@ -83,6 +83,13 @@ def call(card: StageCard, inputs: Mapping[str, Artifact], options: Options | Non
         "context": "; ".join(recorder.faults[:3]),
         "files": f"it wrote {', '.join(files)}" if files else "",
     })  # fmt: skip
+
+
+def _copied(artifact: Artifact) -> Artifact:
+    """The artifact with arrays of its own."""
+    tables = {name: getattr(artifact, name) for name in tables_of(type(artifact))}
+    copies = {name: rows.take(np.arange(len(rows))) if rows is not None else None for name, rows in tables.items()}
+    return replace(artifact, **copies)
 
 
 def difference(one: Artifact, other: Artifact) -> str:

@@ -1,0 +1,60 @@
+"""The same checks on every variant of every role that the registry finds."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block
+from aatri.example_inputs import EXAMPLES, example_block, example_folder
+from aatri.pipeline.registry import find_stages
+from aatri.tables.digest import content_digest
+from aatri.testing import check_stage
+
+VARIANTS = sorted(find_stages().variants)
+
+
+def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> dict[str, Any] | None:
+    """Options for variants in which some have no default: files to read."""
+    if name == "block/tables":
+        return {"path": example_folder(folder / "block")}
+    if name == "block/wucaps":
+        return {"path": request.getfixturevalue("shared_data") / "rc30_2x3" / "Data" / "bundle_ajustment"}
+    return None
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_every_variant_keeps_its_contract(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    report = check_stage(name, options=needed_options(name, tmp_path, request))
+    assert {"contract", "method", "options", "runs", "kind", "file", "repeatable"} <= {c.name for c in report.checks}
+
+
+def shuffle_rows_and_columns(folder: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for path in sorted(folder.glob("*.csv")):
+        with path.open(newline="", encoding="utf-8") as file:
+            head, *rows = list(csv.reader(file))
+        columns = rng.permutation(len(head))
+        mixed = [head, *(rows[k] for k in rng.permutation(len(rows)))]
+        with path.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows([row[k] for k in columns] for row in mixed)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_of_rows_and_columns_of_a_block_folder_changes_no_digest(
+    tmp_path: Path, example: str, seed: int
+) -> None:
+    read = find_stages().card("block/tables")
+    assert read.options is not None
+    folder = example_folder(tmp_path / "block", example)
+    shuffle_rows_and_columns(folder, seed)
+    block = read.function(options=read.options(path=folder))
+    assert isinstance(block, Block)
+    truth = frozenset({"true_images", "true_points", "gross_errors"})
+    assert content_digest(block) == content_digest(example_block(example), without=truth)
+    assert block.image_points.line.tolist() != example_block(example).image_points.line.tolist()
