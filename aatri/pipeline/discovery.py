@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.machinery
 import importlib.metadata
 import importlib.util
 import re
@@ -137,15 +136,18 @@ def file_of_module(module: str) -> Path | None:
     top, *rest = module.split(".")
     try:
         spec = importlib.util.find_spec(top)
-        for depth in range(len(rest)):
-            if spec is None or spec.submodule_search_locations is None:
-                return None
-            name = ".".join([top, *rest[: depth + 1]])
-            path = list(getattr(sys.modules.get(spec.name), "__path__", spec.submodule_search_locations))
-            spec = importlib.machinery.PathFinder.find_spec(name, path)
     except (ImportError, ValueError):
         return None
-    return Path(spec.origin) if spec is not None and spec.origin and spec.has_location else None
+    if spec is None:
+        return None
+    file = Path(spec.origin) if spec.origin and spec.has_location else None
+    folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
+    for part in rest:
+        inner = [folder / part for folder in folders]
+        inits = [folder / "__init__.py" for folder in inner]
+        file = next((p for p in (*inits, *(folder.with_suffix(".py") for folder in inner)) if p.is_file()), None)
+        folders = [folder for folder in inner if folder.is_dir()]
+    return file
 
 
 def _in_folder(folder: Path, package: str, source: str) -> Iterator[Found]:
