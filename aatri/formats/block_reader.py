@@ -60,6 +60,8 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
 def _block(source: Source) -> Block:
     camera = camera_tables(source)
     images = image_tables(source, camera.cameras)
+    if not len(images.images):
+        raise_all(source.problems)  # else every row that names an image would be one more fault
     measured, given = read_image_points(source), read_ground_points(source)
     ids = [name for table in (measured, given) if table is not None for name in set(table.text["point"])]
     points = Points(id=texts(canonical(ids)))

@@ -21,6 +21,9 @@ _BINARY = {
     b"\x1f\x8b": "a gzip file",
     b"%PDF": "a PDF",
 }
+MOST_NAMES = 10
+"""Most names of a folder listed in a message."""
+
 _CHINESE_OR_ASCII = re.compile("[\t\n\r\x20-\x7e\u2000-\u206f\u3000-\u303f\u3400-\u9fff\uff00-\uffef]*")
 
 
@@ -52,7 +55,9 @@ def missing(path: Path) -> InputError:
         )
     names = sorted(entry.name for entry in folder.iterdir())
     near = did_you_mean(path.name, names).removeprefix(" - ")
-    return InputError("does not exist", where=str(path), remedy=near or f"{folder} holds: {', '.join(names[:10])}")
+    more = ", ..." if len(names) > MOST_NAMES else ""
+    beside = f"beside it are {', '.join(names[:MOST_NAMES])}{more}" if names else f"{folder} is empty"
+    return InputError("does not exist", where=str(path), remedy=near or f"put it there or mend the path; {beside}")
 
 
 def _read_bytes(path: Path) -> bytes:
