@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
+from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.report.numbers import metres, number
 from aatri.report.run_view import RunView, StageView
 
@@ -53,18 +54,6 @@ def external_lights(run: RunView) -> list[Light]:
     return lights
 
 
-def sigma0_interval(redundancy: int) -> tuple[float, float]:
-    """Two-sided 95 % interval of sigma0 where the model and the standard deviations are right.
-
-    Returns
-    -------
-    low, high : float
-    """
-    from scipy.special import chdtri  # inverse of the upper tail
-
-    return float(chdtri(redundancy, 0.975) / redundancy) ** 0.5, float(chdtri(redundancy, 0.025) / redundancy) ** 0.5
-
-
 def _chain(run: RunView) -> Light:
     done = [s for s in run.stages if s.status == "done"]
     failed = [s for s in run.stages if s.status == "failed"]
@@ -96,7 +85,7 @@ def _sigma0(stage: StageView | None) -> Light:
     if low <= sigma0 <= high:
         return Light("sigma0", GOOD, words)
     size = "too large" if sigma0 > high else "too small"
-    return Light("sigma0", LOOK if 0.9 <= sigma0 <= 1.1 else BAD, f"{words}: {size}")
+    return Light("sigma0", LOOK if sigma0_fits(sigma0, redundancy) else BAD, f"{words}: {size}")
 
 
 def _suspects(stage: StageView | None, solution: Solution | None) -> Light:

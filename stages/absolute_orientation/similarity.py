@@ -210,4 +210,4 @@ def _solution(given: Given, image_points: ImagePoints, oriented: list[OrientedPa
 def _report(block: Block, position: Float, context: Context) -> None:
     left = np.flatnonzero(np.isnan(position).any(1) & block.images.active)
     if len(left):
-        context.warn(f"{len(left)} images are not oriented: {shown(block.images.id[left])}")
+        context.warn(f"not oriented ({len(left)} of {len(block.images)} images): {shown(block.images.id[left])}")

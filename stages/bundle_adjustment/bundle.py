@@ -30,6 +30,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
+from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.observations.image_points import ImagePointRows
@@ -74,6 +75,7 @@ def bundle(
     rejected = assemble.rejected_rows(suspects, image_points)
     given, result, suspects = _adjusted_with_readmission(given, rejected, suspects, options, context)
     _report_left_out(block, given, result, context)
+    _report_misfit(result, context)
     return _solution(block, control, positions, given, result, suspects)
 
 
@@ -167,9 +169,21 @@ def _report_left_out(block: Block, given: BundleInput, result: BundleResult, con
     points = block.points.id[seen & ~result.point_adjusted]
     images = block.images.id[block.images.active & ~result.image_adjusted]
     if len(points):
-        context.warn(f"{len(points)} points left out, too few usable rays: {shown(points)}")
+        context.warn(f"left out, too few usable rays ({len(points)} of {len(block.points)} points): {shown(points)}")
     if len(images):
-        context.warn(f"{len(images)} images left out, no start or too few points: {shown(images)}")
+        context.warn(
+            f"left out, no start or too few points ({len(images)} of {len(block.images)} images): {shown(images)}"
+        )
+
+
+def _report_misfit(result: BundleResult, context: Context) -> None:
+    sigma0, redundancy = result.adjusted.sigma0, result.adjusted.redundancy
+    if not sigma0_fits(sigma0, redundancy):
+        low, high = sigma0_interval(redundancy)
+        context.warn(
+            f"sigma0 {sigma0:.3f}, expected {low:.3f} to {high:.3f} (95 %): gross errors, an effect not modelled, or "
+            "a priori standard deviations that are wrong; so are the standard deviations of the result"
+        )
 
 
 def _solution(
@@ -225,7 +239,7 @@ def _residuals(
 ) -> Residuals:
     by_name = {r.name: r for r in result.adjusted.records}
     used = np.flatnonzero(result.ray_used)
-    v_rays, _ = by_name["image point"].evaluate(result.adjusted.state)
+    v_rays = by_name["image point"].residuals(result.adjusted.state)
     rays = given.rays
     parts = [
         assemble.residuals("image_point", used, block.images.id[rays.image[used]], block.points.id[rays.point[used]],
@@ -240,7 +254,7 @@ def _residuals(
         parts.append(assemble.residuals("control", control.row[known], np.full(len(known), ""), names, v, sigma))
     if "position" in by_name:
         seen = np.flatnonzero(result.image_adjusted[positions.image])
-        v, _ = by_name["position"].evaluate(result.adjusted.state)
+        v = by_name["position"].residuals(result.adjusted.state)
         sigma = np.sqrt(np.einsum("nii->ni", positions.covariance_m2[seen]))
         names = block.images.id[positions.image[seen]]
         parts.append(assemble.residuals("position", positions.row[seen], names, np.full(len(seen), ""), v, sigma))

@@ -66,7 +66,7 @@ def dependent(
             )
         except GeometryError as error:
             unformed.append((pair, error.what))
-            context.warn(f"no model {pair_id(block, pair)} ({len(pair.point)} common points): {error.what}")
+            context.warn(f"no model {pair_id(block, pair)}: {error.what}")
             continue
         formed.append((pair, found))
         for warning in found.warnings:

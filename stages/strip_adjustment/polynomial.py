@@ -196,8 +196,8 @@ def _resected(
     failed = np.flatnonzero(initial.images.oriented & ~found.resected)
     if len(failed):
         ids = shown(block.images.id[failed])
-        context.warn(f"{len(failed)} images keep their initial orientation, their resection failed: {ids}")
+        context.warn(f"resection failed, initial orientation kept ({len(failed)} of {len(block.images)} images): {ids}")
     left = np.flatnonzero(~initial.images.oriented & block.images.active)
     if len(left):
-        context.warn(f"{len(left)} images are not oriented: {shown(block.images.id[left])}")
+        context.warn(f"not oriented ({len(left)} of {len(block.images)} images): {shown(block.images.id[left])}")
     return found.position_m, found.ground_from_image

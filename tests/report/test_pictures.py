@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aatri.evaluation.statistics import sigma0_interval
 from aatri.report import svg
 from aatri.report.charts import residual_histogram, sigma0_chart
-from aatri.report.checks import sigma0_interval
 from aatri.report.numbers import metres, number
 from aatri.report.plan import footprints
 from aatri.report.residual_plots import height_bars, image_vectors, plan_vectors

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
-from tests.stages.film_blocks import Told, flown, with_marks, without_marks
 
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, GeometryError, InputError
+from tests.stages.film_blocks import Told, flown, with_marks, without_marks
 
 
 @pytest.fixture(scope="module")
