@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aatri import __version__
-from aatri.cli import export, metrics, new, report, run, show, stages, status
+from aatri.cli import export, metrics, new, report, run, schema, show, stages, status
 
 app = typer.Typer(
     name="aatri",
@@ -41,6 +41,7 @@ app.command()(metrics.metrics)
 app.command()(stages.stages)
 app.command()(export.export)
 app.command()(new.new)
+app.command()(schema.schema)
 app.command()(report.report)
 
 

@@ -1,8 +1,9 @@
-"""`aatri new`: write a pipeline.yaml to start from."""
+"""`aatri new`: write a pipeline.yaml to start from; with `--plugin` a stage of one's own and its test."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -46,19 +47,35 @@ _LINES = {
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to write to.")] = Path(),
     block: Annotated[Source, typer.Option(help="Where the block comes from.")] = Source.simulate,
+    plugin: Annotated[
+        str | None, typer.Option(metavar="ROLE/NAME", help="Write a stage of your own and its test instead.")
+    ] = None,
 ) -> None:
-    """Write a pipeline.yaml to start from: the demo, or one for a block of your own."""
+    """Write a pipeline.yaml to start from: the demo, or one for a block of your own; or a stage of your own."""
+    if plugin is not None:
+        from aatri.cli.new_plugin import plugin_files
+
+        _write(plugin_files(plugin, folder))
+        narrate(f"next: pytest {folder / 'tests'}, then aatri run --local-plugins with `use: {plugin}`")
+        return
     path = folder / "pipeline.yaml"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(_text(block))
-    except FileExistsError as error:
-        raise SpecError("is there already", where=str(path), remedy="another folder, or remove it first") from error
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error.strerror}", where=str(path)) from error
-    say(str(path))
+    _write({path: _text(block)})
     narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {path}"))
+
+
+def _write(files: Mapping[Path, str]) -> None:
+    """Write new files, or none where one is there already; their paths are the result."""
+    for path in files:
+        if path.exists():
+            raise SpecError("is there already", where=str(path), remedy="another folder, or remove it first")
+    for path, text in files.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except OSError as error:
+            raise ResourceError(f"cannot write: {error.strerror}", where=str(path)) from error
+        say(str(path))
 
 
 def _text(block: Source) -> str:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.plugins_option import LocalPlugins, local_stages
+from aatri.errors import PluginError
 
 if TYPE_CHECKING:
     from aatri.pipeline.registry import Registry
@@ -18,13 +20,14 @@ if TYPE_CHECKING:
 def stages(
     name: Annotated[str | None, typer.Argument(metavar="[ROLE[/VARIANT]]", help="A role or a variant.")] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    local_plugins: LocalPlugins = False,
 ) -> None:
-    """List roles and their variants, or describe one variant: method, ports, options."""
+    """List roles and their variants, or describe one variant: method, ports, options, where it comes from."""
     from aatri.pipeline.registry import find_stages
 
-    registry = find_stages()
+    registry = find_stages(local_stages(local_plugins))
     if name and "/" in name:
-        described = _described(registry.card(name))
+        described = _described(registry.card(name)) | {"origin": _origin(registry, name)}
         if json:
             say_json(described)
         else:
@@ -38,27 +41,50 @@ def stages(
 
 
 def _listed(registry: Registry, only: str | None) -> dict[str, Any]:
-    from aatri.pipeline.registry import first_line
-
-    listed = {}
+    """Per role its ports, kind and variants; a role that cannot be loaded says so, if others are listed too."""
+    listed: dict[str, Any] = {}
     for role in [only] if only else registry.roles:
-        declared = registry.role(role)
-        mine = [variant for variant in registry.variants if variant.startswith(f"{role}/")]
+        try:
+            declared = registry.role(role)
+        except PluginError as error:
+            if only:
+                raise
+            listed[role] = {"broken": str(error), "variants": {}}
+            continue
         listed[role] = {
             "ports": {port: kind.kind for port, kind in declared.ports.items()},
             "kind": declared.kind.kind,
-            "variants": {variant: first_line(registry, variant) for variant in mine},
+            "variants": {name: _about(registry, name) for name in registry.variants_of(role)},
         }
     return listed
 
 
+def _about(registry: Registry, name: str) -> dict[str, Any]:
+    from aatri.pipeline.registry import first_line
+
+    return {"about": first_line(registry, name), **_origin(registry, name)}
+
+
+def _origin(registry: Registry, name: str) -> dict[str, str]:
+    origin = registry.origins.get(name)
+    return {"source": origin.source, "place": origin.place} if origin else {"source": "", "place": ""}
+
+
 def _say_roles(listed: dict[str, Any]) -> None:
     for role, about in listed.items():
+        if "broken" in about:
+            say(f"{role}: (broken) {about['broken']}")
+            continue
         say(f"{role}: {', '.join(about['ports']) or 'nothing'} -> {about['kind']}")
-        rows = [[f"  {variant}", line] for variant, line in about["variants"].items()] or [["  (none)", ""]]
-        width = max(len(row[0]) for row in rows)
-        for variant, line in rows:
-            say(f"{variant.ljust(width)}  {line}".rstrip())
+        rows = [(f"  {name}", _line(told)) for name, told in about["variants"].items()] or [("  (none)", "")]
+        width = max(len(name) for name, _ in rows)
+        for name, line in rows:
+            say(f"{name.ljust(width)}  {line}".rstrip())
+
+
+def _line(told: dict[str, Any]) -> str:
+    """First line of the documentation; before it where the variant comes from, if it is not built in."""
+    return str(told["about"]) if told["source"] in ("", "built-in") else f"[{told['place']}] {told['about']}"
 
 
 def _described(card: StageCard) -> dict[str, Any]:
@@ -70,6 +96,8 @@ def _described(card: StageCard) -> dict[str, Any]:
 
 def _say_variant(described: dict[str, Any]) -> None:
     say(f"{described['name']}  version {described['version']}")
+    if described["origin"]["source"]:
+        say(f"{described['origin']['source']}: {described['origin']['place']}")
     say()
     say(described["method"])
     say()

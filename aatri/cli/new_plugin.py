@@ -1,0 +1,116 @@
+"""A stage of one's own to start from: it keeps its contract, doing what a built-in variant of its role does."""
+
+from __future__ import annotations
+
+import keyword
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aatri.errors import SpecError
+
+if TYPE_CHECKING:
+    from aatri.plugin import Role, StageCard
+
+_STAGE = '''\
+"""{Role} by a method of your own: one sentence.
+
+Here go the equation with its symbols, and the source. For now it does what {start} does.
+"""
+
+{imports}
+
+
+class {Name}Options(Options):
+    """Options of {use}."""
+
+    example: float = Field(1.0, gt=0, description="an example: replace it by options of your own, with their units")
+
+
+@stage(version=1)
+def {name}(
+    {parameters}
+) -> {kind}:
+    """{Role}, my way."""
+    context.log(f"example is {{options.example}}")
+    {call}
+'''
+_TEST = """\
+from pathlib import Path
+
+from aatri.testing import check_stage
+
+
+def test_{name}_keeps_its_contract():
+    check_stage("{use}", local=Path(__file__).parents[1] / "stages")
+"""
+
+
+def plugin_files(use: str, folder: Path) -> dict[Path, str]:
+    """The files of a new stage and its test, by path.
+
+    Raises
+    ------
+    SpecError
+        If the name is not ROLE/NAME, or a stage of that name is there.
+    PluginError
+        If there is no such role.
+    """
+    from aatri.pipeline.registry import find_stages
+    from aatri.pipeline.spec import USE
+
+    if not USE.fullmatch(use) or keyword.iskeyword(use.rpartition("/")[2]):
+        raise SpecError(f"{use!r} is not ROLE/NAME", where="--plugin",
+                        remedy="small letters, digits and _, beginning with a letter; see `aatri stages`")  # fmt: skip
+    registry = find_stages()
+    role, _, name = use.partition("/")
+    declared = registry.role(role)
+    if use in registry.variants:
+        raise SpecError(f"there is a stage {use} already: {registry.origins[use].place}", where="--plugin",
+                        remedy="choose another name")  # fmt: skip
+    cards = [registry.card(variant) for variant in registry.variants_of(role)]
+    start = next((card for card in cards if not _needs_options(card)), None)
+    return {
+        folder / "stages" / role / f"{name}.py": _stage_text(use, declared, start),
+        folder / "tests" / f"test_{name}.py": _TEST.format(name=name, use=use),
+    }
+
+
+def _needs_options(card: StageCard) -> bool:
+    return card.options is not None and any(field.is_required() for field in card.options.model_fields.values())
+
+
+def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
+    role, _, name = use.partition("/")
+    camel = "".join(word.capitalize() for word in name.split("_"))
+    ports = [f"{port}: {kind.__name__}" for port, kind in declared.ports.items()]
+    extras = [f"options: {camel}Options = {camel}Options()"]
+    extras += ["rng: np.random.Generator"] if start and start.wants_rng else []
+    extras.append("context: Context = SILENT")
+    if start is not None:
+        handed = [port.name for port in start.ports]
+        handed += [f"{extra}={extra}" for extra, wanted in (("rng", start.wants_rng), ("context", start.wants_context))
+                   if wanted]  # fmt: skip
+        call = f"return {start.variant}({', '.join(handed)})"
+    else:
+        call = 'raise NotImplementedError("your method")'
+    return _STAGE.format(
+        Role=role.replace("_", " ").capitalize(),
+        Name=camel,
+        name=name,
+        use=use,
+        start=start.name if start else "nothing",
+        kind=declared.kind.__name__,
+        imports=_imports(declared, start),
+        parameters=",\n    ".join([*ports, "*", *extras]) + ",",
+        call=call,
+    )
+
+
+def _imports(declared: Role, start: StageCard | None) -> str:
+    kinds = {*declared.ports.values(), declared.kind}
+    lines = {f"from {kind.__module__} import {kind.__name__}" for kind in kinds}
+    lines.add("from aatri.plugin import SILENT, Context, Field, Options, stage")
+    if start is not None:
+        lines.add(f"from {start.function.__module__} import {start.function.__name__}")
+    numpy = "import numpy as np\n\n" if start is not None and start.wants_rng else ""
+    return numpy + "\n".join(sorted(lines, key=lambda line: line.partition(" import ")[0]))
