@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from aatri.stages.accuracy.evaluation import evaluation
 
 from aatri.artifacts import block as b
 from aatri.artifacts.solution import Residuals
 from aatri.evaluation.accuracy import evaluate
 from aatri.geometry.rotations import exp_rotation
+from aatri.stages.accuracy.evaluation import evaluation
 from tests.made_solutions import made_block, made_solution
 
 

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aatri.stages.block.simulate import SimulateOptions, simulate
-from aatri.stages.block.tables import TablesOptions, tables
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +14,8 @@ from aatri.formats.block_reader import read_block
 from aatri.formats.block_writer import write_block
 from aatri.formats.wucaps import read_wucaps
 from aatri.ids import is_valid
+from aatri.stages.block.simulate import SimulateOptions, simulate
+from aatri.stages.block.tables import TablesOptions, tables
 from aatri.tables.digest import content_digest
 from tests.formats.block_folder import FILES, write_folder
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aatri.stages.block.wucaps import WucapsOptions, wucaps
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import AatriError, InputError
 from aatri.formats.wucaps import read_wucaps
+from aatri.stages.block.wucaps import WucapsOptions, wucaps
 from aatri.tables.digest import content_digest
 
 FOLDER = "rc30_2x3/Data/bundle_ajustment"

@@ -1,9 +1,9 @@
 """The spherical earth: map and tangent frame are of one world."""
 
 import numpy as np
-from aatri.stages.block.simulate import SimulateOptions, simulate
 
 from aatri.simulation import earth
+from aatri.stages.block.simulate import SimulateOptions, simulate
 
 R = 6_371_000.0
 

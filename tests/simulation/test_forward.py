@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aatri.stages.block.simulate import SimulateOptions, simulate
 
 from aatri.errors import InputError
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.simulation import forward
 from aatri.simulation.settings import Camera
+from aatri.stages.block.simulate import SimulateOptions, simulate
 from tests.simulation import later_corrections as later
 
 BROWN = {"k1": 4e-8, "k2": -2e-12, "k3": 1e-17, "p1": 2e-7, "p2": -1e-7, "b1": 3e-5, "b2": -2e-5}

@@ -6,6 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.strips import Strips
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.block.wucaps import WucapsOptions, wucaps
@@ -16,12 +22,6 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
-
-from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.models import Models
-from aatri.artifacts.solution import Solution
-from aatri.artifacts.strips import Strips
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from aatri.stages.block.simulate import SimulateOptions, simulate
 
 from aatri.artifacts.block import Block
+from aatri.stages.block.simulate import SimulateOptions, simulate
 
 
 def flown(**options: Any) -> Block:

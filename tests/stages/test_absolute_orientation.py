@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import log_rotation
+from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from tests.made_strips import Heard, MadeBlock
 
 

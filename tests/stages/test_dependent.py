@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
 
 from aatri.errors import ArtifactError
+from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
 from tests.stages.made_strips import made_strips
 
 

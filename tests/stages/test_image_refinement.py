@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
-from aatri.stages.interior_orientation.affine import affine
 
 from aatri.artifacts.block import Block, Exterior
 from aatri.artifacts.image_points import ImagePoints
 from aatri.errors import GeometryError, InputError, SpecError
+from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
+from aatri.stages.interior_orientation.affine import affine
 from tests.stages.film_blocks import Told, flown, true_photo_mm
 
 TABLE = {"distortion": "table", "symmetry_point_mm": (0.02, -0.01)}

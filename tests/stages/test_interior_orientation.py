@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aatri.stages.interior_orientation.affine import affine
-from aatri.stages.interior_orientation.calibrated import calibrated
 
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, GeometryError, InputError
+from aatri.stages.interior_orientation.affine import affine
+from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.film_blocks import Told, flown, with_marks, without_marks
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aatri.stages.accuracy.evaluation import evaluation
 
+from aatri.stages.accuracy.evaluation import evaluation
 from tests.stages.chain import Chain, run_rc30_2x3
 
 

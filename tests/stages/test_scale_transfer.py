@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from aatri.stages.relative_orientation.dependent import dependent
-from aatri.stages.strip_formation.scale_transfer import ScaleTransferOptions, scale_transfer
 
 from aatri.errors import GeometryError
+from aatri.stages.relative_orientation.dependent import dependent
+from aatri.stages.strip_formation.scale_transfer import ScaleTransferOptions, scale_transfer
 from tests.stages.made_strips import made_strips
 from tests.stages.test_dependent import Log
 

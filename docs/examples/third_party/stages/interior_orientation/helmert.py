@@ -9,6 +9,7 @@ Source: Kraus, Photogrammetry 1, sec. 3.2, in complex numbers.
 """
 
 import numpy as np
+
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
     Corrections,
