@@ -144,7 +144,7 @@ def back_substitute(normal: NormalEquations, dx: Float) -> Float:
 
 def cost_of(records: Sequence[Records], state: State) -> float:
     """v'v at a state."""
-    return float(sum((whitened(r, state)[0] ** 2).sum() for r in records))
+    return float(sum((whitened(r, state, np.arange(len(r.active)))[0] ** 2).sum() for r in records))
 
 
 def jacobian(records: Sequence[Records], layout: Layout, state: State) -> tuple[sp.csr_matrix, sp.csr_matrix, Float]:
@@ -159,7 +159,7 @@ def jacobian(records: Sequence[Records], layout: Layout, state: State) -> tuple[
     parts: dict[bool, list[tuple[Float, Int, Int]]] = {True: [], False: []}
     residuals, start = [], 0
     for r in records:
-        v, jacobians = whitened(r, state)
+        v, jacobians = whitened(r, state, np.arange(len(r.active)))
         n, m = v.shape
         row = start + np.arange(n * m).reshape(n, m)
         for (group, blocks), J in zip(r.touches, jacobians):

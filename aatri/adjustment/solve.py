@@ -199,7 +199,7 @@ def _factor(unknowns: Sequence[Unknowns], layout: Layout, normal: NormalEquation
 def _failure(records: Sequence[Records], state: State, iterations: int, last: Step) -> str:
     worst = []
     for r in records:
-        v, _ = r.evaluate(state)
+        v = r.residuals(state)
         size = np.abs(np.einsum("nij,nj->ni", r.whitener, v)).max(axis=1) * r.active
         worst += [(float(size[k]), f"{r.name} row {k}: {size[k]:.1f} sigma") for k in np.argsort(-size)[:5]]
     listed = "; ".join(text for _, text in sorted(worst, reverse=True)[:5])

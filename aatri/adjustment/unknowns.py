@@ -1,9 +1,11 @@
 """Unknowns: groups of blocks of equal size, with a status per scalar and a manifold.
 
 A group is, say, all poses (blocks of 6) or all ground points (blocks of 3). A scalar is free or held: held scalars are
-fixed, or absent as the height of a plan-only point. Weighted unknowns are free ones with a prior record. A group marked
-`eliminated` is eliminated block by block before all others: each of its blocks may meet any number of blocks of other
-groups, but never another block of an eliminated group.
+fixed, or absent as the height of a plan-only point. Weighted unknowns are free ones with a prior record.
+
+A group marked `eliminated` is eliminated block by block before all others, unless an observation joins two of its blocks
+or a block has very many rays: such blocks are retained. A group that `joins` another stands and falls with it, block by
+block: the two share their place in the order of elimination.
 """
 
 from __future__ import annotations
@@ -39,6 +41,10 @@ class Unknowns:
     retract : callable
         (value of the group, step (n, k)) -> value of the group: the manifold's update.
     eliminated : bool
+    joins : str
+        Name of a group listed before, or empty.
+    position : (n, d) float64, optional
+        Where the blocks lie, for the order of elimination; NaN unknown.
     """
 
     name: str
@@ -47,6 +53,8 @@ class Unknowns:
     ids: Ids
     retract: Callable[[Any, Float], Any]
     eliminated: bool = False
+    joins: str = ""
+    position: Float | None = None
 
     @property
     def size(self) -> int:

@@ -12,7 +12,7 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
+Int = npt.NDArray[np.integer]
 Bool = npt.NDArray[np.bool_]
 
 
@@ -36,10 +36,10 @@ def value_records(
     """
     used = np.ones(value.shape, dtype=bool) if observed is None else observed
     target = np.where(used, value, 0.0)
-    eye = np.broadcast_to(np.eye(value.shape[1]), covariance.shape)
+    derivative = np.eye(value.shape[1]) * used[:, :, None]
 
-    def evaluate(state: State) -> tuple[Float, tuple[Float, ...]]:
-        return np.where(used, state[group][block] - target, 0.0), (eye * used[:, :, None],)
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        return np.where(used[rows], state[group][block[rows]] - target[rows], 0.0), (derivative[rows],)
 
     active = np.asarray(used.any(axis=1))
     return Records(name, ((group, block),), evaluate, whitener_of_covariances(covariance, used), active)

@@ -22,7 +22,7 @@ from aatri.geometry.collinearity import collinearity, in_image_axes
 from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
 
 Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
+Int = npt.NDArray[np.integer]
 Bool = npt.NDArray[np.bool_]
 
 
@@ -59,17 +59,20 @@ def image_point_records(rows: ImagePointRows, *, interior: bool) -> Records:
     by_interior[:, 0, 0] = by_interior[:, 1, 3] = -1.0
     by_interior[:, 0, 1:3] = by_interior[:, 1, 4:6] = -photo
 
-    def evaluate(state: State) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        X0, R = poses.position_m[rows.image], poses.ground_from_image[rows.image]
-        xy, by_pose, by_point = collinearity(X0, R, state[POINT][rows.point], rows.c_mm)
-        v = xy - rows.xy_mm
+        image, point = rows.image[chosen], rows.point[chosen]
+        X0, R = poses.position_m[image], poses.ground_from_image[image]
+        xy, by_pose, by_point = collinearity(X0, R, state[POINT][point], rows.c_mm[chosen])
+        v = xy - rows.xy_mm[chosen]
         if not interior:
             return v, (by_pose, by_point)
-        v = v + np.einsum("nij,nj->ni", by_interior, state[INTERIOR][rows.image])
-        return v, (by_pose, by_point, by_interior)
+        film = by_interior[chosen]
+        v = v + np.einsum("nij,nj->ni", film, state[INTERIOR][image])
+        return v, (by_pose, film, by_point)
 
-    touches = ((POSE, rows.image), (POINT, rows.point)) + (((INTERIOR, rows.image),) if interior else ())
+    film_touch = ((INTERIOR, rows.image),) if interior else ()
+    touches = ((POSE, rows.image), *film_touch, (POINT, rows.point))
     return Records("image point", touches, evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active)
 
 

@@ -17,7 +17,7 @@ from aatri.geometry.rotations import skew
 from aatri.observations.poses import POSE, Poses
 
 Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
+Int = npt.NDArray[np.integer]
 
 
 def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float) -> Records:
@@ -31,11 +31,11 @@ def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_
     lever_arm_m : (n, 3) float64, m, camera axes
     """
 
-    def evaluate(state: State) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        arm = np.einsum("nij,nj->ni", poses.ground_from_image[image], lever_arm_m)
-        v = poses.position_m[image] + arm - position_m
-        by_pose = np.concatenate([np.broadcast_to(np.eye(3), (len(image), 3, 3)), -skew(arm)], axis=2)
+        arm = np.einsum("nij,nj->ni", poses.ground_from_image[image[rows]], lever_arm_m[rows])
+        v = poses.position_m[image[rows]] + arm - position_m[rows]
+        by_pose = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)), -skew(arm)], axis=2)
         return v, (by_pose,)
 
     active = np.ones(len(image), dtype=bool)

@@ -19,14 +19,14 @@ def made_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: in
     half = rng.normal(size=(len(kept), 2, 2))
     covariance = half @ half.swapaxes(1, 2) + 0.2 * np.eye(2)
 
-    def evaluate(state):
-        a, p = state["a"][kept], state["p"][point]
-        linear = np.einsum("nij,nj->ni", B, a) + np.einsum("nij,nj->ni", C, p)
+    def evaluate(state, rows):
+        a, p = state["a"][kept[rows]], state["p"][point[rows]]
+        linear = np.einsum("nij,nj->ni", B[rows], a) + np.einsum("nij,nj->ni", C[rows], p)
         slope = 1 + 0.05 * np.cos(linear)
-        return linear + 0.05 * np.sin(linear) - target, (slope[:, :, None] * B, slope[:, :, None] * C)
+        return linear + 0.05 * np.sin(linear) - target[rows], (slope[:, :, None] * B[rows], slope[:, :, None] * C[rows])
 
-    def prior(state):
-        return state["a"] - 0.3, (np.broadcast_to(np.eye(4), (n_kept, 4, 4)),)
+    def prior(state, rows):
+        return state["a"][rows] - 0.3, (np.broadcast_to(np.eye(4), (len(rows), 4, 4)),)
 
     free_a, free_p = np.ones((n_kept, 4), bool), np.ones((n_points, 3), bool)
     free_a[1, 2] = free_p[4, 1] = False

@@ -43,7 +43,7 @@ def test_image_points_with_interior_unknowns(seed: int) -> None:
         return -153.84 * u[:2] / u[2] - corrected
 
     z = np.concatenate([X0, np.zeros(3), X, d])
-    v, (by_pose, by_point, by_interior) = image_point_records(rows, interior=True).evaluate(state)
+    v, (by_pose, by_interior, by_point) = image_point_records(rows, interior=True).evaluate(state, np.arange(1))
     _scaled(np.hstack([by_pose[0], by_point[0], by_interior[0]]), complex_step(f, z))
     np.testing.assert_allclose(v[0], f(z), atol=1e-11)
 
@@ -57,7 +57,7 @@ def test_positions_with_a_lever_arm(seed: int) -> None:
     def f(z: np.ndarray) -> np.ndarray:
         return z[:3] + (np.eye(3) + skew(z[3:])) @ R @ arm - observed
 
-    v, (by_pose,) = records.evaluate({POSE: Poses(X0[None], R[None])})
+    v, (by_pose,) = records.evaluate({POSE: Poses(X0[None], R[None])}, np.arange(1))
     z = np.concatenate([X0, np.zeros(3)])
     _scaled(by_pose[0], complex_step(f, z))
     np.testing.assert_allclose(v[0], f(z), atol=1e-12)
@@ -67,7 +67,7 @@ def test_only_observed_components_of_a_value_count() -> None:
     observed = np.array([[True, False, True]])
     records = value_records("control", POINT, np.zeros(1, np.int32), np.array([[1.0, np.nan, 3.0]]),
                             np.diag([4.0, np.nan, 9.0])[None], observed)  # fmt: skip
-    v, (J,) = records.evaluate({POINT: np.array([[3.0, 5.0, 9.0]])})
+    v, (J,) = records.evaluate({POINT: np.array([[3.0, 5.0, 9.0]])}, np.arange(1))
     np.testing.assert_allclose(np.einsum("nij,nj->ni", records.whitener, v), [[1.0, 0.0, 2.0]])
     assert records.observations == 2
     np.testing.assert_allclose(J[0], np.diag([1.0, 0.0, 1.0]))

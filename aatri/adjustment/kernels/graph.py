@@ -1,0 +1,84 @@
+"""Which unknowns meet: the graph of the kept blocks, without listing pairs.
+
+Two vertices are neighbours if some observation or eliminated block touches both. Observations are given as groups of
+vertices; every vertex marks the vertices of its groups once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+SIGNATURE = "Tuple((int64[::1], int32[::1]))(int64, int64[::1], int32[::1], int64[::1], int32[::1])"
+
+
+@njit(SIGNATURE, nogil=True, cache=True)
+def neighbours(n, group_start, member, vertex_start, group_of):  # type: ignore[no-untyped-def]
+    """Adjacency lists in compressed form.
+
+    Parameters
+    ----------
+    n : int
+        Number of vertices.
+    group_start : (n_groups + 1,) int64
+    member : (.,) int32
+        Vertices of the groups; negative ones are skipped.
+    vertex_start : (n + 1,) int64
+    group_of : (.,) int32
+        Groups of the vertices.
+
+    Returns
+    -------
+    start : (n + 1,) int64
+    neighbour : (.,) int32, ascending within a vertex
+    """
+    stamp = np.full(n, -1, dtype=np.int64)
+    start = np.zeros(n + 1, dtype=np.int64)
+    for v in range(n):
+        stamp[v] = v
+        count = 0
+        for k in range(vertex_start[v], vertex_start[v + 1]):
+            g = group_of[k]
+            for j in range(group_start[g], group_start[g + 1]):
+                w = member[j]
+                if w >= 0 and stamp[w] != v:
+                    stamp[w] = v
+                    count += 1
+        start[v + 1] = start[v] + count
+    neighbour = np.empty(start[n], dtype=np.int32)
+    stamp[:] = -1
+    for v in range(n):
+        stamp[v] = v
+        at = start[v]
+        for k in range(vertex_start[v], vertex_start[v + 1]):
+            g = group_of[k]
+            for j in range(group_start[g], group_start[g + 1]):
+                w = member[j]
+                if w >= 0 and stamp[w] != v:
+                    stamp[w] = v
+                    neighbour[at] = w
+                    at += 1
+        neighbour[start[v] : at].sort()
+    return start, neighbour
+
+
+@njit("Tuple((int64[::1], int64[::1]))(int64, int32[::1])", nogil=True, cache=True)
+def counting_order(n, key):  # type: ignore[no-untyped-def]
+    """Stable order of items by a small integer key, and where each key starts.
+
+    Returns
+    -------
+    start : (n + 1,) int64
+    order : (len(key),) int64
+    """
+    start = np.zeros(n + 1, dtype=np.int64)
+    for k in key:
+        start[k + 1] += 1
+    for k in range(n):
+        start[k + 1] += start[k]
+    place = start[:-1].copy()
+    order = np.empty(len(key), dtype=np.int64)
+    for i in range(len(key)):
+        order[place[key[i]]] = i
+        place[key[i]] += 1
+    return start, order

@@ -1,0 +1,116 @@
+"""LAPACK and BLAS on parts of one column-major front, in place and without holding Python's lock.
+
+SciPy's own wrappers copy a part of a matrix and keep other threads waiting; the routines themselves, which SciPy offers
+to Cython by address, do neither. All matrices are float64 and column-major; `n` is the leading dimension.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cython_blas, cython_lapack
+
+Float = npt.NDArray[np.float64]
+
+_L, _R, _N, _T, _U = (ctypes.c_char(letter) for letter in (b"L", b"R", b"N", b"T", b"U"))
+
+
+def _routine(module: Any, name: str, arguments: int) -> Any:
+    """The routine behind a Cython capsule, as a function of that many pointers."""
+    get_name = ctypes.pythonapi.PyCapsule_GetName
+    get_name.restype, get_name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    get_pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    get_pointer.restype, get_pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    capsule = module.__pyx_capi__[name]
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)(get_pointer(capsule, get_name(capsule)))
+
+
+_potrf = _routine(cython_lapack, "dpotrf", 5)
+_trtri = _routine(cython_lapack, "dtrtri", 6)
+_trsm = _routine(cython_blas, "dtrsm", 11)
+_trmm = _routine(cython_blas, "dtrmm", 11)
+_syrk = _routine(cython_blas, "dsyrk", 10)
+_symm = _routine(cython_blas, "dsymm", 12)
+_gemm = _routine(cython_blas, "dgemm", 13)
+
+
+def _int(value: int) -> Any:
+    return ctypes.byref(ctypes.c_int(value))
+
+
+def _real(value: float) -> Any:
+    return ctypes.byref(ctypes.c_double(value))
+
+
+def _at(matrix: Float, row: int, column: int) -> ctypes.c_void_p:
+    return ctypes.c_void_p(matrix.ctypes.data + 8 * (row + column * matrix.shape[0]))
+
+
+def cholesky_panel(F: Float, m: int) -> int:
+    """Factorise the first m columns of a front and update the rest: F11 = L11 L11', L21 = F21 L11^-T, F22 -= L21 L21'.
+
+    Parameters
+    ----------
+    F : (n, n) float64, column-major
+        Lower triangle; overwritten by L11, L21 and the updated F22.
+    m : int
+
+    Returns
+    -------
+    int
+        0, or the number (from 1) of the pivot that is not positive.
+    """
+    n, info = F.shape[0], ctypes.c_int(0)
+    lda = _int(n)
+    _potrf(ctypes.byref(_L), _int(m), _at(F, 0, 0), lda, ctypes.byref(info))
+    if info.value == 0 and n > m:
+        _trsm(ctypes.byref(_R), ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(n - m), _int(m),
+              _real(1.0), _at(F, 0, 0), lda, _at(F, m, 0), lda)  # fmt: skip
+        _syrk(ctypes.byref(_L), ctypes.byref(_N), _int(n - m), _int(m), _real(-1.0), _at(F, m, 0), lda,
+              _real(1.0), _at(F, m, m), lda)  # fmt: skip
+    return info.value
+
+
+def panel_covariance(L: Float, covariance: Float) -> Float:
+    """Covariance of a front from that of its boundary.
+
+    With L11, L21 of the panel, G = L21 L11^-1 and S22 the covariance of the boundary,
+
+        S21 = -S22 G,    S11 = L11^-T L11^-1 + G' S22 G
+
+    Parameters
+    ----------
+    L : (n, m) float64, column-major
+    covariance : (n - m, n - m) float64, column-major, symmetric
+
+    Returns
+    -------
+    (n, n) float64, column-major, symmetric
+    """
+    n, m = L.shape
+    S = np.zeros((n, n), order="F")
+    inverse = np.array(L[:m], order="F")
+    info = ctypes.c_int(0)
+    _trtri(ctypes.byref(_L), ctypes.byref(_N), _int(m), _at(inverse, 0, 0), _int(m), ctypes.byref(info))
+    inverse[np.triu_indices(m, 1)] = 0.0
+    if n == m:
+        _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
+              _real(0.0), _at(S, 0, 0), _int(n))  # fmt: skip
+    else:
+        G = np.array(L[m:], order="F")
+        _trmm(ctypes.byref(_R), ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(n - m), _int(m),
+              _real(1.0), _at(inverse, 0, 0), _int(m), _at(G, 0, 0), _int(n - m))  # fmt: skip
+        _symm(ctypes.byref(_L), ctypes.byref(_L), _int(n - m), _int(m), _real(-1.0), _at(covariance, 0, 0),
+              _int(n - m), _at(G, 0, 0), _int(n - m), _real(0.0), _at(S, m, 0), _int(n))  # fmt: skip
+        _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
+              _real(0.0), _at(S, 0, 0), _int(n))  # fmt: skip
+        _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(m), _int(n - m), _real(-1.0), _at(G, 0, 0),
+              _int(n - m), _at(S, m, 0), _int(n), _real(1.0), _at(S, 0, 0), _int(n))  # fmt: skip
+        S[m:, m:] = covariance
+    lower = np.tril_indices(m, -1)
+    S[:m, :m][lower[1], lower[0]] = S[:m, :m][lower]
+    S[:m, m:] = S[m:, :m].T
+    return S

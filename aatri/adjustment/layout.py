@@ -1,0 +1,135 @@
+"""Where every unknown stands: vertices of the kept unknowns, columns, and which blocks are eliminated.
+
+A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices too.
+A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit diagonal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.kernels.eliminate import MOST_RAYS
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import Unknowns
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+Bool = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Places of all unknowns.
+
+    Attributes
+    ----------
+    vertex : dict of str to (n,) int32
+        Vertex of each block of a group; -1 where it has none (held, or eliminated).
+    within : dict of str to int
+        First scalar of a group's blocks within their vertex.
+    size, start : (n_vertices,), (n_vertices + 1,) int64
+        Scalars of each vertex, and its first kept column.
+    held : (n_kept,) bool
+        Columns of held scalars.
+    position : (n_vertices, d) float64
+    eliminated : str
+        Name of the eliminated group, or empty.
+    block : (n,) int32
+        For each block of the eliminated group its number among the eliminated ones; -1 where retained.
+    """
+
+    vertex: dict[str, Int]
+    within: dict[str, int]
+    size: Int
+    start: Int
+    held: Bool
+    position: Float
+    eliminated: str
+    block: Int
+
+    @property
+    def n_kept(self) -> int:
+        """Kept columns."""
+        return int(self.start[-1])
+
+    def columns(self, group: str, k: int) -> Int:
+        """Kept column of each scalar of a group's blocks, (n, k); -1 where it has none or is held."""
+        vertex = self.vertex[group]
+        first = np.where(vertex >= 0, self.start[np.maximum(vertex, 0)] + self.within[group], -1)
+        columns = np.where(vertex[:, None] >= 0, first[:, None] + np.arange(k), -1)
+        held = self.held[np.maximum(columns, 0)] if self.n_kept else np.ones_like(columns, dtype=bool)
+        return np.where((columns >= 0) & ~held, columns, -1)
+
+
+def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layout:
+    """Place all unknowns.
+
+    Raises
+    ------
+    ValueError
+        If more than one group is eliminated, or a group joins one that does not stand before it.
+    """
+    eliminated = [u for u in unknowns if u.eliminated]
+    if len(eliminated) > 1:
+        raise ValueError("only one group may be eliminated")
+    vertex: dict[str, Int] = {}
+    within: dict[str, int] = {}
+    sizes: list[Int] = []
+    positions: list[Float] = []
+    first_of: dict[str, int] = {}
+    n = 0
+    block = np.zeros(0, dtype=np.int32)
+    for u in unknowns:
+        if u.joins:
+            continue
+        mates = [w for w in unknowns if w.joins == u.name]
+        wanted = u.free.any(axis=1)
+        for w in mates:
+            wanted = wanted | w.free.any(axis=1)
+        if u.eliminated:
+            retained = _retained(u, records)
+            block = np.where(retained, -1, np.cumsum(~retained) - 1).astype(np.int32)
+            wanted = wanted & retained
+        vertex[u.name] = np.where(wanted, n + np.cumsum(wanted) - 1, -1).astype(np.int32)
+        within[u.name], first_of[u.name] = 0, n
+        count, width = int(wanted.sum()), u.size
+        for w in mates:
+            vertex[w.name], within[w.name] = vertex[u.name], width
+            width += w.size
+        sizes.append(np.full(count, width))
+        place = np.full((len(u.free), 2), np.nan) if u.position is None else u.position[:, :2]
+        positions.append(place[wanted])
+        n += count
+    size = np.concatenate(sizes).astype(np.int64) if sizes else np.zeros(0, dtype=np.int64)
+    start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
+    held = np.zeros(int(start[-1]), dtype=bool)
+    for u in unknowns:
+        chosen = vertex[u.name] >= 0
+        columns = start[vertex[u.name][chosen]][:, None] + within[u.name] + np.arange(u.size)
+        held[columns.ravel()] = ~u.free[chosen].ravel()
+    name = eliminated[0].name if eliminated else ""
+    return Layout(vertex, within, size, start, held, np.concatenate(positions), name, block)
+
+
+def ray_records(records: Sequence[Records], eliminated: str) -> Records | None:
+    """The one observation type whose records touch an eliminated block and kept ones: the largest such type."""
+    found = [r for r in records if sum(g == eliminated for g, _ in r.touches) == 1 and len(r.touches) > 1]
+    return max(found, key=lambda r: len(r.active)) if found else None
+
+
+def _retained(group: Unknowns, records: Sequence[Records]) -> Bool:
+    """Blocks that other observations join, or with too many rays."""
+    retained = np.zeros(len(group.free), dtype=bool)
+    rays = ray_records(records, group.name)
+    for r in records:
+        touching = [blocks for name, blocks in r.touches if name == group.name]
+        if r is rays:
+            retained |= np.bincount(touching[0][r.active], minlength=len(retained)) > MOST_RAYS
+        elif touching and len(r.touches) > 1:
+            for blocks in touching:
+                retained[blocks[r.active]] = True
+    return retained
