@@ -3,9 +3,9 @@
     dx = x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y + b1 x + b2 y
     dy = y (k1 r^2 + k2 r^4 + k3 r^6) + p2 (r^2 + 2 y^2) + 2 p1 x y
 
-x, y from the principal point, r from the symmetry point (the same unless it is given); mm. Parameters in mm^-2, mm^-4, mm^-6 (k), mm^-1 (p), 1 (b). The correction is a function of the measured
-coordinates, linear in its parameters. Programs that *apply* a distortion to the ideal coordinate have other signs and
-values: those are the forward models.
+x, y from the principal point, r from the symmetry point (the same unless it is given); mm. Parameters in mm^-2, mm^-4,
+mm^-6 (k), mm^-1 (p), 1 (b). The correction is a function of the measured coordinates, linear in its parameters.
+Programs that *apply* a distortion to the ideal coordinate have other signs and values: those are the forward models.
 
 Source: Brown 1966, 1971; photogrammetric sign.
 """

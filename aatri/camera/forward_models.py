@@ -8,8 +8,8 @@ opencv, with u right and v DOWN as there:
 fisheye (Kannala-Brandt): theta = atan r, r_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
 bal (Bundler): r_d = r (1 + k1 r^2 + k2 r^4)
 
-Each function returns f (n, 2) and its derivative (n, 2, 2); the last two are radial, so that the direction of v does
-not matter.
+Each function returns f (n, 2) and its derivative (n, 2, 2); a parameter is one number, or one per point. The last two
+are radial, so that the direction of v does not matter.
 
 Source: OpenCV documentation, calib3d; Kannala & Brandt 2006; Agarwal et al. 2010.
 """
@@ -23,6 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[Any]
+Parameters = Mapping[str, Any]
+"""Values by name: a number or an array (n,)."""
 
 PARAMETERS = {
     "opencv": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
@@ -32,7 +34,7 @@ PARAMETERS = {
 """Names of the parameters of each model."""
 
 
-def opencv(uv: Array, parameters: Mapping[str, float]) -> tuple[Array, Array]:
+def opencv(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
     """Distort after OpenCV, u right and v down."""
     k1, k2, p1, p2, k3, k4, k5, k6 = (parameters.get(name, 0.0) for name in PARAMETERS["opencv"])
     u, v = uv[:, 0], uv[:, 1]
@@ -49,7 +51,21 @@ def opencv(uv: Array, parameters: Mapping[str, float]) -> tuple[Array, Array]:
     return value, _radial_derivative(uv, L, dL) + tangential
 
 
-def fisheye(uv: Array, parameters: Mapping[str, float]) -> tuple[Array, Array]:
+def opencv_by_parameters(uv: Array, parameters: Parameters) -> Array:
+    """Derivative of `opencv` with respect to its parameters, (n, 2, 8), columns as in `PARAMETERS`."""
+    k1, k2, _, _, k3, k4, k5, k6 = (parameters.get(name, 0.0) for name in PARAMETERS["opencv"])
+    u, v = uv[:, 0], uv[:, 1]
+    q = u**2 + v**2
+    top, bottom = 1 + q * (k1 + q * (k2 + q * k3)), 1 + q * (k4 + q * (k5 + q * k6))
+    by_top, by_bottom = uv / bottom[:, None], -uv * (top / bottom**2)[:, None]
+    powers = [(q**i)[:, None] for i in (1, 2, 3)]
+    by_p1 = np.stack([2 * u * v, q + 2 * v**2], axis=1)
+    by_p2 = np.stack([q + 2 * u**2, 2 * u * v], axis=1)
+    numerator, denominator = [by_top * power for power in powers], [by_bottom * power for power in powers]
+    return np.stack([*numerator[:2], by_p1, by_p2, numerator[2], *denominator], axis=2)
+
+
+def fisheye(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
     """Distort after Kannala and Brandt."""
     k1, k2, k3, k4 = (parameters.get(name, 0.0) for name in PARAMETERS["fisheye"])
     q = (uv**2).sum(axis=1)
@@ -65,7 +81,7 @@ def fisheye(uv: Array, parameters: Mapping[str, float]) -> tuple[Array, Array]:
     return uv * L[:, None], _radial_derivative(uv, L, dL)
 
 
-def bal(uv: Array, parameters: Mapping[str, float]) -> tuple[Array, Array]:
+def bal(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
     """Distort after Bundler."""
     k1, k2 = (parameters.get(name, 0.0) for name in PARAMETERS["bal"])
     q = (uv**2).sum(axis=1)

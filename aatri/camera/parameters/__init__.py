@@ -1,0 +1,1 @@
+"""Additional parameters: sets of correction functions of the measured photo coordinates."""

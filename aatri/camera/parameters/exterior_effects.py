@@ -1,0 +1,141 @@
+"""What a parameter set has in common with the exterior orientation, with itself and with other sets.
+
+Over flat terrain the six orientation unknowns of a vertical photograph displace its image points by
+
+    X0: (1, 0)   Y0: (0, 1)   Z0: (x, y)   phi: (c + x^2/c, x y/c)   omega: (x y/c, c + y^2/c)   kappa: (y, -x)
+
+up to sign and scale. A parameter in the span of these six is not determined by image points alone: it needs relief,
+observed projection centres, crossed flights at two heights or a weight. Columns are compared over a grid of image
+points, scaled to unit length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
+
+Float = npt.NDArray[np.float64]
+
+EXTERIOR = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
+"""Names of the columns of `exterior_effects`."""
+
+
+@dataclass(frozen=True)
+class Coincidence:
+    """One combination of parameters that leaves no trace in the image.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parameters that take part, the largest share first.
+    shares : tuple of float
+        Their coefficients, for columns of unit length.
+    """
+
+    names: tuple[str, ...]
+    shares: tuple[float, ...]
+
+
+def format_grid(scale: SetScale, n: int = 15) -> Float:
+    """Regular grid over the format, (n^2, 2) float64, mm; x varies fastest."""
+    x, y = (np.linspace(-h, h, n) for h in scale.half_format_mm)
+    return np.stack([np.tile(x, n), np.repeat(y, n)], axis=1)
+
+
+def exterior_effects(xy_mm: Float, principal_distance_mm: float) -> Float:
+    """Displacements by the exterior orientation, vertical photograph of flat terrain.
+
+    Parameters
+    ----------
+    xy_mm : (n, 2) float64, mm
+
+    Returns
+    -------
+    (n, 2, 6) float64
+        Columns as in `EXTERIOR`, in mm per mm (X0, Y0, Z0 in units of the image, Z0 times c) and per radian.
+    """
+    x, y = xy_mm.T
+    c, one, zero = principal_distance_mm, np.ones_like(x), np.zeros_like(x)
+    dx = [one, zero, x / c, c + x**2 / c, x * y / c, y]
+    dy = [zero, one, y / c, x * y / c, c + y**2 / c, -x]
+    return np.stack([np.stack(dx, axis=1), np.stack(dy, axis=1)], axis=1)
+
+
+def share_in_span(columns: Float, span: Float) -> Float:
+    """Share of each column's squared length that lies in the span of others: 0 free of it, 1 wholly in it.
+
+    Parameters
+    ----------
+    columns : (n, 2, s) float64
+    span : (n, 2, t) float64
+
+    Returns
+    -------
+    (s,) float64
+    """
+    a, b = _unit_columns(columns), _unit_columns(span)
+    vectors, values, _ = np.linalg.svd(b, full_matrices=False)
+    inside = vectors[:, values > RANK_TOLERANCE * values[0]] if values.size else vectors
+    return np.asarray(((inside.T @ a) ** 2).sum(axis=0))
+
+
+RANK_TOLERANCE = 1e-10
+"""Singular values below this share of the largest count as zero, for columns of unit length."""
+
+
+def coincidences(columns: Float, names: Sequence[str]) -> list[Coincidence]:
+    """Combinations of columns that vanish, in words; the rank is the number of columns less their number.
+
+    Parameters
+    ----------
+    columns : (n, 2, s) float64
+    names : sequence of str
+
+    Returns
+    -------
+    list of Coincidence
+        One per lost rank; the null space is brought to the simplest form by elimination.
+    """
+    a = _unit_columns(columns)
+    _, values, rows = np.linalg.svd(a, full_matrices=True)
+    rank = int((values > RANK_TOLERANCE * values[0]).sum())
+    null = _reduced(rows[rank:])
+    found = []
+    for vector in null:
+        order = np.argsort(-np.abs(vector).round(9), kind="stable")
+        taking_part = [int(i) for i in order if abs(vector[i]) > 1e-6]
+        found.append(Coincidence(tuple(names[i] for i in taking_part), tuple(float(vector[i]) for i in taking_part)))
+    return found
+
+
+def coincidences_with_exterior(parameter_set: ParameterSet, scale: SetScale, n: int = 15) -> list[Coincidence]:
+    """Combinations of the set with the exterior orientation that vertical images of flat terrain leave open."""
+    xy = format_grid(scale, n)
+    columns = [parameter_set.basis(xy, scale), exterior_effects(xy, scale.principal_distance_mm)]
+    return coincidences(np.concatenate(columns, axis=2), (*parameter_set.parameters, *EXTERIOR))
+
+
+def _unit_columns(columns: Float) -> Float:
+    a = columns.reshape(-1, columns.shape[2])
+    length = np.linalg.norm(a, axis=0)
+    return np.asarray(a / np.where(length > 0, length, 1.0))
+
+
+def _reduced(null: Float) -> Float:
+    """Row echelon form with full pivoting: each combination has a parameter of its own."""
+    rows = null.copy()
+    free = np.ones(rows.shape[1], dtype=bool)
+    for k in range(len(rows)):
+        pivot = int(np.argmax(np.where(free, np.abs(rows[k:]).max(axis=0), -1.0)))
+        best = k + int(np.argmax(np.abs(rows[k:, pivot])))
+        rows[[k, best]] = rows[[best, k]]
+        rows[k] /= rows[k, pivot]
+        others = np.arange(len(rows)) != k
+        rows[others] -= np.outer(rows[others, pivot], rows[k])
+        free[pivot] = False
+    return rows

@@ -1,0 +1,192 @@
+"""Sets of additional parameters: a correction added to the measured photo coordinates, linear in its parameters.
+
+    (x, y) + K(x, y) p = projection with the nominal principal distance        p (s,) in mm, K (2, s) without unit
+
+x, y are the measured coordinates from the nominal principal point, so K is a constant matrix of each image point and
+the derivative of the residual (projection minus corrected measurement) with respect to p is -K. Programs and notes that
+write `x = projection + dx` have parameters of the other sign.
+
+Every term is scaled so that its parameter is a length in mm: about the correction it makes near the border of the
+format. Parameters are then of comparable size, one standard deviation a priori serves all, and the normal matrix is
+balanced. The classical value (K1 in mm^-2 ...) is the parameter times `classical_factors`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import ConvergenceError, SpecError
+from aatri.ids import did_you_mean
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SetScale:
+    """What the terms of a set are scaled with: one camera's format.
+
+    Attributes
+    ----------
+    principal_distance_mm : float
+        Nominal.
+    half_format_mm : (float, float), mm
+        Half width and half height of the format.
+    base_mm : float
+        Photo base b of Ebner's grid, x and y in {0, +-b}.
+    """
+
+    principal_distance_mm: float
+    half_format_mm: tuple[float, float]
+    base_mm: float
+
+    @property
+    def radius_mm(self) -> float:
+        """Half the diagonal of the format: no power of x/radius or r/radius exceeds 1 in the image."""
+        return float(np.hypot(*self.half_format_mm))
+
+
+Basis = Callable[[Float, SetScale], Float]
+Factors = Callable[[SetScale], Float]
+
+
+def no_classical_values(count: int) -> Factors:
+    """Factors of a set whose parameters are used as they are."""
+    return lambda _: np.ones(count)
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """One set of additional parameters.
+
+    Attributes
+    ----------
+    name : str
+    parameters : tuple of str
+    units : tuple of str
+        Units of the classical values; the parameters themselves are in mm.
+    basis : callable
+        (xy_mm (n, 2) from the nominal principal point, SetScale) -> K (n, 2, s).
+    classical_factors : callable
+        SetScale -> (s,): classical value = factor times parameter.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    basis: Basis
+    classical_factors: Factors
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+
+def scale_of_format(half_format_mm: npt.ArrayLike, principal_distance_mm: float, base_mm: float = np.nan) -> SetScale:
+    """Scale of a camera; without a photo base that of 60 % overlap along the shorter side, 0.8 of its half.
+
+    Parameters
+    ----------
+    half_format_mm : (2,) float64, mm
+    principal_distance_mm : float, mm
+    base_mm : float, mm, optional
+
+    Raises
+    ------
+    SpecError
+        If the format, the principal distance or the base is not a positive number.
+    """
+    width, height = (float(h) for h in np.asarray(half_format_mm, dtype=np.float64))
+    base = 0.8 * min(width, height) if np.isnan(base_mm) else float(base_mm)
+    for what, value in (("principal distance", principal_distance_mm), ("half format", min(width, height)),
+                        ("photo base", base)):  # fmt: skip
+        if not (np.isfinite(value) and value > 0):
+            raise SpecError(
+                f"{what} is {value} mm: additional parameters cannot be scaled",
+                remedy="give the camera's principal distance and format",
+            )
+    return SetScale(float(principal_distance_mm), (width, height), base)
+
+
+def chosen(parameter_set: ParameterSet, names: Sequence[str]) -> ParameterSet:
+    """The set with only the parameters named, in the set's order.
+
+    Raises
+    ------
+    SpecError
+        If a name is not in the set.
+    """
+    for name in names:
+        if name not in parameter_set.parameters:
+            raise SpecError(
+                f"{parameter_set.name} has no parameter {name!r}{did_you_mean(name, parameter_set.parameters)}",
+                remedy=f"its parameters are {', '.join(parameter_set.parameters)}",
+            )
+    rows = [i for i, name in enumerate(parameter_set.parameters) if name in names]
+    return replace(
+        parameter_set,
+        parameters=tuple(parameter_set.parameters[i] for i in rows),
+        units=tuple(parameter_set.units[i] for i in rows),
+        basis=lambda xy_mm, scale: parameter_set.basis(xy_mm, scale)[:, :, rows],
+        classical_factors=lambda scale: parameter_set.classical_factors(scale)[rows],
+    )
+
+
+def correction(parameter_set: ParameterSet, scale: SetScale, values_mm: Float, xy_mm: Float) -> Float:
+    """Correction to add to measured coordinates.
+
+    Parameters
+    ----------
+    values_mm : (s,) float64, mm
+    xy_mm : (n, 2) float64, mm, from the nominal principal point
+
+    Returns
+    -------
+    (n, 2) float64, mm
+    """
+    return np.asarray(parameter_set.basis(xy_mm, scale) @ values_mm)
+
+
+def measured_from_corrected(
+    parameter_set: ParameterSet, scale: SetScale, values_mm: Float, xy_mm: Float, max_iterations: int = 50
+) -> Float:
+    """Coordinates that would be measured where the corrected ones are known: solves z + K(z) p = xy for z.
+
+    Raises
+    ------
+    ConvergenceError
+        If the correction is too steep to be inverted.
+    """
+    measured = xy_mm.copy()
+    for _ in range(max_iterations):
+        misfit = measured + correction(parameter_set, scale, values_mm, measured) - xy_mm
+        measured = measured - misfit
+        if not np.abs(measured).max(initial=0.0) < 1e3 * scale.radius_mm:
+            break
+        if np.abs(misfit).max(initial=0.0) <= 1e-13 * scale.radius_mm:
+            return np.asarray(measured)
+    raise ConvergenceError(
+        f"the correction of {parameter_set.name} cannot be inverted inside the image",
+        remedy="check the parameters: they are mm near the border of the format",
+    )
+
+
+def classical(
+    parameter_set: ParameterSet, scale: SetScale, values_mm: Float, covariance_mm2: Float
+) -> tuple[Float, Float]:
+    """Classical values and their covariance, in the set's units.
+
+    Parameters
+    ----------
+    values_mm : (s,) float64, mm
+    covariance_mm2 : (s, s) float64, mm^2
+
+    Returns
+    -------
+    values : (s,) float64
+    covariance : (s, s) float64
+    """
+    factors = parameter_set.classical_factors(scale)
+    return factors * values_mm, covariance_mm2 * np.outer(factors, factors)

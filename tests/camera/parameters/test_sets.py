@@ -1,0 +1,342 @@
+"""Parameter sets: published formulas, orthogonality, rank with the exterior orientation, conversion, user's own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.camera.brown import brown_correction
+from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY, interior_orientation
+from aatri.camera.parameters.catalogue import SETS, parameter_set
+from aatri.camera.parameters.ebner import EBNER12, bauer3
+from aatri.camera.parameters.error_field import image_error_field
+from aatri.camera.parameters.exterior_effects import (
+    EXTERIOR,
+    coincidences,
+    coincidences_with_exterior,
+    exterior_effects,
+    format_grid,
+    share_in_span,
+)
+from aatri.camera.parameters.orthogonal import GRUEN44
+from aatri.camera.parameters.parameter_set import (
+    chosen,
+    classical,
+    correction,
+    measured_from_corrected,
+    scale_of_format,
+)
+from aatri.camera.parameters.user import user_set
+from aatri.errors import ConvergenceError, PluginError, SpecError
+
+FILM = scale_of_format((115.0, 115.0), 153.84, base_mm=90.0)
+DIGITAL = scale_of_format((52.0, 34.0), 100.5)
+POINTS = np.random.default_rng(1).uniform(-110, 110, (40, 2))
+
+
+def _grid(n: int) -> Any:
+    t = np.linspace(-FILM.base_mm, FILM.base_mm, n)
+    return np.stack([np.tile(t, n), np.repeat(t, n)], axis=1)
+
+
+def _flat(columns: Any) -> Any:
+    return columns.reshape(-1, columns.shape[2])
+
+
+def _correlation(a: Any, b: Any) -> float:
+    a, b = a.ravel(), b.ravel()
+    return float(a @ b / np.sqrt((a @ a) * (b @ b)))
+
+
+@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("scale", [FILM, DIGITAL], ids=["film", "digital"])
+def test_terms_are_of_comparable_size_and_independent(name: str, scale: Any) -> None:
+    columns = parameter_set(name).basis(format_grid(scale), scale)
+    assert columns.shape == (225, 2, len(parameter_set(name)))
+    largest = np.abs(columns).max(axis=(0, 1))
+    assert largest.min() > 0.1
+    assert largest.max() < 9.1  # p4(1)^2 = 9 of the orthonormal Legendre polynomials
+    assert np.linalg.matrix_rank(_flat(columns)) == len(parameter_set(name))
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_correction_is_linear_in_its_parameters(name: str) -> None:
+    # the derivative by complex step of a linear function is its basis
+    s = parameter_set(name)
+    K = s.basis(POINTS, FILM)
+    for k in range(len(s)):
+        values = np.zeros(len(s), complex)
+        values[k] = 1e-200j
+        found = correction(s, FILM, values, POINTS).imag / 1e-200
+        assert np.abs(found - K[:, :, k]).max() <= 1e-15 * np.abs(K[:, :, k]).max()
+
+
+def test_sizes() -> None:
+    wanted = {"brown_conrady": 10, "brown21": 21, "ebner12": 12, "gruen44": 44, "bauer3": 3, "fourier": 16}
+    assert {name: len(parameter_set(name)) for name in wanted} == wanted
+    assert [len(parameter_set("legendre", orders=(n, n))) for n in (2, 4, 5)] == [12, 44, 66]
+    assert len(parameter_set("fourier", orders=(2, 2))) == 48
+
+
+def test_brown_conrady_in_classical_values_is_the_model_of_the_cameras() -> None:
+    rng = np.random.default_rng(2)
+    p = rng.normal(size=10) * 0.02
+    values, _ = classical(BROWN_CONRADY, FILM, p, np.zeros((10, 10)))
+    lens = dict(zip(BROWN_CONRADY.parameters[3:], values[3:]))
+    wanted = brown_correction(POINTS, lens) - POINTS * p[0] / 153.84 - p[1:3]
+    assert np.abs(correction(BROWN_CONRADY, FILM, p, POINTS) - wanted).max() < 1e-15
+
+
+def test_linear_interior_orientation_is_exact() -> None:
+    # a camera with c, x0, y0: x = x0 - c u1/u3; the corrected coordinates are those of the nominal camera
+    c0, c, x0, y0 = 153.84, 155.1, 0.4, -0.3
+    t = POINTS / 150.0
+    measured = c * t + [x0, y0]
+    p = np.zeros(10)
+    p[:3] = c0 * (1 - c0 / c), x0 * c0 / c, y0 * c0 / c
+    assert np.abs(measured + correction(BROWN_CONRADY, FILM, p, measured) - c0 * t).max() < 1e-13
+    found, derivative = interior_orientation(c0, p[:3])
+    assert found == pytest.approx([c, x0, y0], rel=1e-14)
+    for k in range(3):
+        step = p[:3].astype(complex)
+        step[k] += 1e-200j
+        wanted = interior_orientation(c0, step)[0].imag / 1e-200
+        assert derivative[:, k] == pytest.approx(wanted, rel=1e-13, abs=1e-16)
+
+
+def test_brown21_by_hand() -> None:
+    # x = 30, y = -20, f = 150 of the notes' formula, every classical coefficient 10^-(degree)
+    scale = scale_of_format((115.0, 115.0), 150.0)
+    a = np.array([1e-3, 2e-3, 3e-5, 4e-5, 5e-7, 6e-7, 7e-9, 8e-5, 9e-5, 1e-7, 2e-7, 3e-9,
+                  4e-5, 5e-9, 6e-9, 7e-8, 8e-12, 9e-16, 0.01, 0.02, 0.03])  # fmt: skip
+    x, y, f = 30.0, -20.0, 150.0
+    r2 = 1300.0
+    plate = a[12] * (900 - 400) + a[13] * 360000 + a[14] * (810000 - 160000)
+    radial = a[15] * r2 + a[16] * r2**2 + a[17] * r2**3
+    dx = a[0] * x + a[1] * y + a[2] * -600 + a[3] * 400 + a[4] * -18000 + a[5] * 12000 + a[6] * 360000
+    dy = a[7] * -600 + a[8] * 900 + a[9] * -18000 + a[10] * 12000 + a[11] * 360000
+    dx += x / f * plate + x * radial + a[18] + a[20] * x / f
+    dy += y / f * plate + y * radial + a[19] + a[20] * y / f
+    found = correction(BROWN21, scale, a / BROWN21.classical_factors(scale), np.array([[x, y]]))
+    assert found[0] == pytest.approx([dx, dy], rel=1e-14)
+
+
+def test_ebner_by_hand() -> None:
+    # b = 90, point (b, -b): u = v = b^2/3
+    found = EBNER12.basis(np.array([[90.0, -90.0]]), FILM)[0] * EBNER12.classical_factors(FILM) ** -1
+    b, u = 90.0, 2700.0
+    wanted_x = [b, -b, -2 * u, -b * b, u, 0, b * u, 0, -b * u, 0, u * u, 0]
+    wanted_y = [b, b, -b * b, -2 * u, 0, u, 0, -b * u, 0, b * u, 0, u * u]
+    assert found[0] == pytest.approx(wanted_x, rel=1e-14)
+    assert found[1] == pytest.approx(wanted_y, rel=1e-14)
+
+
+def test_ebner_is_orthogonal_on_the_gruber_positions_and_complete_with_the_orientation() -> None:
+    K = _flat(EBNER12.basis(_grid(3), FILM))
+    K = K / np.linalg.norm(K, axis=0)
+    E = _flat(exterior_effects(_grid(3), FILM.principal_distance_mm))
+    assert np.abs(K.T @ K - np.eye(12)).max() < 1e-15
+    assert np.abs(K.T @ (E / np.linalg.norm(E, axis=0))).max() < 1e-15
+    assert np.linalg.matrix_rank(np.hstack([K, E])) == 18
+
+
+@pytest.mark.parametrize("scale", [FILM, DIGITAL], ids=["film", "digital"])
+def test_gruen_is_orthonormal_on_its_grid_and_complete_with_the_orientation(scale: Any) -> None:
+    grid = _grid(5) / FILM.base_mm * scale.half_format_mm
+    K = _flat(GRUEN44.basis(grid, scale))
+    E = _flat(exterior_effects(grid, scale.principal_distance_mm))
+    assert np.abs(K.T @ K / 25 - np.eye(44)).max() < 1e-14
+    assert np.abs(K.T @ (E / np.linalg.norm(E, axis=0))).max() < 5e-14
+    assert np.linalg.matrix_rank(np.hstack([K, E])) == 50
+
+
+@pytest.mark.parametrize("scale", [FILM, DIGITAL], ids=["film", "digital"])
+def test_legendre_is_orthonormal_over_the_format_and_free_of_the_orientation(scale: Any) -> None:
+    t, w = np.polynomial.legendre.leggauss(9)
+    xy = np.stack([np.tile(t, 9), np.repeat(t, 9)], axis=1) * scale.half_format_mm
+    weight = np.sqrt(np.outer(w, w).ravel() / 4)[:, None, None]
+    K = _flat(weight * parameter_set("legendre", orders=(4, 4)).basis(xy, scale))
+    E = _flat(weight * exterior_effects(xy, scale.principal_distance_mm))
+    assert np.abs(K.T @ K - np.eye(44)).max() < 1e-14
+    assert np.abs(K.T @ E).max() < 1e-12 * scale.radius_mm
+
+
+def test_ebner_and_gruen_span_what_legendre_spans() -> None:
+    # Tang et al.: the Legendre sets generalise Ebner's and Gruen's; equal up to the exterior orientation
+    xy = format_grid(FILM)
+    E = exterior_effects(xy, FILM.principal_distance_mm)
+    for one, degree in ((EBNER12, 2), (GRUEN44, 4)):
+        other = parameter_set("legendre", orders=(degree, degree)).basis(xy, FILM)
+        share = share_in_span(one.basis(xy, FILM), np.concatenate([other, E], axis=2))
+        assert np.abs(share - 1).max() < 1e-12
+
+
+def test_brown21_loses_the_orientation_of_the_camera_on_flat_terrain() -> None:
+    # 27 columns of rank 24: a19, a20, a21 are X0, Y0, Z0
+    xy = format_grid(FILM)
+    columns = [BROWN21.basis(xy, FILM), exterior_effects(xy, FILM.principal_distance_mm)]
+    singular = np.linalg.svd(_unit(np.concatenate(columns, axis=2)), compute_uv=False)
+    assert (singular > 1e-10).sum() == 24
+    lost = coincidences_with_exterior(BROWN21, FILM)
+    assert {frozenset(c.names) for c in lost} == {
+        frozenset(pair) for pair in (("a19", "X0"), ("a20", "Y0"), ("a21", "Z0"))
+    }
+
+
+@pytest.mark.parametrize("name", ["ebner12", "gruen44", "bauer3", "fourier", "legendre"])
+def test_other_sets_are_free_of_the_orientation(name: str) -> None:
+    assert coincidences_with_exterior(parameter_set(name), FILM) == []
+
+
+def test_sets_together_are_told_what_they_share() -> None:
+    # Brown-Conrady's b1, b2 and k1 are combinations of Brown 21's
+    xy = format_grid(FILM)
+    columns = [chosen(BROWN_CONRADY, ["k1", "b1"]).basis(xy, FILM), BROWN21.basis(xy, FILM)]
+    lost = coincidences(np.concatenate(columns, axis=2), ("k1", "b1", *BROWN21.parameters))
+    assert {frozenset(c.names) for c in lost} == {frozenset(("k1", "a16")), frozenset(("b1", "a1"))}
+
+
+def _unit(columns: Any) -> Any:
+    flat = _flat(columns)
+    return flat / np.linalg.norm(flat, axis=0)
+
+
+def test_bauer_is_free_of_rotation_and_scale_and_the_misprint_is_not() -> None:
+    scale = scale_of_format((115.0, 115.0), 153.84)
+    t, w = np.polynomial.legendre.leggauss(5)  # exact integrals over the format, not sums over a grid
+    xy = 115.0 * np.stack([np.tile(t, 5), np.repeat(t, 5)], axis=1)
+    weight = np.sqrt(np.outer(w, w).ravel())[:, None]
+    K = weight[:, :, None] * bauer3().basis(xy, scale)
+    Z0, kappa = (weight * exterior_effects(xy, 153.84)[:, :, EXTERIOR.index(name)] for name in ("Z0", "kappa"))
+    for other in (Z0, kappa, K[:, :, 0]):
+        assert abs(_correlation(K[:, :, 2], other)) < 1e-15
+    assert abs(_correlation(K[:, :, 0], Z0)) < 1e-15
+    misprint = weight * np.stack([-xy[:, 1], xy[:, 1]], axis=1)
+    assert _correlation(misprint, kappa) == pytest.approx(-0.5)
+    assert _correlation(misprint, Z0) == pytest.approx(0.5)
+
+
+def test_bauer_with_the_radius_of_the_notes() -> None:
+    # a1 = 1e-8 mm^-2 at (60, 0): x (r^2 - 100^2) a1 = 60 (3600 - 10000) 1e-8
+    s = bauer3(100.0)
+    values = np.array([1e-8, 0.0, 0.0]) / s.classical_factors(FILM)
+    assert correction(s, FILM, values, np.array([[60.0, 0.0]]))[0] == pytest.approx([-3.84e-3, 0.0], abs=1e-18)
+
+
+def test_fourier_terms_are_orthogonal_over_the_format() -> None:
+    n = 16
+    t = (np.arange(n) + 0.5) / n * 2 - 1
+    xy = np.stack([np.tile(t, n), np.repeat(t, n)], axis=1) * DIGITAL.half_format_mm
+    K = _flat(parameter_set("fourier", orders=(2, 3)).basis(xy, DIGITAL))
+    assert np.abs(K.T @ K / (n * n / 2) - np.eye(K.shape[1])).max() < 1e-13
+
+
+def test_rotational_symmetry() -> None:
+    # a quarter turn of the image turns the radial corrections with it and swaps the affine ones' sign
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    K, turned = BROWN_CONRADY.basis(POINTS, FILM), BROWN_CONRADY.basis(POINTS @ turn.T, FILM)
+    for name in ("c", "k1", "k2", "k3"):
+        k = BROWN_CONRADY.parameters.index(name)
+        assert np.abs(turned[:, :, k] - K[:, :, k] @ turn.T).max() < 1e-15
+    B, turned_B = EBNER12.basis(POINTS, FILM), EBNER12.basis(POINTS @ turn.T, FILM)
+    assert np.abs(turned_B[:, :, 0] + B[:, :, 0] @ turn.T).max() < 1e-15
+
+
+def test_measured_coordinates_are_found_from_corrected_ones() -> None:
+    p = np.full(12, 0.01)
+    ideal = POINTS.copy()
+    measured = measured_from_corrected(EBNER12, FILM, p, ideal)
+    assert np.abs(measured + correction(EBNER12, FILM, p, measured) - ideal).max() < 1e-11
+    with pytest.raises(ConvergenceError, match="ebner12 cannot be inverted"):
+        measured_from_corrected(EBNER12, FILM, np.full(12, 200.0), ideal)
+
+
+def test_classical_covariance() -> None:
+    covariance = np.diag(np.arange(1.0, 11.0))
+    covariance[3, 4] = covariance[4, 3] = 0.5
+    _, found = classical(BROWN_CONRADY, FILM, np.zeros(10), covariance)
+    r0 = np.hypot(115, 115)
+    assert found[3, 3] == pytest.approx(4.0 / r0**6)
+    assert found[3, 4] == pytest.approx(0.5 / r0**8)
+
+
+def test_a_choice_of_parameters_keeps_the_order_of_the_set() -> None:
+    s = chosen(BROWN_CONRADY, ["k2", "c"])
+    assert s.parameters == ("c", "k2")
+    assert s.units == ("mm", "mm^-4")
+    assert np.array_equal(s.basis(POINTS, FILM), BROWN_CONRADY.basis(POINTS, FILM)[:, :, [0, 4]])
+    with pytest.raises(SpecError, match="no parameter 'k9'"):
+        chosen(BROWN_CONRADY, ["k9"])
+
+
+def test_image_error_field() -> None:
+    p, covariance = np.zeros(10), np.zeros((10, 10))
+    p[[0, 3]] = 0.3, 0.01
+    covariance[3, 3] = 0.002**2
+    field = image_error_field(BROWN_CONRADY, FILM, p, covariance, n=3)
+    # corner: c makes +x dc/c0, k1 -x/r0 k1; sigma x/r0 sigma_k1
+    assert field.error_mm[-1] == pytest.approx([115 * 0.3 / 153.84 - 0.01 / np.sqrt(2)] * 2)
+    assert field.sigma_mm[-1] == pytest.approx([0.002 / np.sqrt(2)] * 2)
+    alone = image_error_field(chosen(BROWN_CONRADY, ["c"]), FILM, np.array([0.3]), np.zeros((1, 1)))
+    assert alone.rms_shape_mm < 1e-13
+    assert alone.largest_mm == pytest.approx(np.hypot(115, 115) * 0.3 / 153.84)
+
+
+def test_unknown_sets_and_orders_are_refused() -> None:
+    with pytest.raises(SpecError, match="did you mean 'ebner12'"):
+        parameter_set("ebner")
+    with pytest.raises(SpecError, match="ebner12 has no orders"):
+        parameter_set("ebner12", orders=(2, 2))
+    with pytest.raises(SpecError, match="order 0"):
+        parameter_set("fourier", orders=(0, 1))
+    with pytest.raises(SpecError, match="degree 1"):
+        parameter_set("legendre", orders=(1, 4))
+    with pytest.raises(SpecError, match="half format is nan"):
+        scale_of_format((np.nan, 115.0), 153.84)
+
+
+GOOD = """
+names = ["s", "t"]
+def basis(x_mm, y_mm):
+    K = np.zeros((len(x_mm), 2, 2))
+    K[:, 0, 0] = np.sin(x_mm / 50)
+    K[:, 1, 1] = y_mm / 115
+    return K
+"""
+
+
+def test_a_set_of_the_users_own() -> None:
+    s = user_set(GOOD, "my_set.py")
+    assert s.parameters == ("s", "t")
+    found = correction(s, FILM, np.array([0.01, 0.02]), POINTS)
+    assert found == pytest.approx(np.stack([0.01 * np.sin(POINTS[:, 0] / 50), 0.02 * POINTS[:, 1] / 115], axis=1))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("names = [", "my_set.py:1"),
+        ("import nothing_like_it", "ModuleNotFoundError"),
+        ("def basis(x, y): return 0", "names is None"),
+        (GOOD.replace('"t"', '"s"'), "'s' twice"),
+        (GOOD.replace("def basis", "def base"), "no function basis"),
+    ],
+)
+def test_a_faulty_set_of_the_users_own_is_refused(text: str, message: str) -> None:
+    with pytest.raises(PluginError, match=message):
+        user_set(text, "my_set.py")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("return K", "return K[:, :, :1]", r"shape \(40, 2, 1\), not \(40, 2, 2\)"),
+        ("np.sin(x_mm / 50)", "np.nan", "not finite"),
+        ("np.sin(x_mm / 50)", "z_mm", "NameError"),
+    ],
+)
+def test_a_faulty_basis_of_the_users_own_is_refused(old: str, new: str, message: str) -> None:
+    with pytest.raises(PluginError, match=message):
+        user_set(GOOD.replace(old, new), "my_set.py").basis(POINTS, FILM)
