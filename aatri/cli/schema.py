@@ -69,6 +69,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         },
         "$defs": {
             "stage": {
+                "type": "object",
                 "$ref": "#/$defs/patch",
                 "required": ["use"],
                 "allOf": [{"if": _uses(card), "then": _needs(card)} for card in cards if _needs(card)],
