@@ -13,6 +13,7 @@ from aatri.errors import GeometryError
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.ids import shown
+from aatri.orientation.flying_height import station_heights_m
 from aatri.plugin import Context
 from aatri.tables.schema import Float
 
@@ -117,13 +118,7 @@ def _estimated_by_strip(block: Block, image_points: ImagePoints, tangent: bool) 
     use = measurements.active & np.isfinite(ground[measurements.point]).all(axis=1)
     image, point, xy = measurements.image[use], measurements.point[use], measurements.xy_mm[use]
     c = block.cameras.principal_distance_mm[block.images.camera]
-    single = np.full(len(block.images), np.nan)
-    for k in np.unique(image):
-        mine = image == k
-        photo = np.ptp(xy[mine], axis=0)
-        if np.sqrt((photo**2).sum()) < 0.1 * c[k]:
-            continue  # one point, or points too near to each other to give a scale
-        single[k] = height[point[mine]].mean() + c[k] * _spread(ground[point[mine], :2]) / _spread(xy[mine])
+    single = station_heights_m(image, xy, ground[point, :2], height[point], c)
     strip = block.images.strip
     estimated = single.copy()
     for s in np.unique(strip[strip >= 0]):
@@ -131,11 +126,6 @@ def _estimated_by_strip(block: Block, image_points: ImagePoints, tangent: bool) 
         if np.isfinite(single[mine]).any():
             estimated[mine] = np.nanmedian(single[mine])
     return estimated
-
-
-def _spread(plane: Float) -> float:
-    """Root of the sum of squared distances from the centroid."""
-    return float(np.sqrt(((plane - plane.mean(axis=0)) ** 2).sum()))
 
 
 def _refuse_unknown(block: Block, unknown: npt.NDArray[np.bool_]) -> None:

@@ -10,6 +10,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError, GeometryError, InputError, raise_all
 from aatri.ids import shown
 from aatri.orientation.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
+from aatri.orientation.film_deformation import deformation, prediction_sigma_mm, shear_or_stretch, turn_rad
 from aatri.orientation.interior import FEWEST_MARKS, AffineFit
 from aatri.plugin import Context
 from aatri.tables.schema import Float
@@ -122,8 +123,7 @@ def _warn(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, sigma0_
         told = [f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names)]
         context.warn(f"{len(told)} fiducial marks are rejected: {shown(told)}")
     linear = fit.matrix[:, :, :2] @ np.linalg.inv(marks.nominal)
-    gram = linear.swapaxes(1, 2) @ linear
-    skewed = usable & (np.maximum(np.abs(gram[:, 0, 1]), np.abs(gram[:, 0, 0] - gram[:, 1, 1]) / 2) > LARGEST_SHEAR)
+    skewed = usable & (shear_or_stretch(linear) > LARGEST_SHEAR)
     if skewed.any():
         context.warn(f"film deformed by more than 1e-3 (shear or unequal scales): {shown(ids[skewed])}")
     _warn_of_turned_scans(block, marks, linear, usable, context)
@@ -131,7 +131,7 @@ def _warn(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, sigma0_
 
 def _warn_of_turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bools, context: Context) -> None:
     """A few scans turned by a right angle against the rest may be marks numbered from another corner."""
-    angle = np.arctan2(linear[:, 1, 0] - linear[:, 0, 1], linear[:, 0, 0] + linear[:, 1, 1])
+    angle = turn_rad(linear)
     quarter = np.rint(np.where(usable, angle, 0.0) / (np.pi / 2)).astype(np.int64) % 4
     camera = block.images.camera[marks.image]
     for one in np.unique(camera[usable]):
@@ -151,7 +151,7 @@ def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: 
     image, slot = np.nonzero(fit.determined[:, None] & marks.present & ~fit.used)
     rows = marks.row[image, slot]
     size = np.sqrt((fit.residual_mm[image, slot] ** 2).sum(axis=1))
-    sigma = _prediction_sigma(fit.covariance[image], marks.calibrated_mm[image, slot], marks.sigma_mm[image, slot])
+    sigma = prediction_sigma_mm(fit.covariance[image], marks.calibrated_mm[image, slot], marks.sigma_mm[image, slot])
     rejected = suspects_of(
         kind="fiducial",
         row=rows,
@@ -174,14 +174,6 @@ def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: 
     )  # fmt: skip
 
 
-def _prediction_sigma(covariance: Float, xy_mm: Float, sigma_mm: Float) -> Float:
-    """Standard deviation of a rejected mark's residual: of its measurement and of the transformation there."""
-    basis = np.column_stack([np.ones(len(xy_mm)), xy_mm])
-    of_x = np.einsum("ni,nij,nj->n", basis, covariance[:, :3, :3], basis)
-    of_y = np.einsum("ni,nij,nj->n", basis, covariance[:, 3:, 3:], basis)
-    return np.asarray(np.sqrt((sigma_mm**2).mean(axis=1) + (of_x + of_y) / 2))
-
-
 def film_deformation(block: Block, transformations: Transformations) -> Float:
     """Per image the matrix that gives the film deformation at a photo coordinate, about the fiducial centre.
 
@@ -192,15 +184,8 @@ def film_deformation(block: Block, transformations: Transformations) -> Float:
     (n, 2, 2) float64
     """
     change = np.zeros((len(block.images), 2, 2))
-    for image in np.flatnonzero(transformations.model == "affine"):
-        A = transformations.matrix[image, :, :2]
-        if np.isfinite(A).all():
-            from_nominal = A @ np.linalg.inv(nominal_matrix(block, int(block.images.camera[image])))
-            change[image] = np.eye(2) - _rotation_part(from_nominal) @ np.linalg.inv(from_nominal)
+    film = np.flatnonzero((transformations.model == "affine") & np.isfinite(transformations.matrix).all(axis=(1, 2)))
+    if len(film):
+        nominal = np.array([nominal_matrix(block, int(k)) for k in block.images.camera[film]])
+        change[film] = deformation(transformations.matrix[film, :, :2] @ np.linalg.inv(nominal))
     return change
-
-
-def _rotation_part(matrix: Float) -> Float:
-    """The rotation nearest to a (2, 2) matrix."""
-    angle = np.arctan2(matrix[1, 0] - matrix[0, 1], matrix[0, 0] + matrix[1, 1])
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

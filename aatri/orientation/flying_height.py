@@ -1,0 +1,52 @@
+"""Flying height from the photo scale at points of known ground coordinates.
+
+In a near-vertical image the spread of points about their centroid is c / h times their spread on the ground, so
+
+    Z0 = mean(Z) + c spread(XY) / spread(xy),     spread(v) = sqrt(sum |v - mean(v)|^2).
+
+Good to a per cent or so of the flying height: enough for refraction and earth curvature. Points nearer to each other
+than a tenth of c tell nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Float = npt.NDArray[np.float64]
+
+LEAST_EXTENT = 0.1
+"""Diagonal of the points in the image, as a share of the principal distance, that gives a scale."""
+
+
+def station_heights_m(
+    image: npt.NDArray[np.integer], xy_mm: Float, plan_m: Float, height_m: Float, principal_distance_mm: Float
+) -> Float:
+    """Heights of the stations of images with known points.
+
+    Parameters
+    ----------
+    image : (m,) int
+        Image of each measured point, a row of `principal_distance_mm`.
+    xy_mm : (m, 2) float64, mm
+        Reduced to the principal point.
+    plan_m, height_m : (m, 2), (m,) float64, m
+        Ground coordinates of the point.
+    principal_distance_mm : (n,) float64, mm
+
+    Returns
+    -------
+    (n,) float64, m
+        In the height system of `height_m`; NaN where the points do not tell.
+    """
+    station = np.full(len(principal_distance_mm), np.nan)
+    for k in np.unique(image):
+        mine, c = image == k, principal_distance_mm[k]
+        if np.sqrt((np.ptp(xy_mm[mine], axis=0) ** 2).sum()) >= LEAST_EXTENT * c:
+            station[k] = height_m[mine].mean() + c * _spread(plan_m[mine]) / _spread(xy_mm[mine])
+    return station
+
+
+def _spread(plane: Float) -> float:
+    """Root of the sum of squared distances from the centroid."""
+    return float(np.sqrt(((plane - plane.mean(axis=0)) ** 2).sum()))
