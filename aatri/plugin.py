@@ -24,7 +24,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 from aatri.errors import PluginError
-from aatri.progress import SILENT, Reporter
+from aatri.progress import SILENT, StageContext
 from aatri.tables.schema import Artifact
 
 __all__ = ["SILENT", "Context", "Field", "InputPath", "Options", "Port", "Role", "StageCard", "card_of", "stage"]
@@ -32,8 +32,8 @@ __all__ = ["SILENT", "Context", "Field", "InputPath", "Options", "Port", "Role",
 P = ParamSpec("P")
 T = TypeVar("T")
 
-Context = Reporter
-"""What a running stage may talk to."""
+Context = StageContext
+"""What a running stage may talk to: `log`, `warn`, `progress`, and `checkpoint.save` and `load` of arrays."""
 
 
 class Options(BaseModel):

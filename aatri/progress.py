@@ -1,11 +1,16 @@
-"""What a method may tell the outside while it works: a message, a warning, how far it is.
+"""What a method may tell the outside while it works: a message, a warning, how far it is, a checkpoint.
 
-Methods take a `Reporter` and never print. `SILENT` is the default everywhere.
+Methods take a `Reporter` and never print; long ones take a `Checkpoint` too, so that a run that was killed goes on from
+there. `SILENT` is the default everywhere: it keeps nothing.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 class Reporter(Protocol):
@@ -21,8 +26,42 @@ class Reporter(Protocol):
         """Take how many of `total` steps are done."""
 
 
+class Checkpoint(Protocol):
+    """Keeps arrays of a method under way, until its result is there."""
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Keep arrays under a name, in place of those kept before; whole or not at all."""
+
+    def load(self, name: str) -> dict[str, npt.NDArray[Any]] | None:
+        """The arrays kept by an earlier attempt at the same result; None if there are none."""
+
+
+class StageContext(Reporter, Protocol):
+    """What a running stage talks to."""
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """Where it keeps how far it has come."""
+
+
+class NoCheckpoint:
+    """A checkpoint that keeps nothing."""
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Drop the arrays."""
+
+    def load(self, name: str) -> None:  # noqa: ARG002
+        """Nothing was kept."""
+        return
+
+
+NO_CHECKPOINT = NoCheckpoint()
+
+
 class Silent:
-    """A reporter that keeps nothing."""
+    """A context that keeps nothing."""
+
+    checkpoint: Checkpoint = NO_CHECKPOINT
 
     def log(self, message: str) -> None:
         """Drop the line."""

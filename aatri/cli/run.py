@@ -1,21 +1,25 @@
-"""`aatri run`: run a pipeline."""
+"""`aatri run`: bring a pipeline up to date."""
 
 from __future__ import annotations
 
+import shlex
 import signal
 import sys
-import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.console import is_terminal, narrate, reports_errors, say
-from aatri.cli.figures import highlights, say_result
-from aatri.errors import SpecError
+from aatri.cli.console import narrate, reports_errors, say, say_json
+from aatri.cli.plugins_option import LocalPlugins
+
+if TYPE_CHECKING:
+    from aatri.cli.planning import Opened
+    from aatri.pipeline.plan import Selection
 
 TERMINATED = 143
+
+Several = list[str] | None
 
 
 @reports_errors
@@ -23,42 +27,84 @@ def run(
     pipeline: Annotated[Path, typer.Argument(help="The pipeline file.")] = Path("pipeline.yaml"),
     into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
+        Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
     ] = None,
-    use: Annotated[
-        list[str] | None, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method; may be repeated.")
+    use: Annotated[Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method; may be repeated.")] = None,
+    variant: Annotated[str, typer.Option(metavar="NAME", help="A variant of the pipeline file.")] = "",
+    start: Annotated[
+        str | None, typer.Option("--from", metavar="STAGE", help="Only this stage and what depends on it.")
     ] = None,
+    until: Annotated[str | None, typer.Option(metavar="STAGE", help="Only this stage and what it needs.")] = None,
+    only: Annotated[Several, typer.Option(metavar="STAGE", help="Only this stage; may be repeated.")] = None,
+    force: Annotated[
+        Several, typer.Option(metavar="STAGE", help="Make this stage again, or `all`; may be repeated.")
+    ] = None,
+    keep_going: Annotated[
+        bool, typer.Option("--keep-going", "-k", help="After a failure go on with what does not depend on it.")
+    ] = False,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")] = False,
+    verify: Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")] = False,
+    no_lock: Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")] = False,
+    local_plugins: LocalPlugins = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the result.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="The result as JSON.")] = False,
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
-    """Run a pipeline and write its report."""
-    if not pipeline.exists() and pipeline == Path("pipeline.yaml"):
-        raise SpecError(
-            "no pipeline.yaml in this folder", remedy="`aatri new` writes one here, or give the path of one"
-        )
-    from aatri.pipeline.graph import wire
-    from aatri.pipeline.overrides import with_set, with_use
-    from aatri.pipeline.registry import find_stages
-    from aatri.pipeline.runner import run_pipeline
-    from aatri.pipeline.spec import load_spec
+    """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
+    from aatri.cli.planning import Request, open_request
+    from aatri.pipeline.plan import select
 
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
-    registry = find_stages()
-    spec, notes = with_use(load_spec(pipeline, into), use or [], registry)
-    spec = with_set(spec, set_ or [])
-    nodes = wire(spec, registry)
-    for note in notes:
-        narrate(f"note: {note}")
-    try:
-        records = run_pipeline(spec, nodes, _Narrator(quiet))
-    except Exception:
-        _write_report(spec.run, debug=debug)
-        raise
-    report = _write_report(spec.run, debug=debug)
+    signal.signal(signal.SIGTERM, _terminate)
+    request = Request(str(pipeline), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+    opened = open_request(request)
+    selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())
+    if dry_run:
+        from aatri.cli.plan_table import plain_plan, say_plan
+
+        planned = opened.plan(selection, verify=verify)
+        say_json(plain_plan(planned)) if json else say_plan(opened, planned, only_selected=True)
+        return
+    how = {"jobs": jobs, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
+    records, report = _carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
+    if json:
+        say_json({"run": str(opened.spec.run), "report": str(report), "stages": records})
+        return
+    from aatri.cli.figures import say_result
+
     say_result(records)
     say()
-    say(f"run     {spec.run}")
+    say(f"run     {opened.spec.run}")
     say(f"report  {report}" if report else "report  not written, see the warning above")
+
+
+def _carry_out(
+    opened: Opened, selection: Selection, how: dict[str, Any], *, quiet: bool, debug: bool
+) -> tuple[list[dict[str, Any]], Path | None]:
+    """Run; whatever ends it, write the report and say how to go on."""
+    from aatri.cli.narrator import Narrator
+    from aatri.errors import AatriError, ResourceError, SpecError
+    from aatri.pipeline.runner import How, run_pipeline
+
+    folder, events = opened.spec.run, opened.spec.run / "events.jsonl"
+    before = events.stat().st_size if events.exists() else 0
+    full = How(selection, command=_command(), source=opened.source, request=opened.request.plain(), **how)
+    try:
+        with Narrator(quiet) as narrator:
+            records = run_pipeline(opened.spec, opened.nodes, narrator, full)
+    except BaseException as error:
+        began = events.exists() and events.stat().st_size != before
+        if isinstance(error, AatriError) and began and not isinstance(error, SpecError | ResourceError):
+            _write_report(folder, debug=debug)
+        if began:
+            narrate(f"what was made stays; to go on: {_command()}")
+        raise
+    report = folder / "report.html"
+    if report.exists() and events.exists() and events.stat().st_size == before:
+        if not quiet:
+            narrate(f"nothing to do: all {len(records)} stages are up to date")
+        return records, report
+    return records, _write_report(folder, debug=debug)
 
 
 def _write_report(folder: Path, *, debug: bool) -> Path | None:
@@ -77,42 +123,12 @@ def _write_report(folder: Path, *, debug: bool) -> Path | None:
     return path
 
 
-class _Narrator:
-    """Tells what happens during a run, on stderr."""
+def _command() -> str:
+    """The command as it was typed."""
+    return shlex.join(["aatri", *sys.argv[1:]])
 
-    def __init__(self, quiet: bool) -> None:
-        self._quiet = quiet
-        self._live = is_terminal() and not quiet
-        self._shown = 0.0
-        self._head = ""
 
-    def started(self, stage: str, use: str, number: int, total: int) -> None:
-        """Remember how the line of the stage begins."""
-        self._head = f"[{number:{len(str(total))}}/{total}] {stage}"
-        self._overwrite(f"{self._head}: {use} ...")
-
-    def warned(self, stage: str, message: str) -> None:
-        """Warnings are shown even when quiet."""
-        self._overwrite("")
-        narrate(f"warning: {stage}: {message}")
-
-    def advanced(self, stage: str, done: int, total: int, what: str) -> None:  # noqa: ARG002
-        """Show the progress on a terminal, at most ten times a second."""
-        if time.monotonic() - self._shown > 0.1:
-            self._shown = time.monotonic()
-            self._overwrite(f"{self._head}: {what} {done}/{total}")
-
-    def finished(self, record: Mapping[str, Any]) -> None:
-        """One line per stage."""
-        self._overwrite("")
-        if not self._quiet:
-            narrate(f"{self._head}  {record['seconds']:.2f} s  {highlights(record['metrics'])}")
-
-    def failed(self, stage: str, folder: Path) -> None:  # noqa: ARG002
-        """Say where the log is; the error itself follows at the end."""
-        self._overwrite("")
-        narrate(f"{self._head}  failed; log: {folder / 'stage.log'}")
-
-    def _overwrite(self, text: str) -> None:
-        if self._live:
-            typer.echo(f"\r\x1b[K{text[:100]}", nl=False, err=True)
+def _terminate(*_: object) -> None:
+    """SIGTERM ends the run like an error would; a second one ends it at once."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    sys.exit(TERMINATED)

@@ -1,54 +1,68 @@
-"""`aatri status`: which stages of a run are done."""
+"""`aatri status`: which stages of a run are up to date, and why others are not."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aatri.cli.console import reports_errors, say, say_json, say_table
-from aatri.cli.locate import Run, find_run
+
+if TYPE_CHECKING:
+    from aatri.cli.planning import Opened
+    from aatri.pipeline.plan import Decision
 
 
 @reports_errors
 def status(
     run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    verify: Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")] = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """Show which stages of a run are done."""
-    found = find_run(run)
-    stages = [_state(found, entry) for entry in found.stages]
+    """Show which stages of a run are up to date, and what a run would do, and why."""
+    from aatri.cli.planning import open_run
+    from aatri.pipeline import store
+
+    opened = open_run(run)
+    plan = opened.plan(verify=verify)
+    overview = store.read_json(opened.spec.run / "run.json") or {}
+    stages = [_state(opened, decision, node.method.name) for node, decision in zip(opened.nodes, plan.decisions)]
+    ended = overview.get("status", "not run")
     if json:
-        say_json({"run": str(found.folder), "status": found.overview.get("status", "not run"), "stages": stages})
+        say_json({"run": str(opened.spec.run), "status": ended, "stages": stages})
         return
-    say(f"run {found.folder}: {found.overview.get('status', 'not run')}")
+    say(f"run {opened.spec.run}: {ended}")
     rows = [[s["stage"], s["use"], s["state"], s.get("ended", ""), _detail(s)] for s in stages]
     say_table(("stage", "method", "state", "ended (UTC)", ""), rows)
 
 
-def _state(run: Run, entry: dict[str, Any]) -> dict[str, Any]:
+def _state(opened: Opened, decision: Decision, use: str) -> dict[str, Any]:
+    from aatri.cli.plan_table import plain_decision
     from aatri.pipeline import store
 
-    name = entry["stage"]
-    head = {"stage": name, "use": entry["use"]}
-    failure = store.failure(run.folder, name)
-    if failure is not None:
-        kept = ("exit_code", "what", "where", "remedy", "ended")
-        return {**head, "state": "failed", **{key: failure[key] for key in kept}}
-    record = store.current_record(run.folder, name)
-    if record is None:
+    head = {**plain_decision(decision), "use": use}
+    record = decision.record
+    if record is not None:
+        return {**head, "state": "done", "key": record["key"], "ended": record["ended"], "seconds": record["seconds"],
+                "warnings": len(record["warnings"])}  # fmt: skip
+    reasons = {reason["why"] for reason in head["reasons"]}
+    failure = store.failure(opened.spec.run, decision.stage)
+    if failure is not None and ("failed_before" in reasons or decision.key is None):
+        return {**head, "state": "failed", **{key: failure[key] for key in ("exit_code", "what", "where", "ended")}}
+    if "output_altered" in reasons:
+        return {**head, "state": "altered"}
+    if reasons & {"never_run", "interrupted"}:
         return {**head, "state": "not run"}
-    path = store.artifact_path(run.folder, name)
-    intact = path.is_file() and path.stat().st_size == record["output"]["size"]
-    state = "altered" if not intact else "done" if record["plugin"] == entry["use"] else f"done by {record['plugin']}"
-    return {**head, "state": state, "key": record["key"], "ended": record["ended"], "seconds": record["seconds"],
-            "warnings": len(record["warnings"])}  # fmt: skip
+    return {**head, "state": "perhaps stale" if decision.state.value == "maybe" else "stale"}
 
 
 def _detail(state: dict[str, Any]) -> str:
     if state["state"] == "failed":
         return f"{state['where']}: {state['what']}" if state["where"] else str(state["what"])
-    if state.get("warnings"):
-        return f"{state['seconds']:.2f} s, {state['warnings']} warnings"
-    return f"{state['seconds']:.2f} s" if "seconds" in state else ""
+    if state["accepted"]:
+        return "accepted in spite of other code"
+    if state["state"] == "done":
+        more = f", {state['warnings']} warnings" if state["warnings"] else ""
+        return f"{state['seconds']:.2f} s{more}"
+    return "; ".join(reason["text"] for reason in state["reasons"])

@@ -9,26 +9,53 @@ from __future__ import annotations
 import graphlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from aatri.errors import AatriError, PluginError, SpecError, raise_all
 from aatri.ids import did_you_mean
-from aatri.pipeline.options import validated
-from aatri.pipeline.registry import Registry
+from aatri.pipeline.catalogue import Catalogue, Prepared
+from aatri.pipeline.methods import Method
 from aatri.pipeline.spec import Spec, StageSpec
-from aatri.plugin import Options, Role, StageCard
+
+if TYPE_CHECKING:
+    from aatri.pipeline.registry import Registry
 
 
 @dataclass(frozen=True)
 class Node:
-    """A stage ready to run: `inputs` holds only the ports that its variant uses, port -> stage."""
+    """A stage ready to run.
+
+    Attributes
+    ----------
+    inputs, unused : mapping
+        Port -> stage: those that its variant uses, and those given beside them.
+    written, options : mapping
+        The options as written, and with their defaults.
+    files : mapping
+        Option -> file or folder whose content counts as input.
+    code : str
+        Digest of the code that it reaches.
+    """
 
     name: str
-    card: StageCard
+    method: Method
     inputs: Mapping[str, str]
-    options: Options | None
+    unused: Mapping[str, str]
+    written: Mapping[str, Any]
+    options: Mapping[str, Any]
+    files: Mapping[str, str]
+    code: str
 
 
-def wire(spec: Spec, registry: Registry) -> tuple[Node, ...]:
+@dataclass(frozen=True)
+class _Role:
+    """Ports of a role and what it gives, as kinds."""
+
+    ports: Mapping[str, str]
+    kind: str
+
+
+def wire(spec: Spec, source: Catalogue | Registry) -> tuple[Node, ...]:
     """The stages in the order of execution; among those ready at once, in the order of the file.
 
     Raises
@@ -36,22 +63,35 @@ def wire(spec: Spec, registry: Registry) -> tuple[Node, ...]:
     AatriError
         Every wrong wire and option (SpecError) and plugin (PluginError), at once.
     """
+    catalogue = source if isinstance(source, Catalogue) else Catalogue(registry=source)
     errors: list[AatriError] = []
-    roles = _roles(spec, registry, errors)
-    cards = _cards(spec, registry, roles, errors)
+    known = {name: catalogue.recall(spec, stage) for name, stage in spec.stages.items()}
+    roles = _roles(spec, catalogue, known, errors)
     nodes = {}
     for name, stage in spec.stages.items():
         if name not in roles:
             continue
         _check_inputs(spec, stage, roles, errors)
-        if name in cards:
-            _check_required(spec, stage, cards[name], roles, errors)
-            options = validated(spec, stage, cards[name], errors)
-            used = {p.name: stage.inputs[p.name] for p in cards[name].ports if p.name in stage.inputs}
-            nodes[name] = Node(name, cards[name], used, options)
+        prepared = known[name] or _prepared(spec, stage, catalogue, roles, errors)
+        if prepared is not None:
+            _check_required(spec, stage, prepared.method, roles, errors)
+            nodes[name] = _node(stage, prepared)
     order = _order(spec, errors)
     raise_all(errors)
+    catalogue.save()
     return tuple(nodes[name] for name in order)
+
+
+def upstream(nodes: tuple[Node, ...], name: str) -> frozenset[str]:
+    """The stages that a stage uses, directly or not."""
+    sources = {node.name: set(node.inputs.values()) for node in nodes}
+    reached: set[str] = set()
+    waiting = [name]
+    while waiting:
+        new = sources[waiting.pop()] - reached
+        reached |= new
+        waiting += new
+    return frozenset(reached)
 
 
 def downstream(nodes: tuple[Node, ...], name: str) -> tuple[str, ...]:
@@ -63,25 +103,47 @@ def downstream(nodes: tuple[Node, ...], name: str) -> tuple[str, ...]:
     return tuple(node.name for node in nodes if node.name in reached and node.name != name)
 
 
-def _roles(spec: Spec, registry: Registry, errors: list[AatriError]) -> dict[str, Role]:
+def _node(stage: StageSpec, prepared: Prepared) -> Node:
+    wanted = {port.name for port in prepared.method.ports}
+    used = {port: source for port, source in stage.inputs.items() if port in wanted}
+    unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
+    return Node(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
+                prepared.code.digest)  # fmt: skip
+
+
+def _roles(
+    spec: Spec, catalogue: Catalogue, known: Mapping[str, Prepared | None], errors: list[AatriError]
+) -> dict[str, _Role]:
     roles = {}
     for name, stage in spec.stages.items():
+        prepared = known[name]
+        if prepared is not None:
+            roles[name] = _Role(prepared.method.role_ports, prepared.method.kind)
+            continue
         try:
-            roles[name] = registry.role(stage.use.partition("/")[0])
+            role = catalogue.registry.role(stage.use.partition("/")[0])
+            roles[name] = _Role({port: kind.kind for port, kind in role.ports.items()}, role.kind.kind)
         except PluginError as error:
             errors.append(_placed(error, spec.where(name, "use")))
     return roles
 
 
-def _cards(spec: Spec, registry: Registry, roles: Mapping[str, Role], errors: list[AatriError]) -> dict[str, StageCard]:
-    cards = {}
-    for name, stage in spec.stages.items():
-        if name in roles:
-            try:
-                cards[name] = registry.card(stage.use)
-            except PluginError as error:
-                errors.append(_placed(error, spec.where(name, "use")))
-    return cards
+def _prepared(
+    spec: Spec, stage: StageSpec, catalogue: Catalogue, roles: Mapping[str, _Role], errors: list[AatriError]
+) -> Prepared | None:
+    """The stage by its plugin; what is missing among its inputs is told even if its options are wrong."""
+    before = len(errors)
+    try:
+        prepared = catalogue.prepare(spec, stage, errors)
+        if prepared is None:
+            wrong_options = errors[before:]
+            del errors[before:]
+            _check_required(spec, stage, catalogue.method(stage.use), roles, errors)
+            errors += wrong_options
+    except PluginError as error:
+        errors.append(_placed(error, spec.where(stage.name, "use")))
+        return None
+    return prepared
 
 
 def _placed(error: PluginError, where: str) -> PluginError:
@@ -89,7 +151,7 @@ def _placed(error: PluginError, where: str) -> PluginError:
     return PluginError(what, where=where, remedy=error.remedy)
 
 
-def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, Role], errors: list[AatriError]) -> None:
+def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], errors: list[AatriError]) -> None:
     ports = roles[stage.name].ports
     role = stage.use.partition("/")[0]
     for port, source in stage.inputs.items():
@@ -101,26 +163,26 @@ def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, Role], error
             errors.append(SpecError(f"no stage {source!r}{did_you_mean(source, spec.stages)}",
                                     where=spec.where(stage.name, "from", port),
                                     remedy=_candidates(spec, port, ports, roles)))  # fmt: skip
-        elif source in roles and roles[source].kind is not ports[port]:
-            wanted, given = ports[port].kind, roles[source].kind.kind
+        elif source in roles and roles[source].kind != ports[port]:
+            wanted, given = ports[port], roles[source].kind
             errors.append(SpecError(f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
                                     where=spec.where(stage.name, "from", port),
                                     remedy=_candidates(spec, port, ports, roles)))  # fmt: skip
 
 
 def _check_required(
-    spec: Spec, stage: StageSpec, card: StageCard, roles: Mapping[str, Role], errors: list[AatriError]
+    spec: Spec, stage: StageSpec, method: Method, roles: Mapping[str, _Role], errors: list[AatriError]
 ) -> None:
-    for port in card.ports:
+    for port in method.ports:
         if not port.optional and port.name not in stage.inputs:
-            errors.append(SpecError(f"{stage.name} ({card.name}) needs port {port.name} ({port.kind.kind})",
+            errors.append(SpecError(f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
                                     where=spec.where(stage.name, "from"),
                                     remedy=_candidates(spec, port.name, roles[stage.name].ports, roles)))  # fmt: skip
 
 
-def _candidates(spec: Spec, port: str, ports: Mapping[str, type], roles: Mapping[str, Role]) -> str:
+def _candidates(spec: Spec, port: str, ports: Mapping[str, str], roles: Mapping[str, _Role]) -> str:
     kind = ports[port]
-    fitting = [name for name in spec.stages if name in roles and roles[name].kind is kind]
+    fitting = [name for name in spec.stages if name in roles and roles[name].kind == kind]
     if not fitting:
         return f"add a stage that gives it, and `from: {{{port}: THAT_STAGE}}`"
     return f"`from: {{{port}: STAGE}}`, where STAGE is {' or '.join(fitting)}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import typing
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -15,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from aatri.errors import AatriError, SpecError
 from aatri.ids import did_you_mean
 from aatri.pipeline.spec import Spec, StageSpec
-from aatri.plugin import Options, StageCard
+from aatri.plugin import InputFile, Options, StageCard
 
 
 def validated(spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriError]) -> Options | None:
@@ -32,6 +33,32 @@ def validated(spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriE
         for found in failure.errors(include_url=False):
             errors.append(_located(spec, stage, card, dict(found)))
         return None
+
+
+def input_files(options: Options) -> dict[str, Path]:
+    """The paths given to options of type `InputPath`, by dotted name; also those in nested options and lists."""
+    found: dict[str, Path] = {}
+    for name, about in type(options).model_fields.items():
+        _collect(getattr(options, name), about.annotation, about.metadata, name, found)
+    return found
+
+
+def _collect(value: Any, annotation: Any, marks: Iterable[Any], name: str, found: dict[str, Path]) -> None:
+    if isinstance(value, Path) and any(isinstance(mark, InputFile) for mark in marks):
+        found[name] = value
+    elif isinstance(value, BaseModel):
+        for inner, about in type(value).model_fields.items():
+            _collect(getattr(value, inner), about.annotation, about.metadata, f"{name}.{inner}", found)
+    elif typing.get_origin(annotation) is typing.Annotated:
+        inner_type, *inner_marks = typing.get_args(annotation)
+        _collect(value, inner_type, inner_marks, name, found)
+    elif isinstance(value, list | tuple):
+        for k, item in enumerate(value):
+            for choice in typing.get_args(annotation):
+                _collect(item, choice, (), f"{name}.{k}", found)
+    elif value is not None:
+        for choice in typing.get_args(annotation):
+            _collect(value, choice, (), name, found)
 
 
 def option_names(card: StageCard) -> frozenset[str]:

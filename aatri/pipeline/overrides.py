@@ -1,16 +1,15 @@
-"""Overrides of the command line: `--set STAGE.OPTION=VALUE` and `--use STAGE=ROLE/VARIANT`."""
+"""Overrides of the command line: `--variant NAME`, `--use STAGE=ROLE/VARIANT` and `--set STAGE.OPTION=VALUE`."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Collection, Sequence
+from typing import Any, Protocol
 
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
-from aatri.pipeline.options import option_names
-from aatri.pipeline.registry import Registry
+from aatri.pipeline.objects import VARIANTS
 from aatri.pipeline.spec import USE, Spec, StageSpec
 from aatri.strict_yaml import loads
 
@@ -38,7 +37,14 @@ def with_set(spec: Spec, texts: Sequence[str]) -> Spec:
     return dataclasses.replace(spec, stages=stages, places=places)
 
 
-def with_use(spec: Spec, texts: Sequence[str], registry: Registry) -> tuple[Spec, list[str]]:
+class Options(Protocol):
+    """Knows the options of variants."""
+
+    def option_names(self, use: str) -> Collection[str]:
+        """Names of the options of a variant at the top level."""
+
+
+def with_use(spec: Spec, texts: Sequence[str], known: Options) -> tuple[Spec, list[str]]:
     """The spec with other variants, and notes that name the options which the new variants do not have.
 
     Raises
@@ -55,14 +61,46 @@ def with_use(spec: Spec, texts: Sequence[str], registry: Registry) -> tuple[Spec
         if not equals or not USE.fullmatch(use):
             raise SpecError("not STAGE=ROLE/VARIANT", where=place, remedy="see `aatri stages`")
         stage = _stage(stages, name, place)
-        known = option_names(registry.card(use))
-        dropped = [option for option in stage.options if option not in known]
+        names = known.option_names(use)
+        dropped = [option for option in stage.options if option not in names]
         if dropped:
             notes.append(f"{name}: {use} has no option {', '.join(dropped)}; not used")
-        kept = {option: value for option, value in stage.options.items() if option in known}
+        kept = {option: value for option, value in stage.options.items() if option in names}
         stages[name] = dataclasses.replace(stage, use=use, options=kept)
         places[(name, "use")] = place
     return dataclasses.replace(spec, stages=stages, places=places), notes
+
+
+def with_variant(spec: Spec, name: str) -> Spec:
+    """The spec with the patches of one of its variants; its run lies within that of the spec.
+
+    A patch of `use` or `from` replaces what it names; options are set one by one, unless the method changes: then the
+    patch has all of them.
+
+    Raises
+    ------
+    SpecError
+        If there is no such variant.
+    """
+    if name not in spec.variants:
+        hint = did_you_mean(name, spec.variants) or f"; there are {', '.join(spec.variants) or 'none'}"
+        raise SpecError(f"no variant {name!r}{hint}", where=spec.document.where("variants"))
+    stages, places = dict(spec.stages), dict(spec.places)
+    for stage_name, patch in (spec.variants[name] or {}).items():
+        at = ("variants", name, stage_name)
+        stage = stages[stage_name]
+        use = (patch or {}).get("use", stage.use)
+        options = {} if use != stage.use else copy.deepcopy(dict(stage.options))
+        inputs = dict(stage.inputs)
+        for port, source in ((patch or {}).get("from") or {}).items():
+            inputs[port] = source or port
+            places[(stage_name, "from", port)] = spec.document.where(*at, "from", port)
+        for option, value in ((patch or {}).get("with") or {}).items():
+            options[option] = value
+            places[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
+        places[(stage_name, "use")] = spec.document.where(*at, "use")
+        stages[stage_name] = dataclasses.replace(stage, use=use, inputs=inputs, options=options)
+    return dataclasses.replace(spec, stages=stages, places=places, variant=name, run=spec.run / VARIANTS / name)
 
 
 def _stage(stages: dict[str, StageSpec], name: str, place: str) -> StageSpec:

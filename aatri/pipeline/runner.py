@@ -1,38 +1,38 @@
-"""Runs the stages one after the other, in this process, each in full.
+"""Carries out a plan: makes what is stale, decides anew on what depends on it, and makes the results current.
 
-Every stage gets its inputs, options, context and random numbers only where its signature asks for them. The generator
-of a stage is seeded by the run's seed and the stage's name, so that adding a stage changes no other's numbers.
+Whatever ends a run - an error, a signal, a full disk, a loss of power - the results made before it stay, and the same
+command goes on from there.
 """
 
 from __future__ import annotations
 
-import errno
-import hashlib
-import json
-import math
-import time
-import traceback
-import warnings
-import zlib
+import contextlib
 from collections.abc import Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import Any, Protocol
 
-import numpy as np
-
-from aatri.errors import AatriError, PluginError, ResourceError
+from aatri.errors import AatriError, ArtifactError, raise_all
 from aatri.pipeline import store
+from aatri.pipeline.durable import on_disk
+from aatri.pipeline.events import Events
 from aatri.pipeline.graph import Node
-from aatri.pipeline.provenance import environment, now
+from aatri.pipeline.lock import locked
+from aatri.pipeline.objects import SCHEMA
+from aatri.pipeline.plan import Decision, Plan, Selection, State, decide, plan
+from aatri.pipeline.provenance import now
 from aatri.pipeline.spec import Spec
-from aatri.tables.schema import Artifact
-
-KEY_SCHEMA = 1
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
+from aatri.pipeline.task import Outcome, Source, task_of
+from aatri.pipeline.view import StoreView
+from aatri.pipeline.workers import Pool, pool
 
 
 class Listener(Protocol):
     """Is told what happens during a run."""
+
+    def planned(self, plan: Plan, expected: Mapping[str, float]) -> None:
+        """Take what is to be done, and the seconds that stages took before."""
 
     def started(self, stage: str, use: str, number: int, total: int) -> None:
         """Take that a stage begins."""
@@ -50,194 +50,205 @@ class Listener(Protocol):
         """Take that a stage failed, and where its log lies."""
 
 
-def run_pipeline(spec: Spec, nodes: tuple[Node, ...], listener: Listener) -> list[dict[str, Any]]:
-    """Run all stages; returns their records in order.
+@dataclass(frozen=True)
+class How:
+    """How to run: what the command line says beside the pipeline itself."""
+
+    selection: Selection = field(default_factory=Selection)
+    jobs: int = 1
+    keep_going: bool = False
+    verify: bool = False
+    lock: bool = True
+    command: str = "aatri run"
+    source: Source = field(default_factory=Source)
+    request: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_pipeline(
+    spec: Spec, nodes: tuple[Node, ...], listener: Listener, how: How | None = None
+) -> list[dict[str, Any]]:
+    """Bring all selected stages up to date; returns the records of the stages that are, in order.
 
     Raises
     ------
     AatriError
-        The error of the first stage that fails. What was made before it stays.
+        The errors of the stages that failed. What was made before stays.
     """
-    overview = {
-        "pipeline": str(spec.path),
-        "seed": spec.seed,
-        "started": now(),
-        "stages": [_described(n) for n in nodes],
-    }
-    store.begin(spec.run, {**overview, "status": "running"})
-    status, records, made = "interrupted", [], _Made(nodes)
-    try:
-        for number, node in enumerate(nodes, 1):
-            listener.started(node.name, node.card.name, number, len(nodes))
-            record, artifact = _run_stage(spec, node, made, listener)
-            made.keep(node.name, artifact, record["output"]["content_digest"])
-            records.append(record)
-            listener.finished(record)
-        status = "done"
-    except AatriError:
-        status = "failed"
-        raise
-    finally:
-        store.write_json(spec.run / "run.json", {"schema": store.SCHEMA, **overview, "status": status, "ended": now()})
-    return records
-
-
-def stage_key(node: Node, digests: Mapping[str, str], seed: int) -> str:
-    """First 12 hex digits of the SHA-256 over all that the result of a stage depends on.
-
-    Parameters
-    ----------
-    node : Node
-    digests : mapping of port to content digest
-    seed : int
-        Counts only where the stage asks for random numbers.
-    """
-    parts = {
-        "key_schema": KEY_SCHEMA,
-        "stage": node.name,
-        "plugin": node.card.name,
-        "version": node.card.version,
-        "options": _plain_options(node),
-        "inputs": dict(digests),
-        "seed": seed if node.card.wants_rng else None,
-    }
-    canonical = json.dumps(parts, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    return hashlib.sha256(canonical.encode()).hexdigest()[:12]
-
-
-class _Made:
-    """Artifacts made in this run, each kept until its last user has run."""
-
-    def __init__(self, nodes: tuple[Node, ...]) -> None:
-        self._last_user = {source: node.name for node in nodes for source in node.inputs.values()}
-        self._artifacts: dict[str, Artifact] = {}
-        self.digests: dict[str, str] = {}
-
-    def keep(self, stage: str, artifact: Artifact, digest: str) -> None:
-        self.digests[stage] = digest
-        self._artifacts[stage] = artifact
-        for source in [s for s in self._artifacts if self._last_user.get(s, s) == stage]:
-            del self._artifacts[source]
-
-    def inputs(self, node: Node) -> dict[str, Artifact]:
-        return {port: self._artifacts[source] for port, source in node.inputs.items()}
-
-
-def _run_stage(spec: Spec, node: Node, made: _Made, listener: Listener) -> tuple[dict[str, Any], Artifact]:
-    digests = {port: made.digests[source] for port, source in node.inputs.items()}
-    key = stage_key(node, digests, spec.seed)
-    started, clock = now(), time.perf_counter()
-    with (spec.run / "running" / f"{node.name}.log").open("w", encoding="utf-8") as log:
-        context = _StageContext(node.name, listener, log, clock)
+    how = how or How()
+    store.check_is_run(spec.run)
+    with locked(spec.run, how.command, enabled=how.lock):
+        view = StoreView(spec.run, verify=how.verify)
+        planned = plan(nodes, view, spec.seed, how.selection)
+        check_inputs(nodes, planned)
+        view.save()
+        if not planned.stale and _is_settled(spec, nodes, planned):
+            return [dict(d.record) for d in planned.decisions if d.record is not None]
+        run = _Run(spec, nodes, planned, view, listener, how)
         try:
-            artifact = _call(spec, node, made.inputs(node), context)
-            metrics = {name: _plain(value) for name, value in artifact.metrics().items()}
-        except Exception as error:
-            told = _as_reported(error, node.name)
-            log.write("".join(traceback.format_exception(error)) if told is not error else f"error: {error}\n")
-            log.close()
-            folder = store.fail(spec.run, node.name, _diagnostics(told, node, started))
-            listener.failed(node.name, folder)
-            if told is error:
-                raise
-            told.remedy = told.remedy or f"the log with the traceback is {folder / 'stage.log'}"
-            raise told from error
-    record = {
-        "plugin": node.card.name,
-        "version": node.card.version,
-        "options": _plain_options(node),
-        "inputs": {port: {"stage": node.inputs[port], "content_digest": digest} for port, digest in digests.items()},
-        "seed": spec.seed if node.card.wants_rng else None,
-        "status": "done",
-        "metrics": metrics,
-        "warnings": context.warnings,
-        "started": started,
-        "ended": now(),
-        "seconds": round(time.perf_counter() - clock, 3),
-        "environment": environment(),
-    }
-    try:
-        return store.commit(spec.run, node.name, key, artifact, record), artifact
-    except AatriError as error:
-        listener.failed(node.name, store.fail(spec.run, node.name, _diagnostics(error, node, started)))
-        raise
+            return run.carry_out()
+        finally:
+            view.save()
 
 
-def _call(spec: Spec, node: Node, inputs: Mapping[str, Artifact], context: _StageContext) -> Artifact:
-    extras: dict[str, Any] = {}
-    if node.card.options is not None:
-        extras["options"] = node.options
-    if node.card.wants_context:
-        extras["context"] = context
-    if node.card.wants_rng:
-        sequence = np.random.SeedSequence(spec.seed, spawn_key=(zlib.crc32(node.name.encode()),))
-        extras["rng"] = np.random.default_rng(sequence)
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_args, **_rest: context.log(f"{message}")
-        artifact = node.card.function(**inputs, **extras)
-    if not isinstance(artifact, node.card.kind):
-        raise PluginError(f"returned a {type(artifact).__name__}, not a {node.card.kind.kind}", where=node.card.name)
-    return artifact
+def check_inputs(nodes: tuple[Node, ...], planned: Plan) -> None:
+    """See that every input of a selected stage is there or will be made.
+
+    Raises
+    ------
+    ArtifactError
+        If a stage outside the selection is stale but needed.
+    """
+    by_name = {d.stage: d for d in planned.decisions}
+    errors: list[AatriError] = []
+    for node in nodes:
+        for source in dict.fromkeys(node.inputs.values()):
+            above = by_name[source]
+            if by_name[node.name].selected and not above.selected and above.state is not State.fresh:
+                why = "; ".join(str(reason) for reason in above.reasons)
+                errors.append(ArtifactError(f"{node.name} needs {source}, which is not selected and not up to date "
+                                            f"({why})", remedy=f"aatri run --until {node.name}"))  # fmt: skip
+    raise_all(errors)
 
 
-class _StageContext:
-    """What a stage talks to: everything goes to its log, warnings also to the record and the listener."""
-
-    def __init__(self, stage: str, listener: Listener, log: TextIO, clock: float) -> None:
-        self._stage, self._listener, self._file, self._clock = stage, listener, log, clock
-        self.warnings: list[str] = []
-
-    def log(self, message: str) -> None:
-        """Write a line to the log, with the seconds since the start."""
-        self._file.write(f"{time.perf_counter() - self._clock:9.3f}  {message}\n")
-        self._file.flush()
-
-    def warn(self, message: str) -> None:
-        """Keep a warning."""
-        self.warnings.append(message)
-        self.log(f"warning: {message}")
-        self._listener.warned(self._stage, message)
-
-    def progress(self, done: int, total: int, what: str = "") -> None:
-        """Pass on how far the stage is."""
-        self._listener.advanced(self._stage, done, total, what)
+def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any]) -> dict[str, Any]:
+    """What run.json says of a pipeline."""
+    stages = [
+        {"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes
+    ]  # fmt: skip
+    return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
 
 
-def _as_reported(error: Exception, stage: str) -> AatriError:
-    """The error itself if it is ours; what the system lacks as ResourceError; anything else is a bug."""
-    if isinstance(error, AatriError):
-        return error
-    if isinstance(error, MemoryError):
-        return ResourceError(f"{stage} ran out of memory", remedy="a machine with more memory, or a smaller block")
-    if isinstance(error, OSError) and error.errno in _DISK:
-        return ResourceError(f"{stage}: {error.strerror}", where=str(error.filename or ""))
-    return AatriError(f"internal error in {stage} (a bug): {type(error).__name__}: {error}")
+def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan) -> bool:
+    """Whether the run folder shows just the results that the plan finds fresh."""
+    if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
+        return False
+    shown = store.read_json(spec.run / "run.json") or {}
+    return shown.get("status") == "done" and shown.get("stages") == overview_of(spec, nodes, {})["stages"]
 
 
-def _diagnostics(error: AatriError, node: Node, started: str) -> dict[str, Any]:
-    return {
-        "plugin": node.card.name,
-        "options": _plain_options(node),
-        "status": "failed",
-        "error": type(error).__name__,
-        "exit_code": error.exit_code,
-        "what": error.what,
-        "where": error.where,
-        "remedy": error.remedy,
-        "started": started,
-        "ended": now(),
-    }
+class _Run:
+    """One run under way."""
 
+    def __init__(
+        self, spec: Spec, nodes: tuple[Node, ...], planned: Plan, view: StoreView, listener: Listener, how: How
+    ) -> None:
+        self.spec, self.nodes, self.planned, self.view, self.listener, self.how = (
+            spec, nodes, planned, view, listener, how,
+        )  # fmt: skip
+        self.overview = {**overview_of(spec, nodes, how.request), "started": now()}
+        self.records: dict[str, Mapping[str, Any]] = {}
+        self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
+        self.problems: list[AatriError] = []
+        self.lost: set[str] = set()
 
-def _described(node: Node) -> dict[str, Any]:
-    return {"stage": node.name, "use": node.card.name, "from": dict(node.inputs), "kind": node.card.kind.kind}
+    def carry_out(self) -> list[dict[str, Any]]:
+        """Run to the end, and leave word in run.json of how it ended."""
+        run = self.spec.run
+        if self.spec.variant:
+            with on_disk(run):
+                (run.parent.parent / "objects").mkdir(parents=True, exist_ok=True)
+        store.begin(run, {**self.overview, "status": "running"})
+        self.events = Events(run)
+        status = "interrupted"
+        try:
+            self._show_what_is_fresh()
+            self.events.add("started", command=self.how.command, stale=[d.stage for d in self.planned.stale])
+            with pool(self.how.jobs, self._tell) as workers:
+                self._work(workers)
+            status = "failed" if self.problems else "done"
+        except AatriError:
+            status = "failed"
+            raise
+        finally:
+            with contextlib.suppress(AatriError) if status != "done" else contextlib.nullcontext():
+                self._leave_word(status)
+        raise_all(self.problems)
+        return [dict(self.records[node.name]) for node in self.nodes if node.name in self.records]
 
+    def _leave_word(self, status: str) -> None:
+        self.events.add("ended", status=status)
+        self.events.close()
+        with on_disk(self.spec.run):
+            store.write_json(self.spec.run / "run.json", {**self.overview, "status": status, "ended": now()})
 
-def _plain_options(node: Node) -> dict[str, Any]:
-    return node.options.model_dump(mode="json") if node.options is not None else {}
+    def _show_what_is_fresh(self) -> None:
+        """Put the fresh results into `current` and take all others out."""
+        run = self.spec.run
+        expected = {}
+        for decision in self.planned.decisions:
+            last = store.last_record(run, decision.stage)
+            if last is not None and decision.state is not State.fresh:
+                expected[decision.stage] = float(last["seconds"])
+            if decision.record is not None:
+                self._settle(decision.stage, decision.record)
+        known = {p.name.partition(".")[0] for p in (run / "current").iterdir()} - {n.name for n in self.nodes}
+        store.withdraw(run, sorted(known | {d.stage for d in self.planned.decisions if d.record is None}))
+        self.listener.planned(self.planned, expected)
 
+    def _settle(self, stage: str, record: Mapping[str, Any]) -> None:
+        if not store.is_current(self.spec.run, record):
+            store.make_current(self.spec.run, record)
+        self.records[stage] = record
 
-def _plain(value: Any) -> float | int | None:
-    """A metric as JSON takes it; NaN is *not determined*."""
-    number: float | int | None = value.item() if isinstance(value, np.generic) else value
-    return None if isinstance(number, float) and not math.isfinite(number) else number
+    def _work(self, workers: Pool) -> None:
+        selected = {d.stage for d in self.planned.decisions if d.selected}
+        waiting = [n for n in self.nodes if n.name in selected and n.name not in self.records]
+        under_way: dict[Future[Outcome], Node] = {}
+        while waiting or under_way:
+            node = self._next(waiting) if len(under_way) < self.how.jobs and self._goes_on() else None
+            if node is not None:
+                waiting.remove(node)
+                digests = {name: str(r["output"]["content_digest"]) for name, r in self.records.items()}
+                decision = decide(node, digests, self.view, self.spec.seed, self.how.selection)
+                if decision.record is not None:
+                    self._settle(node.name, decision.record)
+                    self.events.add("fresh", stage=node.name, key=decision.key)
+                    continue
+                under_way[self._start(node, decision, workers)] = node
+                if self.how.jobs > 1:
+                    continue
+            if not under_way:
+                return
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                self._end(under_way.pop(future), future.result())
+            wanted = {s for n in waiting for s in n.inputs.values()} & set(self.records)
+            workers.forget({self.records[s]["output"]["content_digest"] for s in wanted})
+
+    def _goes_on(self) -> bool:
+        return self.how.keep_going or not self.problems
+
+    def _next(self, waiting: list[Node]) -> Node | None:
+        """The first stage whose inputs are there; those below a failed one are given up."""
+        for node in list(waiting):
+            if self.lost & set(node.inputs.values()):
+                self.lost.add(node.name)
+                waiting.remove(node)
+            elif all(source in self.records for source in node.inputs.values()):
+                return node
+        return None
+
+    def _start(self, node: Node, decision: Decision, workers: Pool) -> Future[Outcome]:
+        self.listener.started(node.name, node.method.name, self.numbers[node.name], len(self.nodes))
+        self.events.add("stage started", stage=node.name, key=decision.key,
+                        reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
+        return workers.submit(task_of(self.spec, node, decision, self.records, self.how.source))
+
+    def _end(self, node: Node, outcome: Outcome) -> None:
+        if outcome.record is not None:
+            self._settle(node.name, outcome.record)
+            self.events.add("stage done", stage=node.name, key=outcome.record["key"],
+                            content_digest=outcome.record["output"]["content_digest"])  # fmt: skip
+            self.listener.finished(outcome.record)
+            return
+        self.lost.add(node.name)
+        try:
+            outcome.raise_error()
+        except AatriError as error:
+            self.problems.append(error)
+            self.events.add("stage failed", stage=node.name, error=str(error))
+            self.listener.failed(node.name, self.spec.run / "failed" / node.name)
+
+    def _tell(self, stage: str, event: str, *about: Any) -> None:
+        if event == "warned":
+            self.events.add("warning", stage=stage, message=about[0])
+        getattr(self.listener, event)(stage, *about)

@@ -51,6 +51,7 @@ class Spec:
     variants: Mapping[str, Any]
     document: Document = field(repr=False)
     places: Mapping[tuple[str, ...], str] = field(default_factory=dict, repr=False)
+    variant: str = ""
 
     @property
     def base(self) -> Path:

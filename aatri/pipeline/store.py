@@ -1,44 +1,42 @@
-"""Run folder: where artifacts and their records lie, and how they come to exist.
+"""Run folder: which result of every stage is the current one, and what failed.
 
     RUN/run.json                                  the pipeline as run: stages in order, status
-    RUN/objects/STAGE/KEY/artifact.h5             the artifact
-                          record.json             written last: only this makes the artifact exist
-                          stage.log
-    RUN/current/STAGE.json, STAGE.h5              the record, and a link to the artifact, of the latest result
-    RUN/failed/STAGE/error.json, stage.log        why a stage failed
-    RUN/running/STAGE.log                         the log of the stage under way
+    RUN/events.jsonl                              what happened, one JSON line each
+    RUN/objects/STAGE/KEY/                        results, see `objects`
+    RUN/current/STAGE.json, STAGE.h5              the record, and a link to the artifact, of the current result
+    RUN/previous/STAGE.json                       the record of the last result, where it is current no more
+    RUN/failed/STAGE/error.json, stage.log        why a stage failed; up to three earlier attempts in `earlier/`
+    RUN/running/STAGE.log, STAGE.json             the stage under way
+    RUN/checkpoints/STAGE/KEY/                    how far a long stage has come
 
-A file appears under a temporary name in its folder, is closed, read back, brought to the disk (fsync), renamed, and
-its folder brought to the disk. A crash at any moment leaves the old state or the new one.
+A stage that is to be made again loses its place in `current` before it starts, so that no stale result is shown.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
 import os
-import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from aatri.errors import ArtifactError, ResourceError, SpecError
-from aatri.tables.schema import Artifact
+from aatri.errors import ArtifactError, SpecError
+from aatri.pipeline.durable import on_disk, read_json, sweep, temporary_name, write_json
+from aatri.pipeline.objects import artifact_file, base_of, commit_object, load_object, object_folder, read_record
 
-A = TypeVar("A", bound=Artifact)
+if TYPE_CHECKING:
+    from aatri.tables.schema import Artifact
 
-SCHEMA = 1
+A = TypeVar("A", bound="Artifact")
 
-
-def object_folder(run: Path, stage: str, key: str) -> Path:
-    """Folder of one result of a stage."""
-    return run / "objects" / stage / key
+KEPT_ATTEMPTS = 3
+_FOLDERS = ("current", "previous", "failed", "running")
 
 
 def begin(run: Path, overview: Mapping[str, Any]) -> None:
-    """Open a run: nothing is current until it has been made again, so that no stale result is shown.
+    """Open a run: make its folders, and remove what dead processes left half-written.
 
     Raises
     ------
@@ -47,70 +45,99 @@ def begin(run: Path, overview: Mapping[str, Any]) -> None:
     ResourceError
         If it cannot be written.
     """
-    if run.exists() and not (run / "run.json").is_file() and (not run.is_dir() or any(run.iterdir())):
-        raise SpecError("exists and is not the folder of a run", where=str(run), remedy="choose another, or empty it")
-    with _on_disk(run):
-        for folder in ("current", "failed", "running"):
-            shutil.rmtree(run / folder, ignore_errors=True)
-            (run / folder).mkdir(parents=True, exist_ok=True)
-        write_json(run / "run.json", {"schema": SCHEMA, **overview})
+    check_is_run(run)
+    with on_disk(run):
+        for name in _FOLDERS:
+            (run / name).mkdir(parents=True, exist_ok=True)
+        (base_of(run) / "objects").mkdir(exist_ok=True)
+        for folder in (run, base_of(run)):
+            sweep(folder)
+        write_json(run / "run.json", dict(overview))
 
 
-def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
-    """Bring an artifact and its record to the disk and make it the current one.
-
-    Returns
-    -------
-    dict
-        The record with its `output`.
+def check_is_run(run: Path) -> None:
+    """Refuse to write into a folder of other things.
 
     Raises
     ------
-    ResourceError
-        If the disk is full or writing is not allowed; then there is no artifact.
+    SpecError
+        If the folder is neither empty nor one of a run.
     """
-    from aatri.tables import hdf5
+    known = {".lock", "run.json", "events.jsonl", "objects", "variants", *_FOLDERS}
+    if run.exists() and not (run / "run.json").is_file():
+        if run.is_dir() and {p.name for p in run.iterdir() if not p.name.startswith(".tmp-")} <= known - {"current"}:
+            return  # empty, or killed before run.json was there
+        raise SpecError("exists and is not the folder of a run", where=str(run), remedy="choose another, or empty it")
 
-    folder = object_folder(run, stage, key)
-    final = folder / "artifact.h5"
-    with _on_disk(folder):
+
+def withdraw(run: Path, stages: Iterable[str]) -> None:
+    """Take stages out of `current`; their last records are kept in `previous`."""
+    with on_disk(run):
+        for stage in stages:
+            record = run / "current" / f"{stage}.json"
+            if record.exists():
+                record.replace(run / "previous" / f"{stage}.json")
+            (run / "current" / f"{stage}.h5").unlink(missing_ok=True)
+            _set_aside(run, stage)
+
+
+def make_current(run: Path, record: Mapping[str, Any]) -> None:
+    """Let the result of a record be the current one of its stage."""
+    stage, folder = record["stage"], run / "current"
+    with on_disk(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "record.json").unlink(missing_ok=True)
-        temporary = _temporary(final)
-        try:
-            content_digest = hdf5.write(artifact, temporary)
-            _sync(temporary)
-            sha256, size = file_digest(temporary), temporary.stat().st_size
-            temporary.replace(final)
-            _sync(folder)
-        finally:
-            temporary.unlink(missing_ok=True)
-        output = {"kind": artifact.kind, "file": final.name, "sha256": sha256, "size": size,
-                  "content_digest": content_digest}  # fmt: skip
-        log = run / "running" / f"{stage}.log"
-        if log.exists():
-            log.replace(folder / "stage.log")
-        full = {"schema": SCHEMA, "stage": stage, "key": key, **record, "output": output}
-        write_json(folder / "record.json", full)
-        _make_current(run, stage, key, full)
+        _set_aside(run, stage)
+        _link(artifact_file(run, record), folder / f"{stage}.h5")
+        write_json(folder / f"{stage}.json", dict(record))
+        (run / "previous" / f"{stage}.json").unlink(missing_ok=True)
+
+
+def is_current(run: Path, record: Mapping[str, Any]) -> bool:
+    """Whether the result of a record is the current one of its stage, in record and link."""
+    stage = record["stage"]
+    link = run / "current" / f"{stage}.h5"
+    try:
+        current = read_record(run / "current" / f"{stage}.json")
+    except ArtifactError:
+        return False
+    target = artifact_file(run, record)
+    points = link.exists() and (not link.is_symlink() or link.resolve() == target.resolve())
+    return current == record and points and failure(run, stage) is None
+
+
+def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Bring an artifact and its record to the disk and make it the current one; returns the record."""
+    full = commit_object(run, stage, key, artifact, record, run / "running" / f"{stage}.log")
+    make_current(run, full)
     return full
 
 
 def fail(run: Path, stage: str, error: Mapping[str, Any]) -> Path:
     """Keep the log and the diagnostics of a stage that failed; returns their folder."""
     folder = run / "failed" / stage
-    with _on_disk(folder):
+    with on_disk(folder):
+        _set_aside(run, stage)
         folder.mkdir(parents=True, exist_ok=True)
         log = run / "running" / f"{stage}.log"
         if log.exists():
             log.replace(folder / "stage.log")
-        write_json(folder / "error.json", {"schema": SCHEMA, "stage": stage, **error})
+        write_json(folder / "error.json", {"schema": 1, "stage": stage, **error})
     return folder
 
 
 def current_record(run: Path, stage: str) -> dict[str, Any] | None:
     """Record of the current result of a stage; None if there is none."""
-    return read_json(run / "current" / f"{stage}.json")
+    return read_record(run / "current" / f"{stage}.json")
+
+
+def last_record(run: Path, stage: str) -> dict[str, Any] | None:
+    """Record of the last result of a stage, current or not; None if there is none that can be read."""
+    for folder in ("current", "previous"):
+        with contextlib.suppress(ArtifactError):
+            record = read_record(run / folder / f"{stage}.json")
+            if record is not None:
+                return record
+    return None
 
 
 def failure(run: Path, stage: str) -> dict[str, Any] | None:
@@ -129,7 +156,7 @@ def artifact_path(run: Path, stage: str) -> Path:
     record = current_record(run, stage)
     if record is None:
         raise ArtifactError(f"stage {stage} has no result", where=str(run), remedy="aatri run")
-    return object_folder(run, stage, record["key"]) / str(record["output"]["file"])
+    return artifact_file(run, record)
 
 
 def load(run: Path, stage: str, kind: type[A]) -> A:
@@ -140,103 +167,37 @@ def load(run: Path, stage: str, kind: type[A]) -> A:
     ArtifactError
         If there is none, or the file is not the one that was written.
     """
-    from aatri.tables import hdf5
-
-    path = artifact_path(run, stage)
-    record = current_record(run, stage) or {}
-    if not path.is_file():
-        raise ArtifactError("the artifact of the record is gone", where=str(path), remedy="aatri run")
-    if file_digest(path) != record["output"]["sha256"]:
-        raise ArtifactError("altered since it was written: its SHA-256 is not that of its record", where=str(path),
-                            remedy="aatri run makes it again")  # fmt: skip
-    return hdf5.read(path, kind)
+    artifact_path(run, stage)
+    return load_object(run, current_record(run, stage) or {}, kind)
 
 
-def file_digest(path: Path) -> str:
-    """Hex SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _set_aside(run: Path, stage: str) -> None:
+    """Put the last failure of a stage among its earlier ones, of which the latest are kept."""
+    folder = run / "failed" / stage
+    if not (folder / "error.json").exists():
+        return
+    earlier = folder / "earlier"
+    place = earlier / f"{time.time_ns():020d}"
+    place.mkdir(parents=True, exist_ok=True)
+    for name in ("stage.log", "error.json"):
+        if (folder / name).exists():
+            (folder / name).replace(place / name)
+    for old in sorted(earlier.iterdir())[:-KEPT_ATTEMPTS]:
+        shutil.rmtree(old, ignore_errors=True)
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write a JSON file atomically."""
-    text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    temporary = _temporary(path)
+def _link(source: Path, link: Path) -> None:
+    """Lead a name to a file: a link, or where that is impossible a copy."""
+    temporary = temporary_name(link)
     try:
-        temporary.write_text(text, encoding="utf-8")
-        _sync(temporary)
-        temporary.replace(path)
-        _sync(path.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def read_json(path: Path) -> dict[str, Any] | None:
-    """A JSON file of the store; None if there is none.
-
-    Raises
-    ------
-    ArtifactError
-        If it is damaged.
-    """
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"not readable: {error}", where=str(path), remedy="aatri run writes it again") from error
-    if not isinstance(value, dict):
-        raise ArtifactError("not a record", where=str(path), remedy="aatri run writes it again")
-    return value
-
-
-def _make_current(run: Path, stage: str, key: str, record: Mapping[str, Any]) -> None:
-    folder = run / "current"
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(run / "failed" / stage, ignore_errors=True)
-    link = folder / f"{stage}.h5"
-    temporary = _temporary(link)
-    target = Path("..") / "objects" / stage / key / "artifact.h5"
-    try:
-        temporary.symlink_to(target)
+        temporary.symlink_to(os.path.relpath(source, link.parent))
     except (OSError, NotImplementedError):  # no symbolic links here, as on Windows without the right
-        _link_or_copy(folder / target, temporary)
+        try:
+            os.link(source, temporary)
+        except OSError:
+            shutil.copyfile(source, temporary)
     temporary.replace(link)
-    write_json(folder / f"{stage}.json", record)
 
 
-def _link_or_copy(source: Path, target: Path) -> None:
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
-
-
-def _temporary(path: Path) -> Path:
-    return path.with_name(f".tmp-{path.stem}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
-
-
-def _sync(path: Path) -> None:
-    """Bring a file or folder to the disk; some systems cannot open a folder for that."""
-    try:
-        handle = os.open(path, os.O_RDONLY)
-    except PermissionError:
-        if path.is_dir():
-            return
-        raise
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-@contextlib.contextmanager
-def _on_disk(where: Path) -> Iterator[None]:
-    """Turn the operating system's errors into ours."""
-    try:
-        yield
-    except (ArtifactError, ResourceError):
-        raise
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error.strerror or error}", where=str(error.filename or where),
-                            remedy="free space, check the permission, or use --into DIR") from error  # fmt: skip
+__all__ = ["artifact_path", "begin", "check_is_run", "commit", "current_record", "fail", "failure", "is_current",
+           "last_record", "load", "make_current", "object_folder", "read_json", "withdraw", "write_json"]  # fmt: skip

@@ -83,7 +83,7 @@ def test_errors_have_their_exit_codes_and_no_traceback(tmp_path: Path, line: str
 
 def test_a_broken_report_does_not_hide_the_result(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aatri.report.page", None)
-    result = aatri("run")
+    result = aatri("run", "--force", "s")
     assert result.exit_code == 0
     assert "warning: no report" in result.stderr
     assert "sum/add" in result.stdout
@@ -100,7 +100,7 @@ def test_status_tells_done_failed_and_not_run(tmp_path: Path) -> None:
     states = {s["stage"]: s["state"] for s in json.loads(aatri("status", "--json").stdout)["stages"]}
     assert states == {"a": "not run", "s": "not run"}
     assert aatri("run", "--use", "s=sum/stubborn").exit_code == 5
-    told = json.loads(aatri("status", "--json").stdout)
+    told = json.loads(aatri("status", "out", "--json").stdout)
     assert told["status"] == "failed"
     assert {s["stage"]: s["state"] for s in told["stages"]} == {"a": "done", "s": "failed"}
     assert "no convergence" in aatri("status", "out").stdout

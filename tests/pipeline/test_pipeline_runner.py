@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from aatri.errors import AatriError, ArtifactError, ConvergenceError, PluginError, ResourceError, SpecError
-from aatri.pipeline import store
+from aatri.pipeline import objects, store
+from aatri.pipeline.cache import file_sha256
+from aatri.pipeline.catalogue import Catalogue
 from aatri.pipeline.graph import wire
 from aatri.pipeline.overrides import with_set, with_use
-from aatri.pipeline.runner import run_pipeline
+from aatri.pipeline.plan import Plan
+from aatri.pipeline.runner import How, run_pipeline
 from aatri.pipeline.spec import load_spec
+from aatri.pipeline.task import Source
 from aatri.tables import hdf5
 from tests.made_up_stages import Numbers, Total, Values, made_up_registry, write_pipeline
 
@@ -22,6 +26,9 @@ from tests.made_up_stages import Numbers, Total, Values, made_up_registry, write
 class Quiet:
     def __init__(self) -> None:
         self.events: list[str] = []
+
+    def planned(self, plan: Plan, expected: Mapping[str, float]) -> None:
+        pass
 
     def started(self, stage: str, use: str, number: int, total: int) -> None:
         self.events.append(f"started {stage} {number}/{total}")
@@ -39,16 +46,17 @@ class Quiet:
         self.events.append(f"failed {stage}")
 
 
+HOW = How(source=Source("tests.made_up_stages:made_up_registry"))
 LINES = "  a: {use: source/fixed}\n  r: {use: source/random}\n  s: {use: sum/add, from: {numbers: a, more: r}}\n"
 
 
 def run(
     path: Path, *, sets: list[str] | None = None, uses: list[str] | None = None
 ) -> tuple[Path, list[dict[str, Any]], Quiet]:
-    registry, listener = made_up_registry(), Quiet()
-    spec, _ = with_use(load_spec(path), uses or [], registry)
+    catalogue, listener = Catalogue(registry=made_up_registry()), Quiet()
+    spec, _ = with_use(load_spec(path), uses or [], catalogue)
     spec = with_set(spec, sets or [])
-    return spec.run, run_pipeline(spec, wire(spec, registry), listener), listener
+    return spec.run, run_pipeline(spec, wire(spec, catalogue), listener, HOW), listener
 
 
 def test_a_run_leaves_artifacts_records_logs_and_pointers(tmp_path: Path) -> None:
@@ -67,8 +75,10 @@ def test_a_run_leaves_artifacts_records_logs_and_pointers(tmp_path: Path) -> Non
         "sigma0": 1.5,
     }
     assert records[0]["metrics"]["sigma0"] is None  # NaN is not determined
-    assert record["inputs"]["numbers"] == {"stage": "a", "content_digest": records[0]["output"]["content_digest"]}
-    assert record["output"]["sha256"] == store.file_digest(folder / "current" / "s.h5")
+    assert record["inputs"]["numbers"] == {
+        "stage": "a", "key": records[0]["key"], "content_digest": records[0]["output"]["content_digest"]
+    }  # fmt: skip
+    assert record["output"]["sha256"] == file_sha256(folder / "current" / "s.h5")
     assert records[0]["seed"] is None
     assert records[1]["seed"] == 1
     assert list(folder.rglob(".tmp-*")) == []
@@ -98,9 +108,10 @@ def test_a_failed_stage_leaves_no_artifact_and_nothing_stale_is_current(tmp_path
     path = write_pipeline(tmp_path, LINES)
     folder, _, _ = run(path)
     listener = Quiet()
-    spec, _ = with_use(load_spec(path), ["s=sum/stubborn"], made_up_registry())
+    catalogue = Catalogue(registry=made_up_registry())
+    spec, _ = with_use(load_spec(path), ["s=sum/stubborn"], catalogue)
     with pytest.raises(ConvergenceError, match="no convergence"):
-        run_pipeline(spec, wire(spec, made_up_registry()), listener)
+        run_pipeline(spec, wire(spec, catalogue), listener, HOW)
     assert listener.events[-1] == "failed s"
     assert store.current_record(folder, "a") is not None
     assert store.current_record(folder, "s") is None
@@ -150,10 +161,10 @@ def test_a_full_disk_leaves_no_artifact(tmp_path: Path, monkeypatch: pytest.Monk
     if step == "write":
         monkeypatch.setattr(hdf5, "write", fails)
     elif step == "replace":
-        monkeypatch.setattr(store, "_sync", lambda path: fails() if path.suffix == ".h5" else None)
+        monkeypatch.setattr(objects, "sync", lambda path: fails() if path.suffix == ".h5" else None)
     else:
-        original = store.write_json
-        monkeypatch.setattr(store, "write_json", lambda p, v: fails() if p.name == "record.json" else original(p, v))
+        original = objects.write_json
+        monkeypatch.setattr(objects, "write_json", lambda p, v: fails() if p.name == "record.json" else original(p, v))
     with pytest.raises(ResourceError, match="No space left") as caught:
         run(write_pipeline(tmp_path, LINES))
     assert caught.value.exit_code == 8
@@ -187,7 +198,7 @@ def test_where_links_are_impossible_a_copy_serves(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr("os.link", refuse)
     folder, records, _ = run(write_pipeline(tmp_path, LINES))
     assert not (folder / "current" / "s.h5").is_symlink()
-    assert store.file_digest(folder / "current" / "s.h5") == records[2]["output"]["sha256"]
+    assert file_sha256(folder / "current" / "s.h5") == records[2]["output"]["sha256"]
 
 
 def test_a_folder_that_is_not_of_a_run_is_left_alone(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from aatri.errors import AatriError, Errors, PluginError, SpecError
+from aatri.pipeline.catalogue import Catalogue
 from aatri.pipeline.graph import downstream, wire
 from aatri.pipeline.overrides import with_set, with_use
 from aatri.pipeline.registry import find_stages, first_line
@@ -122,13 +123,15 @@ def test_a_cycle_is_named_from_its_first_stage(tmp_path: Path) -> None:
 def test_paths_in_options_are_relative_to_the_file(tmp_path: Path) -> None:
     path = write_pipeline(tmp_path, "  a: {use: source/fixed, with: {file: data/x.csv}}\n")
     (node,) = wire(load_spec(path), made_up_registry())
-    assert node.options.file == tmp_path / "data/x.csv"
+    assert node.options["file"] == str(tmp_path / "data/x.csv")
+    assert node.files == {"file": str(tmp_path / "data/x.csv")}
 
 
 def test_set_reaches_nested_options_and_its_errors_name_the_command_line(tmp_path: Path) -> None:
     spec = load_spec(write_pipeline(tmp_path, GOOD))
     nodes = wire(with_set(spec, ["a.count=5", "a.inner.depth=2", "s.offset=1e-6"]), made_up_registry())
-    assert (nodes[0].options.count, nodes[0].options.inner.depth, nodes[1].options.offset) == (5, 2, 1e-6)
+    options = nodes[0].options
+    assert (options["count"], options["inner"]["depth"], nodes[1].options["offset"]) == (5, 2, 1e-6)
     with pytest.raises(SpecError, match="greater than or equal to 1") as caught:
         wire(with_set(spec, ["a.count=0"]), made_up_registry())
     assert caught.value.where == "--set a.count=0"
@@ -139,11 +142,12 @@ def test_set_reaches_nested_options_and_its_errors_name_the_command_line(tmp_pat
 
 def test_use_keeps_what_the_new_variant_knows_and_names_the_rest(tmp_path: Path) -> None:
     spec = load_spec(write_pipeline(tmp_path, "  a: {use: source/fixed, with: {count: 2}}\n"))
-    swapped, notes = with_use(spec, ["a=source/random"], made_up_registry())
-    assert wire(swapped, made_up_registry())[0].card.name == "source/random"
+    catalogue = Catalogue(registry=made_up_registry())
+    swapped, notes = with_use(spec, ["a=source/random"], catalogue)
+    assert wire(swapped, catalogue)[0].method.name == "source/random"
     assert notes == ["a: source/random has no option count; not used"]
     with pytest.raises(PluginError, match="no stage"):
-        with_use(spec, ["a=source/nothing"], made_up_registry())
+        with_use(spec, ["a=source/nothing"], catalogue)
 
 
 def test_built_in_stages_keep_to_their_roles() -> None:

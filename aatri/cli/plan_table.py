@@ -1,0 +1,46 @@
+"""A plan as `run --dry-run`, `status` and `dag` show it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from aatri.cli.console import say, say_table
+
+if TYPE_CHECKING:
+    from aatri.cli.planning import Opened
+    from aatri.pipeline.plan import Decision, Plan
+
+
+def plain_plan(plan: Plan) -> dict[str, Any]:
+    """The plan as JSON takes it."""
+    return {"stages": [plain_decision(decision) for decision in plan.decisions]}
+
+
+def plain_decision(decision: Decision) -> dict[str, Any]:
+    """A decision as JSON takes it."""
+    return {
+        "stage": decision.stage,
+        "decision": decision.state.value,
+        "selected": decision.selected,
+        "key": decision.key,
+        "accepted": decision.accepted,
+        "reasons": [{**reason.plain(), "text": str(reason)} for reason in decision.reasons],
+    }
+
+
+def say_plan(opened: Opened, plan: Plan, *, only_selected: bool) -> None:
+    """A line per stage: what is to be done and why."""
+    rows = []
+    for node, decision in zip(opened.nodes, plan.decisions, strict=True):
+        state = decision.state.value if decision.selected or not only_selected else "not selected"
+        rows.append([node.name, node.method.name, state, why(decision)])
+    say_table(("stage", "method", "plan", "why"), rows)
+    say()
+    say(f"{len(plan.stale)} of {len(plan.decisions)} stages to do" if plan.stale else "all stages are up to date")
+
+
+def why(decision: Decision) -> str:
+    """The reasons in a line."""
+    if decision.accepted:
+        return "accepted in spite of other code"
+    return "; ".join(str(reason) for reason in decision.reasons)

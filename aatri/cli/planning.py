@@ -1,0 +1,121 @@
+"""From the command line to a plan: the pipeline with what the command line changes in it, wired and planned.
+
+A run keeps what was asked for in its run.json, so that a verb that is given the run's folder plans the same pipeline.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aatri.cli.console import narrate
+from aatri.errors import ArtifactError, SpecError
+
+if TYPE_CHECKING:
+    from aatri.pipeline.graph import Node
+    from aatri.pipeline.plan import Plan, Selection
+    from aatri.pipeline.spec import Spec
+    from aatri.pipeline.task import Source
+    from aatri.pipeline.view import StoreView
+
+DEFAULT = Path("pipeline.yaml")
+
+
+@dataclass(frozen=True)
+class Request:
+    """Which pipeline, and how it is changed: `--into --set --use --variant --local-plugins`."""
+
+    pipeline: str
+    into: str = ""
+    set_: tuple[str, ...] = ()
+    use: tuple[str, ...] = ()
+    variant: str = ""
+    local_plugins: bool = False
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON takes it; paths hold from anywhere."""
+        into = str(Path(self.into).absolute()) if self.into else ""
+        return {**asdict(self), "pipeline": str(Path(self.pipeline).absolute()), "into": into}
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A pipeline ready to be planned."""
+
+    request: Request
+    spec: Spec
+    nodes: tuple[Node, ...]
+    source: Source
+
+    def view(self, *, verify: bool = False) -> StoreView:
+        """The store of its run."""
+        from aatri.pipeline.view import StoreView
+
+        return StoreView(self.spec.run, verify=verify)
+
+    def plan(self, selection: Selection | None = None, *, verify: bool = False) -> Plan:
+        """What is to be done."""
+        from aatri.pipeline.plan import Selection, plan
+
+        view = self.view(verify=verify)
+        planned = plan(self.nodes, view, self.spec.seed, selection or Selection())
+        view.save()
+        return planned
+
+
+def open_request(request: Request) -> Opened:
+    """Read and wire the pipeline of a request.
+
+    Raises
+    ------
+    AatriError
+        Whatever is wrong with the pipeline, its plugins and options.
+    """
+    from aatri.cli.plugins_option import local_stages
+    from aatri.pipeline.catalogue import Catalogue
+    from aatri.pipeline.graph import wire
+    from aatri.pipeline.kernel_cache import use_kernel_cache
+    from aatri.pipeline.overrides import with_set, with_use, with_variant
+    from aatri.pipeline.spec import load_spec
+    from aatri.pipeline.task import Source
+
+    path = Path(request.pipeline)
+    if path == DEFAULT and not path.exists():
+        raise SpecError("no pipeline.yaml in this folder",
+                        remedy="`aatri new` writes one here, or give the path of one")  # fmt: skip
+    local = local_stages(request.local_plugins, path)
+    catalogue = Catalogue(local)
+    spec = load_spec(path, Path(request.into) if request.into else None)
+    if request.variant:
+        spec = with_variant(spec, request.variant)
+    spec, notes = with_use(spec, request.use, catalogue)
+    spec = with_set(spec, request.set_)
+    use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
+    nodes = wire(spec, catalogue)
+    for note in notes:
+        narrate(f"note: {note}")
+    return Opened(request, spec, nodes, Source(local=local))
+
+
+def open_run(given: Path | None) -> Opened:
+    """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml."""
+    from aatri.pipeline.store import read_json
+
+    path = given or DEFAULT
+    if given is None and not path.is_file():
+        raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
+    if not path.is_dir():
+        return open_request(Request(str(path)))
+    overview = read_json(path / "run.json")
+    if overview is None:
+        raise ArtifactError("not the folder of a run: no run.json in it", where=str(path),
+                            remedy="see `run:` in pipeline.yaml")  # fmt: skip
+    kept = overview.get("request")
+    if not kept:
+        raise ArtifactError("made by an older aatri; its pipeline is not known", where=str(path),
+                            remedy="give the pipeline file")  # fmt: skip
+    into = "" if kept["variant"] else str(path)
+    request = Request(kept["pipeline"], kept["into"] or into, tuple(kept["set_"]), tuple(kept["use"]), kept["variant"],
+                      kept["local_plugins"])  # fmt: skip
+    return open_request(request)

@@ -1,0 +1,113 @@
+"""Why a stage has to run: typed reasons, each with what was and what is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+
+class Why(StrEnum):
+    """The kinds of reasons."""
+
+    never_run = "never_run"
+    options = "options"
+    input = "input"
+    code = "code"
+    plugin = "plugin"
+    plugin_version = "plugin_version"
+    schema = "schema"
+    seed = "seed"
+    output_missing = "output_missing"
+    output_altered = "output_altered"
+    interrupted = "interrupted"
+    failed_before = "failed_before"
+    forced = "forced"
+    upstream_maybe = "upstream_maybe"
+
+
+_TEXTS = {
+    Why.never_run: "never run",
+    Why.output_missing: "its result is gone",
+    Why.output_altered: "its result was altered",
+    Why.interrupted: "interrupted before",
+    Why.failed_before: "failed before",
+    Why.forced: "forced",
+    Why.plugin_version: "version of the method",
+    Why.plugin: "method",
+}
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A reason; `about` names the option, port or file, `old` and `new` are shortened to be read."""
+
+    why: Why
+    about: str = ""
+    old: str = ""
+    new: str = ""
+
+    def __str__(self) -> str:
+        if self.why is Why.upstream_maybe:
+            return f"perhaps: {self.about} is made again"
+        head = " ".join(filter(None, (_TEXTS.get(self.why, self.why.value), self.about)))
+        if self.old or self.new:
+            return f"{head}: {self.old or '-'} -> {self.new or '-'}"
+        return head
+
+    def plain(self) -> dict[str, str]:
+        """As JSON takes it."""
+        return {**asdict(self), "why": self.why.value}
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[Reason, ...]:
+    """The reasons by which the parts of two keys differ; inputs not known yet (None) are passed over."""
+    return tuple(_differences(old, new))
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Reason]:
+    if old.get("key_schema") != new["key_schema"]:
+        yield Reason(Why.schema, "of keys", str(old.get("key_schema")), str(new["key_schema"]))
+        return
+    if old["plugin"] != new["plugin"]:
+        yield Reason(Why.plugin, "", old["plugin"], new["plugin"])
+    elif old["version"] != new["version"]:
+        yield Reason(Why.plugin_version, "", str(old["version"]), str(new["version"]))
+    for name, before, after in _changed(_flat(old["options"]), _flat(new["options"])):
+        yield Reason(Why.options, name, _shown(before), _shown(after))
+    known = {port: digest for port, digest in new["inputs"].items() if digest is not None}
+    before = {port: digest for port, digest in old["inputs"].items() if port in known or port not in new["inputs"]}
+    for port, one, other in _changed(before, known):
+        yield Reason(Why.input, port, (one or "")[:12], (other or "")[:12])
+    for name, one, other in _changed(old["files"], new["files"]):
+        yield Reason(Why.input, f"file of {name}", (one or "")[:12], (other or "")[:12])
+    if old["code"] != new["code"] and old["plugin"] == new["plugin"]:
+        yield Reason(Why.code, "", old["code"][:12], new["code"][:12])
+    for kind, one, other in _changed(old["schemas"], new["schemas"]):
+        if one is not None and other is not None:
+            yield Reason(Why.schema, kind, str(one), str(other))
+    if old["seed"] != new["seed"]:
+        yield Reason(Why.seed, "", _shown(old["seed"]), _shown(new["seed"]))
+
+
+def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    for name in sorted({*old, *new}):
+        if old.get(name) != new.get(name) or (name in old) != (name in new):
+            yield name, old.get(name), new.get(name)
+
+
+def _flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in options.items():
+        if isinstance(value, dict) and value:
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat
+
+
+def _shown(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:37]}..."
