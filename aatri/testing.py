@@ -29,7 +29,7 @@ from aatri.tables.schema import Artifact
 SENTENCES = {
     "contract": "the function, its ports, its kind and its options are those of its role",
     "method": "the file begins with its method: a sentence, then equation, symbols, source; the function has one too",
-    "options": "every option has a description, and the defaults are valid",
+    "options": "every option has a description; the defaults are valid, also as written in pipeline.yaml",
     "runs": "it runs on an example; what it cannot take it refuses with an InputError or GeometryError",
     "kind": "it returns the kind of its role",
     "file": "what it returns is the same after writing and reading, and has metrics",
@@ -127,7 +127,8 @@ def examine_stage(
     except PluginError as error:
         return Report(name, (Check("contract", str(error)),))
     chosen, wrong = _options(card, options)
-    checks = [Check("contract"), Check("method", _method(card)), Check("options", wrong or _undescribed(card))]
+    told = wrong or _undescribed(card) or _unwritable(chosen)
+    checks = [Check("contract"), Check("method", _method(card)), Check("options", told)]
     if not wrong:
         checks += _behaviour(card, examples, chosen, defaults=options is None)
     return Report(name, tuple(checks))
@@ -169,6 +170,19 @@ def _undescribed(card: StageCard) -> str:
         if not about.get("description")
     ]
     return f"no description: {', '.join(names)}" if names else ""
+
+
+def _unwritable(chosen: Options | None) -> str:
+    """Options that pipeline.yaml could not give: a list serves as a tuple there, but a text not as a number."""
+    if chosen is None:
+        return ""
+    try:
+        read = type(chosen).model_validate_json(chosen.model_dump_json(), strict=True)
+    except ValidationError as error:
+        return "; ".join(
+            f"{'.'.join(map(str, e['loc']))} as pipeline.yaml gives it: {e['msg']}" for e in error.errors()
+        )
+    return "" if read == chosen else "written and read they are others"
 
 
 def _behaviour(

@@ -236,7 +236,16 @@ def over_preset(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str
     merged = dict(preset)
     for name, value in given.items():
         below = merged.get(name)
-        above = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+        above = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else _with_tuples(value)
         nested = isinstance(below, Mapping) and isinstance(above, Mapping) and name != "brown"
         merged[name] = over_preset(below, above) if nested else above  # type: ignore[arg-type]
     return merged
+
+
+def _with_tuples(value: Any) -> Any:
+    """Lists as tuples: strict validation takes lists for tuples only where they come straight from the file."""
+    if isinstance(value, list):
+        return tuple(map(_with_tuples, value))
+    if isinstance(value, Mapping):
+        return {key: _with_tuples(inner) for key, inner in value.items()}
+    return value

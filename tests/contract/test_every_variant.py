@@ -16,14 +16,24 @@ from aatri.tables.digest import content_digest
 from aatri.testing import check_stage
 
 VARIANTS = sorted(find_stages().variants)
+REAL_FILES = {
+    "block/bal": {"path": "bal/problem-49-7776-pre.txt"},
+    "block/dbat": {
+        "path": "dbat/sxb/f-op0-no-orient-pmexport.txt",
+        "control": "dbat/sxb/ctrlpts-fixed.txt",
+    },
+    "block/wucaps": {"path": "rc30_2x3/Data/bundle_ajustment"},
+}
+"""What variants read that read files: option -> path under the real data."""
 
 
 def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> dict[str, Any] | None:
     """Options for variants in which some have no default: files to read."""
     if name == "block/tables":
         return {"path": example_folder(folder / "block")}
-    if name == "block/wucaps":
-        return {"path": request.getfixturevalue("shared_data") / "rc30_2x3" / "Data" / "bundle_ajustment"}
+    if name in REAL_FILES:
+        shared_data: Path = request.getfixturevalue("shared_data")
+        return {option: shared_data / path for option, path in REAL_FILES[name].items()}
     return None
 
 
