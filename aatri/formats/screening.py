@@ -20,7 +20,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, ImagePoints, Rejects
+from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
+from aatri.artifacts.places import place
 from aatri.errors import InputError, raise_all
 from aatri.ids import printable
 from aatri.progress import SILENT, Reporter
@@ -110,18 +111,16 @@ def repeated_measurements(block: Block) -> list[InputError]:
         a, b = int(leader[k]), int(order[k])
         name = _point_name(block, b)
         gap = np.abs(rows.xy[b] - rows.xy[a]).max()
-        what = f"image point {name} measured twice, {gap:g} apart (first: {place(block, rows, a)})"
-        errors.append(InputError(what, where=place(block, rows, b), remedy="remove the wrong one, or rename the point"))
+        what = f"image point {name} measured twice, {gap:g} apart (first: {_measured_at(block, a)})"
+        errors.append(
+            InputError(what, where=_measured_at(block, b), remedy="remove the wrong one, or rename the point")
+        )
     return errors
 
 
-def place(block: Block, rows: ImagePoints, row: int) -> str:
-    """`file:line` of an imported row, or empty."""
-    return _place(block, int(rows.file[row]), int(rows.line[row]))
-
-
-def _place(block: Block, file: int, line: int) -> str:
-    return f"{block.files.path[file]}:{line}" if file >= 0 else ""
+def _measured_at(block: Block, row: int) -> str:
+    """`file:line` of an image point, or empty."""
+    return place(block, int(block.image_points.file[row]), int(block.image_points.line[row]))
 
 
 def _mm_per_unit(block: Block) -> npt.NDArray[np.float64]:
@@ -209,11 +208,11 @@ def _too_many(block: Block, images: _Set, points: _Set) -> list[InputError]:
     single = sorted({int(rows.point[r]): r for r in sorted(by_reason[SEEN_ONCE], reverse=True)}.values())
     image_rows = sorted(images.reasons)
     image_lines = [
-        (str(block.images.id[r]), _place(block, int(block.images.file[r]), int(block.images.line[r])))
+        (str(block.images.id[r]), place(block, int(block.images.file[r]), int(block.images.line[r])))
         for r in image_rows
     ]
-    point_lines = [(_point_name(block, r), place(block, rows, r)) for r in single]
-    outside_lines = [(_point_name(block, r), place(block, rows, r)) for r in sorted(by_reason[OUTSIDE])]
+    point_lines = [(_point_name(block, r), _measured_at(block, r)) for r in single]
+    outside_lines = [(_point_name(block, r), _measured_at(block, r)) for r in sorted(by_reason[OUTSIDE])]
     measured = int(np.count_nonzero(np.bincount(rows.point)))
     found = [
         _share_error("image points", outside_lines, len(rows), OUTSIDE,

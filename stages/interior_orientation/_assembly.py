@@ -17,6 +17,7 @@ from aatri.artifacts.image_points import (
     Measurements,
     PointIds,
 )
+from aatri.artifacts.places import place
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError
@@ -117,11 +118,6 @@ def image_points_of(
 def _half_format(block: Block) -> Float:
     cameras = block.cameras
     return half_format_mm(cameras.kind == "digital", cameras.format, cameras.pixel_size_mm)
-
-
-def place(block: Block, file: int, line: int) -> str:
-    """`file:line` of an imported row; empty if not known."""
-    return f"{block.files.path[file]}:{line}" if file >= 0 else ""
 
 
 def _inside_format(block: Block, photo: Float, camera: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:

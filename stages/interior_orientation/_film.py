@@ -9,12 +9,13 @@ import numpy.typing as npt
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals
+from aatri.artifacts.places import place
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.orientation.interior import AffineFit
 from aatri.tables.schema import Float
 
-from ._assembly import Transformations, place
+from ._assembly import Transformations
 
 Rows = npt.NDArray[np.int64]
 

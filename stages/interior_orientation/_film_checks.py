@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.artifacts.block import Block
+from aatri.artifacts.places import place
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError, GeometryError, InputError, raise_all
 from aatri.ids import shown
@@ -15,7 +16,7 @@ from aatri.orientation.interior import FEWEST_MARKS, AffineFit
 from aatri.plugin import Context
 from aatri.tables.schema import Float
 
-from ._assembly import Transformations, place
+from ._assembly import Transformations
 from ._film import FilmMarks, nominal_matrix
 from ._suspects import joined, suspects_of
 
