@@ -73,7 +73,7 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
     for port, kind in declared.ports.items():
         name = "interior" if role == "image_refinement" and port == "image_points" else _BY_KIND.get(kind.kind)
         if name is None:
-            raise PluginError(f"no example of a {kind.kind} for port {port} of role {role}",
+            raise PluginError(f"no example of kind {kind.kind} for port {port} of role {role}",
                               remedy="give one: check_stage(..., inputs={PORT: ARTIFACT})")  # fmt: skip
         inputs[port] = _made(name, example)
     return inputs

@@ -8,6 +8,7 @@ import pytest
 
 from aatri.errors import PluginError
 from aatri.example_inputs import example_block
+from aatri.pipeline.registry import find_stages
 from aatri.tables.digest import content_digest
 from aatri.testing import SENTENCES, Report, check_stage, examine_stage
 
@@ -150,3 +151,37 @@ def test_options_without_a_default_must_be_given() -> None:
 def test_inputs_may_be_given() -> None:
     report = check_stage("interior_orientation/affine", inputs={"block": example_block("digital")})
     assert "order" not in {check.name for check in report.checks}  # the order of files we do not know
+
+
+def test_a_role_with_a_kind_of_its_own_needs_inputs(tmp_path: Path) -> None:
+    role = tmp_path / "stages" / "gravity"
+    role.mkdir(parents=True)
+    (role / "_kinds.py").write_text(
+        "from dataclasses import dataclass\n"
+        "from aatri.tables.schema import Artifact, attribute\n\n\n"
+        "@dataclass(frozen=True, eq=False)\n"
+        "class Anomaly(Artifact):\n"
+        '    """Gravity anomaly."""\n\n'
+        '    kind = "Anomaly"\n'
+        '    mgal: float = attribute(unit="mgal", doc="mean anomaly")\n'
+    )
+    (role / "__init__.py").write_text(
+        "from aatri.plugin import Role\n"
+        "from ._kinds import Anomaly\n"
+        'ROLE = Role(ports={"anomaly": Anomaly}, kind=Anomaly)\n'
+    )
+    (role / "doubled.py").write_text(
+        '"""Twice the anomaly.\n\n    a = 2 g\n"""\n'
+        "from aatri.plugin import stage\n"
+        "from ._kinds import Anomaly\n\n\n"
+        "@stage(version=1)\n"
+        "def doubled(anomaly: Anomaly) -> Anomaly:\n"
+        '    """Double it."""\n'
+        "    return Anomaly(mgal=2 * anomaly.mgal)\n"
+    )
+    local = tmp_path / "stages"
+    (breach,) = examine_stage("gravity/doubled", local).breaches
+    assert "no example of kind Anomaly for port anomaly" in breach.breach
+    kind = find_stages(local).role("gravity").kind
+    report = check_stage("gravity/doubled", local, inputs={"anomaly": kind(mgal=1.5)})
+    assert "truth" not in {check.name for check in report.checks}

@@ -14,8 +14,10 @@ from aatri.example_inputs import EXAMPLES, example_block, example_folder
 from aatri.pipeline.registry import find_stages
 from aatri.tables.digest import content_digest
 from aatri.testing import check_stage
+from tests.contract.made_files import colmap_model
 
 VARIANTS = sorted(find_stages().variants)
+MADE_FILES = {"block/tables": example_folder, "block/colmap": colmap_model}
 REAL_FILES = {
     "block/bal": {"path": "bal/problem-49-7776-pre.txt"},
     "block/dbat": {
@@ -24,13 +26,13 @@ REAL_FILES = {
     },
     "block/wucaps": {"path": "rc30_2x3/Data/bundle_ajustment"},
 }
-"""What variants read that read files: option -> path under the real data."""
+"""What variants read that have options without default: made-up files, or option -> path under the real data."""
 
 
 def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> dict[str, Any] | None:
     """Options for variants in which some have no default: files to read."""
-    if name == "block/tables":
-        return {"path": example_folder(folder / "block")}
+    if name in MADE_FILES:
+        return {"path": MADE_FILES[name](folder / "made")}
     if name in REAL_FILES:
         shared_data: Path = request.getfixturevalue("shared_data")
         return {option: shared_data / path for option, path in REAL_FILES[name].items()}

@@ -238,3 +238,11 @@ def test_the_file_of_a_module_is_found_without_importing_it(site: Path) -> None:
     assert file_of_module("deep.er.none") is None
     assert file_of_module("nothing.at.all") is None
     assert "deep" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    "name", ["os/path", "aatri.stages.block/simulate", "../block/simulate", "block/../block/simulate"]
+)
+def test_a_name_is_looked_up_and_never_imported(name: str) -> None:
+    with pytest.raises(PluginError, match=r"no (role|stage)"):
+        find_stages().card(name)

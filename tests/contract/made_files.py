@@ -1,0 +1,24 @@
+"""Small made-up files of other programs, for readers of which there are no real files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+
+def colmap_model(folder: Path) -> Path:
+    """A COLMAP text model: two images, one beside the other, of eight points; pinhole camera."""
+    points = np.array([[x, y, 5 + 0.1 * x * y] for x in (-1.0, 0.0, 1.0, 2.0) for y in (-1.0, 1.0)])
+    images, tracks = [], dict.fromkeys(range(len(points)), "")
+    for image, base in enumerate((0.0, 1.0), 1):
+        u, v = (900 * (points[:, :2] - [base, 0]) / points[:, 2:] + [500, 400]).T
+        rays = " ".join(f"{x:.6f} {y:.6f} {k + 1}" for k, (x, y) in enumerate(zip(u, v)))
+        images += [f"{image} 1 0 0 0 {-base} 0 0 1 {image}.jpg", rays]
+        tracks = {k: f"{track} {image} {k}" for k, track in tracks.items()}
+    rows = [f"{k + 1} {x} {y} {z} 0 0 0 0.5{tracks[k]}" for k, (x, y, z) in enumerate(points)]
+    folder.mkdir()
+    (folder / "cameras.txt").write_text("1 SIMPLE_PINHOLE 1000 800 900 500 400\n")
+    (folder / "images.txt").write_text("\n".join(images) + "\n")
+    (folder / "points3D.txt").write_text("\n".join(rows) + "\n")
+    return folder
