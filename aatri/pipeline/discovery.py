@@ -29,6 +29,7 @@ from aatri.errors import PluginError
 GROUP = "aatri.stages"
 BUILT_IN, INSTALLED, PROJECT = "built-in", "installed", "project"
 
+_PROJECT_PACKAGE = "aatri_project"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "small letters, digits and _, beginning with a letter"
 _DECLARES_ROLE = re.compile(r"^ROLE\s*[:=]", re.MULTILINE)
@@ -43,7 +44,7 @@ class Origin:
     source : str
         `built-in`, `installed` or `project`.
     module, attribute : str
-        Where its declaration is imported from.
+        Where it is declared. Of a project it is `aatri_project.ROLE.VARIANT`, wherever the project lies.
     file : Path or None
         The file of the module; None if it cannot be told without importing.
     distribution : str
@@ -61,6 +62,13 @@ class Origin:
         """The file, or else the name of the module; with the installed package."""
         place = str(self.file or self.module)
         return f"{place} ({self.distribution})" if self.distribution else place
+
+    @property
+    def import_name(self) -> str:
+        """The name to import it by; that of a project is private, and makes its package."""
+        if self.source != PROJECT or self.file is None:
+            return self.module
+        return project_package(self.file.parents[1]) + self.module.removeprefix(_PROJECT_PACKAGE)
 
     def is_same(self, other: Origin) -> bool:
         """Whether both are the same declaration in the same file."""
@@ -96,7 +104,7 @@ def in_project(folder: Path) -> Iterator[Found]:
     if not folder.is_dir():
         raise PluginError("no such folder", where=str(folder),
                           remedy="put your stages there as ROLE/VARIANT.py, or leave out --local-plugins")  # fmt: skip
-    yield from _in_folder(folder, project_package(folder), PROJECT)
+    yield from _in_folder(folder, _PROJECT_PACKAGE, PROJECT)
 
 
 def installed() -> Iterator[Found]:
@@ -122,7 +130,7 @@ def installed() -> Iterator[Found]:
 def project_package(folder: Path) -> str:
     """The private name under which a project's folder of stages is imported; makes the package."""
     place = folder.resolve()
-    name = "aatri_project_" + hashlib.sha256(str(place).encode()).hexdigest()[:12]
+    name = f"{_PROJECT_PACKAGE}_" + hashlib.sha256(str(place).encode()).hexdigest()[:12]
     if name not in sys.modules:
         package = types.ModuleType(name, f"Stages of the project in {place}.")
         package.__path__ = [str(place)]

@@ -157,7 +157,7 @@ def _variant_loader(found: Found) -> Callable[[], Callable[..., Any]]:
 
 def _imported(origin: Origin) -> Any:
     try:
-        return importlib.import_module(origin.module)
+        return importlib.import_module(origin.import_name)
     except PluginError:
         raise
     except Exception as error:

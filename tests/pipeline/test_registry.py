@@ -115,6 +115,8 @@ def test_two_projects_do_not_see_each_others_stages(tmp_path: Path) -> None:
     other = MINE.replace("version=1", "version=2")
     first = find_stages(write(tmp_path / "a" / "stages", {"interior_orientation/mine.py": MINE}))
     second = find_stages(write(tmp_path / "b" / "stages", {"interior_orientation/mine.py": other}))
+    names = {r.origins["interior_orientation/mine"].module for r in (first, second)}
+    assert names == {"aatri_project.interior_orientation.mine"}  # so that a project may be moved
     assert first.card("interior_orientation/mine").version == 1
     assert second.card("interior_orientation/mine").version == 2
 
