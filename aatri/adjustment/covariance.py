@@ -1,80 +1,132 @@
-"""Exact covariances of the unknowns, a priori (sigma0 = 1).
+"""Exact marginal covariances, by going back down the tree, a priori (sigma0 = 1).
 
-With the inverse Q of the reduced normal matrix, an eliminated block with factor L and row Z of `normal` has
+The covariance of a front follows from that of its boundary, which is part of its parent's. While a front's covariance
+is in memory the blocks of its own vertices, of its eliminated blocks, and of the adjusted values of their rays are read
+off. Held scalars have zero covariance.
 
-    Q_yy = L^-T (I + Z Q Z') L^-1,
-
-and only the columns of Q that Z touches are needed. Held scalars have zero covariance.
+Redundancy numbers: with the covariance R of the whitened adjusted values of a record, I - R is that of its residuals,
+and its diagonal are the redundancy numbers.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import ThreadpoolController
 
+from aatri.adjustment import lapack
+from aatri.adjustment.fronts import Factored, Problem, blas_threads, factorise, linearised
+from aatri.adjustment.index import part_columns
+from aatri.adjustment.kernels.covariance import block_covariances
 from aatri.adjustment.solve import Adjusted
+from aatri.adjustment.tree import Node
+from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
 
 
-def kept_inverse(adjusted: Adjusted) -> Float:
-    """Covariance of all kept unknowns, (n_kept, n_kept)."""
-    return adjusted.factor.inverse()
+@dataclass(frozen=True)
+class Covariances:
+    """Marginal covariances of an adjustment.
+
+    Attributes
+    ----------
+    groups : dict of str to (n, k, k) float64
+        Covariance of every block of every group; zero for held scalars.
+    rays : (n, m, m) float64
+        Covariance of the whitened adjusted values of the rays, by row of their records; NaN where not active or where
+        the block is retained.
+    """
+
+    groups: dict[str, Float]
+    rays: Float
 
 
-def block_covariances(adjusted: Adjusted, group: str, Q: Float) -> Float:
-    """Covariance of every block of a kept group.
+def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covariances:
+    """Covariances of all unknowns at the solution.
 
     Parameters
     ----------
     adjusted : Adjusted
-    group : str
-    Q : (n_kept, n_kept) float64
-
-    Returns
-    -------
-    (n, k, k) float64
+    blocks : bool
+        Also those of the eliminated blocks and of the rays.
     """
-    columns = adjusted.layout.kept[group]
-    held = columns < 0
-    blocks = Q[columns[:, :, None], columns[:, None, :]] if Q.size else np.zeros((*columns.shape, columns.shape[1]))
-    return np.where(held[:, :, None] | held[:, None, :], 0.0, blocks)
+    problem, state = adjusted.problem, adjusted.state
+    factored = factorise(problem, state)
+    down = _Down(problem, state, factored, blocks)
+    every = range(len(problem.tree.nodes))
+    with ThreadpoolController().limit(limits=blas_threads(problem, every), user_api="blas"):
+        down.run()
+    return down.result()
 
 
-def eliminated_covariances(adjusted: Adjusted, Q: Float) -> Float:
-    """Covariance of every eliminated block, (n_blocks, k, k); blocks with as many kept columns are done together."""
-    normal, k = adjusted.normal, adjusted.layout.block_size
-    n = len(normal.D_factor)
-    inner = np.tile(np.eye(k), (n, 1, 1))
-    Z = normal.Z.tocsr()
-    Z.sort_indices()
-    starts = Z.indptr[::k]
-    block_of = np.repeat(np.arange(n), np.diff(starts))
-    columns = np.unique(block_of * np.int64(adjusted.layout.n_kept + 1) + Z.indices)
-    owner, column = np.divmod(columns, adjusted.layout.n_kept + 1)
-    counts = np.bincount(owner, minlength=n)
-    offset = np.concatenate([[0], np.cumsum(counts)])
-    for count in np.unique(counts[counts > 0]):
-        blocks = np.flatnonzero(counts == count)
-        for some in np.array_split(blocks, max(1, len(blocks) * int(count) ** 2 // 2_000_000)):
-            touched = column[offset[some][:, None] + np.arange(count)]
-            rows = _rows(Z, some, touched, k)
-            inner[some] += rows @ Q[touched[:, :, None], touched[:, None, :]] @ rows.swapaxes(1, 2)
-    L_inverse = np.linalg.inv(normal.D_factor)
-    covariance = L_inverse.swapaxes(1, 2) @ inner @ L_inverse
-    free = next(u.free for u in adjusted.unknowns if u.eliminated)
-    return np.where(free[:, :, None] & free[:, None, :], covariance, 0.0)
+class _Down:
+    """The way down the tree; a front's covariance lives until its children have taken their parts."""
 
+    def __init__(self, problem: Problem, state: State, factored: Factored, blocks: bool) -> None:
+        self.problem, self.state, self.factored = problem, state, factored
+        n_vertices = len(problem.layout.size)
+        largest = int(problem.layout.size.max(initial=0))
+        self.vertex_covariance = np.zeros((n_vertices, largest, largest))
+        n_blocks = len(problem.block_free)
+        self.block = np.full((n_blocks, 3, 3), np.nan)
+        rays = problem.rays
+        m = rays.records.rows if rays is not None else 0
+        self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
+        self.fill = problem.ray_lane(state) if rays is not None and blocks else None
 
-def _rows(Z: object, blocks: npt.NDArray[np.int64], touched: npt.NDArray[np.int64], k: int) -> Float:
-    """Rows of Z of the blocks, restricted to the columns they touch: (blocks, k, columns)."""
-    rows = np.zeros((len(blocks), k, touched.shape[1]))
-    indptr, indices, data = Z.indptr, Z.indices, Z.data  # type: ignore[attr-defined]
-    for scalar in range(k):
-        first, last = indptr[blocks * k + scalar], indptr[blocks * k + scalar + 1]
-        length = last - first
-        which = np.repeat(np.arange(len(blocks)), length)
-        entry = np.repeat(first, length) + np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
-        place = (touched[which] < indices[entry][:, None]).sum(axis=1)
-        rows[which, scalar, place] = data[entry]
-    return rows
+    def run(self) -> None:
+        """Go down depth first, so that few fronts are in memory."""
+        nodes = self.problem.tree.nodes
+        queue: list[tuple[int, Float]] = [(k, np.zeros((0, 0), order="F")) for k, n in enumerate(nodes) if n.parent < 0]
+        while queue:
+            k, boundary = queue.pop()
+            node = nodes[k]
+            S = lapack.panel_covariance(self.factored.panels[k], boundary) if node.panel else boundary
+            self._take(k, node, S)
+            for child in node.children:
+                row = self.problem.tree.maps[child]
+                queue.append((child, np.array(S[np.ix_(row, row)], order="F")))
+
+    def _take(self, k: int, node: Node, S: Float) -> None:
+        held = self.problem.layout.held[node.columns]
+        if held.any():
+            S[held, :] = 0.0
+            S[:, held] = 0.0
+        for i in range(node.own):
+            a, b = int(node.offset[i]), int(node.offset[i + 1])
+            self.vertex_covariance[node.vertices[i], : b - a, : b - a] = S[a:b, a:b]
+        if self.fill is None:
+            return
+        rays = self.problem.rays
+        assert rays is not None
+        row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)
+        row_of[node.columns] = np.arange(node.size)
+        for p0, p1, _, A, B in linearised(self.problem, self.fill, k, node):
+            base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+            row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
+            block_covariances(p0, p1, base, rays.ray_start, A, B, row, S, self.problem.block_free,
+                              self.factored.block_factor, self.block, self.ray)  # fmt: skip
+
+    def result(self) -> Covariances:
+        """Covariances by group and block, and by row of the rays' records."""
+        layout, groups = self.problem.layout, {}
+        for u in self.problem.unknowns:
+            vertex, first = layout.vertex[u.name], layout.within[u.name]
+            blocks = np.zeros((len(u.free), u.size, u.size))
+            some = vertex >= 0
+            inner = self.vertex_covariance[vertex[some], first : first + u.size, first : first + u.size]
+            blocks[some] = inner
+            if u.eliminated and self.problem.rays is not None:
+                blocks[self.problem.rays.block] = self.block
+            groups[u.name] = blocks
+        rays = self.problem.rays
+        if rays is None:
+            return Covariances(groups, self.ray)
+        m = rays.records.rows
+        of_rows = np.full((len(rays.records.active), m, m), np.nan)
+        of_rows[rays.rows] = self.ray
+        return Covariances(groups, of_rows)

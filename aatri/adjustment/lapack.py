@@ -15,7 +15,7 @@ from scipy.linalg import cython_blas, cython_lapack
 
 Float = npt.NDArray[np.float64]
 
-_L, _R, _N, _T, _U = (ctypes.c_char(letter) for letter in (b"L", b"R", b"N", b"T", b"U"))
+_L, _R, _N, _T = (ctypes.c_char(letter) for letter in (b"L", b"R", b"N", b"T"))
 
 
 def _routine(module: Any, name: str, arguments: int) -> Any:
@@ -35,6 +35,8 @@ _trmm = _routine(cython_blas, "dtrmm", 11)
 _syrk = _routine(cython_blas, "dsyrk", 10)
 _symm = _routine(cython_blas, "dsymm", 12)
 _gemm = _routine(cython_blas, "dgemm", 13)
+_trsv = _routine(cython_blas, "dtrsv", 8)
+_gemv = _routine(cython_blas, "dgemv", 11)
 
 
 def _int(value: int) -> Any:
@@ -74,6 +76,42 @@ def cholesky_panel(F: Float, m: int) -> int:
     return info.value
 
 
+def forward(L: Float, g: Float) -> None:
+    """Forward substitution on a panel, in place: g1 <- L11^-1 g1, g2 <- g2 - L21 g1.
+
+    Parameters
+    ----------
+    L : (n, m) float64, column-major
+    g : (n,) float64
+    """
+    n, m = L.shape
+    one, lda = _int(1), _int(n)
+    _trsv(ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(m), _at(L, 0, 0), lda, _vector(g, 0), one)
+    if n > m:
+        _gemv(ctypes.byref(_N), _int(n - m), _int(m), _real(-1.0), _at(L, m, 0), lda, _vector(g, 0), one,
+              _real(1.0), _vector(g, m), one)  # fmt: skip
+
+
+def backward(L: Float, x: Float) -> None:
+    """Back substitution on a panel, in place: x1 <- L11^-T (x1 - L21' x2).
+
+    Parameters
+    ----------
+    L : (n, m) float64, column-major
+    x : (n,) float64
+    """
+    n, m = L.shape
+    one, lda = _int(1), _int(n)
+    if n > m:
+        _gemv(ctypes.byref(_T), _int(n - m), _int(m), _real(-1.0), _at(L, m, 0), lda, _vector(x, m), one,
+              _real(1.0), _vector(x, 0), one)  # fmt: skip
+    _trsv(ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(m), _at(L, 0, 0), lda, _vector(x, 0), one)
+
+
+def _vector(x: Float, first: int) -> ctypes.c_void_p:
+    return ctypes.c_void_p(x.ctypes.data + 8 * first)
+
+
 def panel_covariance(L: Float, covariance: Float) -> Float:
     """Covariance of a front from that of its boundary.
 
@@ -95,7 +133,7 @@ def panel_covariance(L: Float, covariance: Float) -> Float:
     inverse = np.array(L[:m], order="F")
     info = ctypes.c_int(0)
     _trtri(ctypes.byref(_L), ctypes.byref(_N), _int(m), _at(inverse, 0, 0), _int(m), ctypes.byref(info))
-    inverse[np.triu_indices(m, 1)] = 0.0
+    inverse = np.asfortranarray(np.tril(inverse))
     if n == m:
         _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
               _real(0.0), _at(S, 0, 0), _int(n))  # fmt: skip
@@ -110,7 +148,7 @@ def panel_covariance(L: Float, covariance: Float) -> Float:
         _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(m), _int(n - m), _real(-1.0), _at(G, 0, 0),
               _int(n - m), _at(S, m, 0), _int(n), _real(1.0), _at(S, 0, 0), _int(n))  # fmt: skip
         S[m:, m:] = covariance
-    lower = np.tril_indices(m, -1)
-    S[:m, :m][lower[1], lower[0]] = S[:m, :m][lower]
+    below = np.tril(S[:m, :m], -1)
+    S[:m, :m] = below + below.T + np.diag(np.diagonal(S)[:m])
     S[:m, m:] = S[m:, :m].T
     return S

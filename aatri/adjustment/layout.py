@@ -1,7 +1,8 @@
 """Where every unknown stands: vertices of the kept unknowns, columns, and which blocks are eliminated.
 
-A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices too.
-A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit diagonal.
+A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices
+too. A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit
+diagonal.
 """
 
 from __future__ import annotations
@@ -125,6 +126,8 @@ def _retained(group: Unknowns, records: Sequence[Records]) -> Bool:
     """Blocks that other observations join, or with too many rays."""
     retained = np.zeros(len(group.free), dtype=bool)
     rays = ray_records(records, group.name)
+    if rays is None:
+        return np.ones(len(group.free), dtype=bool)
     for r in records:
         touching = [blocks for name, blocks in r.touches if name == group.name]
         if r is rays:

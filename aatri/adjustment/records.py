@@ -1,9 +1,8 @@
 """Observations as records: m rows each, an m x m covariance, the blocks of unknowns they touch.
 
 An observation type gives `evaluate(state, rows) -> v, (J, ...)`: residuals computed minus observed (n, m) and one
-Jacobian (n, m, k) per touched group, both in units of the observation, for the chosen rows. The covariance enters by its
-inverse Cholesky factor: `whitener @ v` has unit covariance. Rejection and robust weights change `active` and `factor`,
-never the structure.
+Jacobian (n, m, k) per touched group, both in units of the observation, for the chosen rows. The covariance enters by
+its inverse Cholesky factor: `whitener @ v` has unit covariance. Rejection changes `active`.
 
 `compiled` is a second, faster lane an observation type may offer: `compiled(order)` prepares the records in a given
 order and returns `bind`, `bind(state)` returns `fill(first, last, v, J)`, which writes whitened residuals and Jacobians
@@ -12,7 +11,7 @@ of the records first ... last - 1 into v (n, m) and one array (n, m, k) per touc
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,3 +136,18 @@ def whitener_of_covariances(covariance: Float, observed: Bool | None = None) -> 
     filled = np.where(both, covariance, np.eye(m))
     inverse = np.linalg.inv(np.linalg.cholesky(filled)) if n else np.zeros((0, m, m))
     return np.asarray(np.where(both, inverse, 0.0))
+
+
+COST_CHUNK = 100_000
+
+
+def cost_of(all_records: Sequence[Records], state: State) -> float:
+    """Sum of squares of the whitened residuals of all active records."""
+    total = 0.0
+    for records in all_records:
+        for first in range(0, len(records.active), COST_CHUNK):
+            rows = np.arange(first, min(first + COST_CHUNK, len(records.active)))
+            v, _ = records.evaluate(state, rows)
+            v = np.where(records.active[rows, None], np.einsum("nij,nj->ni", records.whitener[rows], v), 0.0)
+            total += float((v**2).sum())
+    return total

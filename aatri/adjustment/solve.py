@@ -1,9 +1,8 @@
-"""Non-linear least squares of large problems: Gauss-Newton with Levenberg-Marquardt fall-back on the reduced equations.
+"""Non-linear least squares of any size: Gauss-Newton with Levenberg-Marquardt fall-back, front by front.
 
-Converged when the Newton decrement sqrt(-g'dx) of an undamped step is at most `tolerance`, which bounds the step of
-every unknown by `tolerance` times its own standard deviation; the step is applied. A step that raises the cost, or that
-a veto refuses (a point changes its side of the camera), is repeated with damping. What does not converge is a failure,
-not a result.
+Converged when the Newton decrement of an undamped step is at most `tolerance`, which bounds the step of every unknown
+by `tolerance` times its own standard deviation; the step is applied. A step that raises the cost, or that a veto
+refuses (a point changes its side of the camera), is repeated with damping. What does not converge is a failure.
 """
 
 from __future__ import annotations
@@ -15,13 +14,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.backsolve import predicted_decrease, steps
 from aatri.adjustment.damping import Damping, gain
-from aatri.adjustment.dense import RANK_TOLERANCE
-from aatri.adjustment.factor import Factor, factorise
-from aatri.adjustment.normal import Layout, NormalEquations, back_substitute, cost_of, form, layout_of
-from aatri.adjustment.records import Records
+from aatri.adjustment.diagnosis import refuse_undetermined
+from aatri.adjustment.fronts import Factored, Problem, factorise
+from aatri.adjustment.prepare import Ordering, prepare
+from aatri.adjustment.records import Records, cost_of
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import ConvergenceError
 from aatri.progress import SILENT, Reporter
 
 Float = npt.NDArray[np.float64]
@@ -44,13 +44,7 @@ class Adjusted:
     ----------
     state : dict
         Adjusted values of all groups.
-    unknowns, records
-        The problem.
-    layout : Layout
-    normal : NormalEquations
-        Undamped normal equations at the solution.
-    factor : Factor
-        Factor of the reduced matrix there.
+    problem : Problem
     cost : float
         v'v at the solution.
     observations, n_unknowns, redundancy : int
@@ -60,11 +54,7 @@ class Adjusted:
     """
 
     state: dict[str, Any]
-    unknowns: tuple[Unknowns, ...]
-    records: tuple[Records, ...]
-    layout: Layout
-    normal: NormalEquations
-    factor: Factor
+    problem: Problem
     cost: float
     observations: int
     n_unknowns: int
@@ -85,9 +75,26 @@ def adjust_large(
     max_iterations: int = 30,
     tolerance: float = 1e-3,
     veto: Veto | None = None,
+    ordering: Ordering = "nested_dissection",
+    threads: int | None = None,
+    reproducible: bool = False,
     reporter: Reporter = SILENT,
 ) -> Adjusted:
-    """Adjust a problem of any size.
+    """Adjust a problem.
+
+    Parameters
+    ----------
+    unknowns, records
+        The problem.
+    start : mapping
+        Values of all groups.
+    max_iterations : int
+    tolerance : float
+        Bound of the Newton decrement.
+    veto : callable, optional
+    ordering, threads, reproducible
+        See `prepare`.
+    reporter : Reporter
 
     Raises
     ------
@@ -96,52 +103,76 @@ def adjust_large(
     ConvergenceError
         If the iteration does not converge; the message names the worst records.
     """
-    layout = layout_of(unknowns)
+    problem = prepare(unknowns, records, ordering=ordering, threads=threads, reproducible=reproducible)
+    _announce(problem, reporter)
     state: dict[str, Any] = dict(start)
-    history: list[Step] = []
-    damping, converged = Damping(), False
+    factored = _checked(problem, state, factorise(problem, state))
+    damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
-        normal = form(records, layout, state, damping.value)
-        if not np.isfinite(normal.cost):
-            raise ConvergenceError(f"residuals are not finite in iteration {iteration}", remedy=_ADVICE)
-        steps, decrement, predicted = _step(unknowns, layout, normal, damping.value)
-        trial = retract_state(unknowns, state, steps)
-        cost = cost_of(records, trial)
-        refused = (veto(state, trial) if veto else "") or _worse(cost, normal.cost)
-        history.append(Step(normal.cost, decrement, damping.value))
+        found = steps(problem, factored, state)
+        decrement = float(np.sqrt(factored.decrease))
+        history.append(Step(factored.cost, decrement, factored.damping))
         reporter.log(
-            f"iteration {iteration}: cost {normal.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
+            f"iteration {iteration}: cost {factored.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
         )
-        converged = damping.value == 0.0 and decrement <= tolerance
-        if converged or not refused:
-            state = trial
-            damping = damping.accepted(gain(normal.cost, cost, predicted))
-        else:
-            reporter.log(f"iteration {iteration}: step refused: {refused}")
-            damping = damping.refused()
-        if converged:
+        trial = retract_state(unknowns, state, found)
+        if factored.damping == 0.0 and decrement <= tolerance:
+            return _finished(problem, trial, tuple(history))
+        if iteration == max_iterations:
             break
-    if not converged:
-        raise ConvergenceError(_failure(records, state, max_iterations, history[-1]), remedy=_ADVICE)
-    return finished(unknowns, records, state, tuple(history))
+        state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
+    raise ConvergenceError(_failure(records, state, max_iterations, history[-1]), remedy=_ADVICE)
 
 
-def finished(
-    unknowns: Sequence[Unknowns], records: Sequence[Records], state: dict[str, Any], history: tuple[Step, ...]
-) -> Adjusted:
-    """Statistics of a solution that has been found."""
-    layout = layout_of(unknowns)
-    normal = form(records, layout, state)
-    factor = _factor(unknowns, layout, normal)
-    observations = sum(r.observations for r in records)
-    n_unknowns = sum(int(u.free.sum()) for u in unknowns)
+def _next(
+    problem: Problem, state: dict[str, Any], trial: dict[str, Any], found: dict[str, Float], factored: Factored,
+    damping: Damping, veto: Veto | None, reporter: Reporter,
+) -> tuple[dict[str, Any], Factored, Damping]:  # fmt: skip
+    """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs."""
+    refused = veto(state, trial) if veto else ""
+    following: Factored | None = None
+    if not refused and damping.value == 0.0:
+        following = factorise(problem, trial)
+        refused = _worse(following.cost, factored.cost)
+    elif not refused:
+        cost = cost_of(problem.records, trial)
+        refused = _worse(cost, factored.cost)
+        if not refused:
+            damping = damping.accepted(gain(factored.cost, cost, predicted_decrease(problem, factored, found)))
+            following = factorise(problem, trial, damping.value)
+    if following is not None and not refused:
+        return trial, _checked(problem, trial, following), damping
+    reporter.log(f"step refused: {refused}")
+    damping = damping.refused()
+    return state, factorise(problem, state, damping.value), damping
+
+
+def _checked(problem: Problem, state: State, factored: Factored) -> Factored:
+    if not np.isfinite(factored.cost):
+        raise ConvergenceError("residuals are not finite", remedy=_ADVICE)
+    if factored.damping == 0.0 and (factored.weak or (factored.determined == 0).any()):
+        refuse_undetermined(problem, state, factored)
+    return factored
+
+
+def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]) -> Adjusted:
+    cost = cost_of(problem.records, state)
+    observations = sum(r.observations for r in problem.records)
+    n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
     redundancy = observations - n_unknowns
-    sigma0 = float(np.sqrt(normal.cost / redundancy)) if redundancy > 0 else float("nan")
-    return Adjusted(state, tuple(unknowns), tuple(records), layout, normal, factor, normal.cost,
-                    observations, n_unknowns, redundancy, sigma0, history)  # fmt: skip
+    sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 else float("nan")
+    return Adjusted(state, problem, cost, observations, n_unknowns, redundancy, sigma0, history)
 
 
 _ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"
+
+
+def _announce(problem: Problem, reporter: Reporter) -> None:
+    tree = problem.tree
+    reporter.log(
+        f"{problem.layout.n_kept} unknowns beside the eliminated ones in {len(tree.nodes)} fronts of at most "
+        f"{tree.largest_front}; factorisation {tree.flops / 1e9:.3g} Gflop, {tree.factor_bytes / 1e6:.0f} MB"
+    )
 
 
 def _worse(trial: float, cost: float) -> str:
@@ -150,57 +181,10 @@ def _worse(trial: float, cost: float) -> str:
     return f"cost rises from {cost:.6g} to {trial:.6g}" if trial > cost * (1 + 1e-10) + 1e-10 else ""
 
 
-def _step(
-    unknowns: Sequence[Unknowns], layout: Layout, normal: NormalEquations, damping: float
-) -> tuple[dict[str, Float], float, float]:
-    """Steps of all groups, the Newton decrement, and the decrease of the cost that the linear model predicts."""
-    if damping == 0.0:
-        check_eliminated(unknowns, normal)
-    dx = _factor(unknowns, layout, normal).solve(normal.right)
-    dy = back_substitute(normal, dx)
-    steps: dict[str, Float] = {}
-    for u in unknowns:
-        if u.eliminated:
-            steps[u.name] = np.where(u.free, dy, 0.0)
-        else:
-            columns = layout.kept[u.name]
-            steps[u.name] = np.where(columns >= 0, np.append(dx, 0.0)[columns], 0.0)
-    slope = float(normal.gradient_kept @ dx + (normal.gradient_eliminated * dy).sum())
-    # with (N + lambda diag N) s = -g the model's decrease of v'v is -g's + lambda s' diag(N) s
-    held = float(normal.diagonal_kept @ dx**2 + (normal.diagonal_eliminated * dy**2).sum())
-    return steps, float(np.sqrt(max(-slope, 0.0))), -slope + damping * held
-
-
-def check_eliminated(unknowns: Sequence[Unknowns], normal: NormalEquations) -> None:
-    """Refuse eliminated blocks that their own observations do not determine, by name."""
-    weak = np.flatnonzero(normal.D_lowest < RANK_TOLERANCE)
-    if len(weak):
-        group = next(u for u in unknowns if u.eliminated)
-        shown = ", ".join(f"{group.name} {group.ids[k]}" for k in weak[:10])
-        more = f" and {len(weak) - 10} more" if len(weak) > 10 else ""
-        raise GeometryError(
-            f"{len(weak)} of {len(group.ids)} are not determined by their observations: {shown}{more}",
-            remedy="give them more rays or known coordinates, or leave them out",
-        )
-
-
-def _factor(unknowns: Sequence[Unknowns], layout: Layout, normal: NormalEquations) -> Factor:
-    def name_of(column: int) -> str:
-        for u in unknowns:
-            if not u.eliminated:
-                found = np.argwhere(layout.kept[u.name] == column)
-                if len(found):
-                    return u.label(int(found[0][0]), int(found[0][1]))
-        return f"unknown {column}"
-
-    return factorise(normal.reduced, name_of)
-
-
 def _failure(records: Sequence[Records], state: State, iterations: int, last: Step) -> str:
     worst = []
     for r in records:
-        v = r.residuals(state)
-        size = np.abs(np.einsum("nij,nj->ni", r.whitener, v)).max(axis=1) * r.active
+        size = np.abs(np.einsum("nij,nj->ni", r.whitener, r.residuals(state))).max(axis=1) * r.active
         worst += [(float(size[k]), f"{r.name} row {k}: {size[k]:.1f} sigma") for k in np.argsort(-size)[:5]]
     listed = "; ".join(text for _, text in sorted(worst, reverse=True)[:5])
     return f"no convergence in {iterations} iterations (decrement {last.decrement:.3g}); largest residuals: {listed}"

@@ -3,9 +3,9 @@
 A group is, say, all poses (blocks of 6) or all ground points (blocks of 3). A scalar is free or held: held scalars are
 fixed, or absent as the height of a plan-only point. Weighted unknowns are free ones with a prior record.
 
-A group marked `eliminated` is eliminated block by block before all others, unless an observation joins two of its blocks
-or a block has very many rays: such blocks are retained. A group that `joins` another stands and falls with it, block by
-block: the two share their place in the order of elimination.
+A group marked `eliminated` is eliminated block by block before all others, unless an observation joins two of its
+blocks or a block has very many rays: such blocks are retained. A group that `joins` another stands and falls with it,
+block by block: the two share their place in the order of elimination.
 """
 
 from __future__ import annotations

@@ -11,14 +11,16 @@ leave open is common to all points of an image, and without it sigma0 of film co
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
 from aatri.geometry.collinearity import collinearity, in_image_axes
+from aatri.observations.kernels.collinearity import linearise
 from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
 
 Float = npt.NDArray[np.float64]
@@ -73,7 +75,36 @@ def image_point_records(rows: ImagePointRows, *, interior: bool) -> Records:
 
     film_touch = ((INTERIOR, rows.image),) if interior else ()
     touches = ((POSE, rows.image), *film_touch, (POINT, rows.point))
-    return Records("image point", touches, evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active)
+    whitener = whitener_of_sigmas(rows.sigma_mm)
+    lane = _compiled(rows, by_interior if interior else None)
+    return Records("image point", touches, evaluate, whitener, rows.active, lane)
+
+
+def _compiled(rows: ImagePointRows, by_interior: Float | None) -> Compiled:
+    """The compiled lane, equal to the NumPy form to 1e-12."""
+
+    def prepared(order: Int) -> Callable[[State], Fill]:
+        image, point = rows.image[order].astype(np.int32), rows.point[order].astype(np.int32)
+        xy, c = np.ascontiguousarray(rows.xy_mm[order]), np.ascontiguousarray(rows.c_mm[order])
+        weight = np.where(rows.active[order, None], 1.0 / rows.sigma_mm[order], 0.0)
+        film = None if by_interior is None else by_interior[order] * weight[:, :, None]
+
+        def bind(state: State) -> Fill:
+            poses: Poses = state[POSE]
+            X0, R = np.ascontiguousarray(poses.position_m), np.ascontiguousarray(poses.ground_from_image)
+            X = np.ascontiguousarray(state[POINT])
+
+            def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
+                if film is not None:
+                    J[1][:] = film[first:last]
+                    v += np.einsum("nij,nj->ni", J[1], state[INTERIOR][image[first:last]])
+
+            return fill
+
+        return bind
+
+    return prepared
 
 
 def side_changes(rows: ImagePointRows, old: State, new: State) -> str:

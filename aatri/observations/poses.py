@@ -43,7 +43,7 @@ def retract_poses(poses: Poses, step: Float) -> Poses:
     return Poses(poses.position_m + step[:, :3], rotation)
 
 
-def pose_unknowns(ids: Ids, free: Bool) -> Unknowns:
-    """The group of poses; `free` is (n, 6)."""
-    return Unknowns(POSE, free, ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z"),
-                    ids, retract_poses)  # fmt: skip
+def pose_unknowns(ids: Ids, free: Bool, position_m: Float) -> Unknowns:
+    """The group of poses; `free` is (n, 6), `position_m` (n, 3) tells the order of elimination where images lie."""
+    labels = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
+    return Unknowns(POSE, free, labels, ids, retract_poses, position=position_m[:, :2])

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.covariance import block_covariances, eliminated_covariances, kept_inverse
+from aatri.adjustment.covariance import marginal_covariances
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Adjusted, adjust_large
 from aatri.adjustment.unknowns import Ids, Unknowns, add_step
@@ -33,8 +33,6 @@ Int = npt.NDArray[np.int32]
 Bool = npt.NDArray[np.bool_]
 
 MIN_IMAGE_POINTS = 3
-COVARIANCE_LIMIT = 12_000
-"""Up to this many unknowns beside the points the covariances are computed."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class BundleResult:
     xyz_m : (n_points, 3) float64, m
     pose_covariance : (n_images, 6, 6) float64, m and rad
     point_covariance_m2 : (n_points, 3, 3) float64, m^2
-        NaN where not determined, or where the block is too large for covariances.
+        NaN where not determined or not asked for.
     interior : (n_images, 6) float64 or None
     interior_covariance : (n_images, 6, 6) float64 or None
     ray_used : (n,) bool
@@ -175,7 +173,7 @@ def adjust_bundle(
         veto=lambda old, new: side_changes(rays, old, new),
         reporter=reporter,
     )
-    return _result(given, adjusted, origin, (ray, image, point), covariances, reporter)
+    return _result(given, adjusted, origin, (ray, image, point), covariances)
 
 
 def _chosen(rays: ImagePointRows, use: Bool) -> ImagePointRows:
@@ -194,11 +192,12 @@ def _unknowns(given: BundleInput, image: Bool, point: Bool) -> list[Unknowns]:
     free = np.repeat(point[:, None], 3, axis=1)
     row, coordinate = np.nonzero(given.control.held)
     free[given.control.point[row], coordinate] = False
-    groups = [pose_unknowns(given.image_ids, np.repeat(image[:, None], 6, axis=1))]
+    groups = [pose_unknowns(given.image_ids, np.repeat(image[:, None], 6, axis=1), given.poses.position_m)]
     if given.interior_covariance is not None:
         latent = image & (np.einsum("nii->ni", given.interior_covariance) > 0).all(axis=1)
         labels = tuple(f"interior d{k}" for k in range(6))
-        groups.append(Unknowns(INTERIOR, np.repeat(latent[:, None], 6, axis=1), labels, given.image_ids, add_step))
+        six = np.repeat(latent[:, None], 6, axis=1)
+        groups.append(Unknowns(INTERIOR, six, labels, given.image_ids, add_step, joins=POSE))
     return [*groups, Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True)]
 
 
@@ -229,7 +228,6 @@ def _result(
     origin: Float,
     used: tuple[Bool, Bool, Bool],
     covariances: bool,
-    reporter: Reporter,
 ) -> BundleResult:
     ray, image, point = used
     poses: Poses = adjusted.state[POSE]
@@ -238,17 +236,11 @@ def _result(
     interior = interior_cov = None
     if given.interior_covariance is not None:
         interior, interior_cov = adjusted.state[INTERIOR], np.full((n_images, 6, 6), np.nan)
-    if covariances and adjusted.layout.n_kept > COVARIANCE_LIMIT:
-        reporter.warn(
-            f"no standard deviations: {adjusted.layout.n_kept} unknowns beside the points are more than "
-            f"{COVARIANCE_LIMIT}"
-        )
-    elif covariances:
-        Q = kept_inverse(adjusted)
-        pose_cov[image] = block_covariances(adjusted, POSE, Q)[image]
-        point_cov[point] = eliminated_covariances(adjusted, Q)[point]
+    if covariances:
+        found = marginal_covariances(adjusted).groups
+        pose_cov[image], point_cov[point] = found[POSE][image], found[POINT][point]
         if interior_cov is not None:
-            interior_cov[image] = block_covariances(adjusted, INTERIOR, Q)[image]
+            interior_cov[image] = found[INTERIOR][image]
     return BundleResult(
         Poses(
             np.where(image[:, None], poses.position_m + origin, np.nan),

@@ -237,7 +237,7 @@ def _interior_parameters(block: Block, result: BundleResult) -> Parameters:
 def _residuals(
     block: Block, control: Control, positions: Positions, given: BundleInput, result: BundleResult
 ) -> Residuals:
-    by_name = {r.name: r for r in result.adjusted.records}
+    by_name = {r.name: r for r in result.adjusted.problem.records}
     used = np.flatnonzero(result.ray_used)
     v_rays = by_name["image point"].residuals(result.adjusted.state)
     rays = given.rays

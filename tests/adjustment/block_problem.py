@@ -1,4 +1,4 @@
-"""A small made-up adjustment with kept and eliminated blocks, held scalars and full covariances."""
+"""Small made-up adjustments with kept and eliminated blocks, held scalars and full covariances."""
 
 from __future__ import annotations
 
@@ -8,39 +8,124 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import Unknowns, add_step
 
 
-def made_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: int = 3):
-    """Non-linear observations v = f(a, p) of kept blocks a (4) and eliminated blocks p (3); some scalars are held."""
-    rng = np.random.default_rng(seed)
-    kept = np.concatenate([rng.permutation(n_kept)[:rays] for _ in range(n_points)]).astype(np.int32)
-    point = np.repeat(np.arange(n_points), rays).astype(np.int32)
-    B = rng.normal(size=(len(kept), 2, 4))
-    C = rng.normal(size=(len(kept), 2, 3))
-    target = rng.normal(size=(len(kept), 2))
-    half = rng.normal(size=(len(kept), 2, 2))
-    covariance = half @ half.swapaxes(1, 2) + 0.2 * np.eye(2)
+def _rays(rng, n_kept, n_points, rays):
+    """Each point meets some neighbouring kept blocks, so that the graph has a shape."""
+    first = rng.integers(0, n_kept - rays + 1, n_points)
+    kept = (first[:, None] + np.arange(rays)).ravel().astype(np.int32)
+    return kept, np.repeat(np.arange(n_points), rays).astype(np.int32)
+
+
+def _covariances(rng, n):
+    half = rng.normal(size=(n, 2, 2))
+    return half @ half.swapaxes(1, 2) + 0.2 * np.eye(2)
+
+
+def _observed(rng, groups, touches):
+    """Mildly non-linear observations of the touched blocks."""
+    n = len(touches[0])
+    B = [rng.normal(size=(n, 2, size)) for _, size in groups]
+    target = rng.normal(size=(n, 2))
 
     def evaluate(state, rows):
-        a, p = state["a"][kept[rows]], state["p"][point[rows]]
-        linear = np.einsum("nij,nj->ni", B[rows], a) + np.einsum("nij,nj->ni", C[rows], p)
-        slope = 1 + 0.05 * np.cos(linear)
-        return linear + 0.05 * np.sin(linear) - target[rows], (slope[:, :, None] * B[rows], slope[:, :, None] * C[rows])
+        linear = sum(
+            np.einsum("nij,nj->ni", b[rows], state[name][t[rows]]) for b, (name, _), t in zip(B, groups, touches)
+        )
+        slope = (1 + 0.05 * np.cos(linear))[:, :, None]
+        return linear + 0.05 * np.sin(linear) - target[rows], tuple(slope * b[rows] for b in B)
 
-    def prior(state, rows):
-        return state["a"][rows] - 0.3, (np.broadcast_to(np.eye(4), (len(rows), 4, 4)),)
+    return evaluate
 
+
+def _prior(name, n, size, value=0.3):
+    def evaluate(state, rows):
+        return state[name][rows] - value, (np.broadcast_to(np.eye(size), (len(rows), size, size)),)
+
+    covariance = np.tile(np.diag(np.arange(1.0, size + 1)), (n, 1, 1))
+    whitener = whitener_of_covariances(covariance)
+    return Records(f"prior of {name}", ((name, np.arange(n, dtype=np.int32)),), evaluate, whitener, np.ones(n, bool))
+
+
+def _group(name, free, **more):
+    n, k = free.shape
+    labels = tuple(f"{name}{i + 1}" for i in range(k))
+    return Unknowns(name, free, labels, [f"{name}{i}" for i in range(n)], add_step, **more)
+
+
+def _along(n):
+    return np.column_stack([np.arange(n, dtype=float), np.zeros(n)])
+
+
+def made_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: int = 3):
+    """Observations of kept blocks a (4) and eliminated blocks p (3); some scalars are held; priors of a."""
+    rng = np.random.default_rng(seed)
+    kept, point = _rays(rng, n_kept, n_points, rays)
+    evaluate = _observed(rng, (("a", 4), ("p", 3)), (kept, point))
     free_a, free_p = np.ones((n_kept, 4), bool), np.ones((n_points, 3), bool)
     free_a[1, 2] = free_p[4, 1] = False
     free_p[7] = False
-    unknowns = (
-        Unknowns("p", free_p, ("X", "Y", "Z"), [f"p{k}" for k in range(n_points)], add_step, eliminated=True),
-        Unknowns("a", free_a, ("a1", "a2", "a3", "a4"), [f"a{k}" for k in range(n_kept)], add_step),
-    )
     active = np.ones(len(kept), dtype=bool)
     active[2] = False
+    touches = (("a", kept), ("p", point))
     records = (
-        Records("ray", (("a", kept), ("p", point)), evaluate, whitener_of_covariances(covariance), active),
-        Records("prior", (("a", np.arange(n_kept, dtype=np.int32)),), prior,
-                whitener_of_covariances(np.tile(np.diag([1.0, 2.0, 3.0, 4.0]), (n_kept, 1, 1))), np.ones(n_kept, bool)),
+        Records("ray", touches, evaluate, whitener_of_covariances(_covariances(rng, len(kept))), active),
+        _prior("a", n_kept, 4),
+    )
+    unknowns = (_group("p", free_p, eliminated=True), _group("a", free_a, position=_along(n_kept)))
+    return unknowns, records, {"a": np.zeros((n_kept, 4)), "p": np.zeros((n_points, 3))}
+
+
+def joined_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: int = 3):
+    """Kept blocks a (6) that another group f (2) joins, one f held; some points observed directly; a relation of a."""
+    rng = np.random.default_rng(seed)
+    kept, point = _rays(rng, n_kept, n_points, rays)
+    evaluate = _observed(rng, (("a", 6), ("f", 2), ("p", 3)), (kept, kept, point))
+    free_f = np.ones((n_kept, 2), bool)
+    free_f[2] = False
+    touches = (("a", kept), ("f", kept), ("p", point))
+    ones = np.ones(len(kept), dtype=bool)
+    here, there = np.arange(n_kept - 1, dtype=np.int32), np.arange(1, n_kept, dtype=np.int32)
+    relation = _observed(rng, (("a", 6), ("a", 6)), (here, there))
+    some = np.arange(0, n_points, 3, dtype=np.int32)
+    direct = _prior("p", n_points, 3)
+    records = (
+        Records("ray", touches, evaluate, whitener_of_covariances(_covariances(rng, len(kept))), ones),
+        _prior("a", n_kept, 6),
+        _prior("f", n_kept, 2),
+        Records("given", (("p", some),), lambda s, r: direct.evaluate(s, some[r]), direct.whitener[some],
+                np.ones(len(some), bool)),
+        Records("relation", (("a", here), ("a", there)), relation,
+                whitener_of_covariances(_covariances(rng, len(here))), np.ones(len(here), bool)),
     )  # fmt: skip
-    start = {"a": np.zeros((n_kept, 4)), "p": np.zeros((n_points, 3))}
+    unknowns = (
+        _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
+        _group("f", free_f, joins="a"),
+        _group("p", np.ones((n_points, 3), bool), eliminated=True),
+    )
+    start = {"a": np.zeros((n_kept, 6)), "f": np.zeros((n_kept, 2)), "p": np.zeros((n_points, 3))}
+    return unknowns, records, start
+
+
+def shared_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: int = 3):
+    """Kept blocks a (6), two shared blocks c (3) that all rays meet, two points that another observation joins."""
+    rng = np.random.default_rng(seed)
+    kept, point = _rays(rng, n_kept, n_points, rays)
+    camera = (kept % 2).astype(np.int32)
+    evaluate = _observed(rng, (("a", 6), ("c", 3), ("p", 3)), (kept, camera, point))
+    touches = (("a", kept), ("c", camera), ("p", point))
+    first, second = np.array([3], dtype=np.int32), np.array([8], dtype=np.int32)
+    distance = _observed(rng, (("p", 3), ("p", 3)), (first, second))
+    records = (
+        Records("ray", touches, evaluate, whitener_of_covariances(_covariances(rng, len(kept))),
+                np.ones(len(kept), dtype=bool)),
+        _prior("a", n_kept, 6),
+        _prior("c", 2, 3),
+        Records("distance", (("p", first), ("p", second)), distance, whitener_of_covariances(_covariances(rng, 1)),
+                np.ones(1, bool)),
+    )  # fmt: skip
+    unknowns = (
+        _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
+        _group("c", np.ones((2, 3), bool)),
+        _group("p", np.ones((n_points, 3), bool), eliminated=True),
+    )
+    start = {"a": np.zeros((n_kept, 6)), "c": np.zeros((2, 3)), "p": np.zeros((n_points, 3))}
     return unknowns, records, start

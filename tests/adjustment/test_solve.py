@@ -1,46 +1,87 @@
-"""The Schur complement solver against a dense reference."""
+"""The front-by-front solver against a dense reference."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from aatri.adjustment import factor
-from aatri.adjustment.covariance import block_covariances, eliminated_covariances, kept_inverse
-from aatri.adjustment.normal import jacobian, layout_of
-from aatri.adjustment.solve import adjust_large
+from aatri.adjustment import prepare as preparation
+from aatri.adjustment.covariance import marginal_covariances
+from aatri.adjustment.prepare import Ordering
+from aatri.adjustment.reference import dense_jacobian, free_columns
+from aatri.adjustment.solve import Adjusted, adjust_large
 from aatri.errors import ConvergenceError, GeometryError
-from tests.adjustment.block_problem import made_problem
+from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+
+ORDERINGS: tuple[Ordering, ...] = ("nested_dissection", "across_strips", "along_strips")
+MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}
 
 
-def _dense(unknowns, records, state):
-    """All free columns of the whitened Jacobian, and where each scalar stands."""
-    layout = layout_of(unknowns)
-    A, E, v = jacobian(records, layout, state)
-    free = np.flatnonzero(unknowns[0].free.ravel())
-    return np.hstack([A.toarray(), E.toarray()[:, free]]), v, layout
+def _many_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small problems on a tree of many small fronts."""
+    monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
+    for name in ("nested_dissection", "chain"):
+        monkeypatch.setattr(preparation, name, _with_small_nodes(getattr(preparation, name)))
+
+
+def _with_small_nodes(order):
+    return lambda graph, arrangement: order(graph, arrangement, 3)
 
 
 def _reference(unknowns, records, start):
     """Gauss-Newton on the dense Jacobian, by numpy's least squares."""
     state = {k: x.copy() for k, x in start.items()}
+    columns = free_columns(unknowns)
     for _ in range(30):
-        J, v, layout = _dense(unknowns, records, state)
-        dx = np.linalg.lstsq(J, -v, rcond=None)[0]
-        state["a"][unknowns[1].free] += dx[: layout.n_kept]
-        state["p"][unknowns[0].free] += dx[layout.n_kept :]
+        J, v = dense_jacobian(unknowns, records, state)
+        dx = np.append(np.linalg.lstsq(J, -v, rcond=None)[0], 0.0)
+        for u in unknowns:
+            state[u.name] = state[u.name] + dx[columns[u.name]]
     return state
 
 
-@pytest.mark.parametrize("dense_limit", [6000, 0])
-@pytest.mark.parametrize("seed", range(5))
-def test_solution_equals_the_dense_reference(monkeypatch: pytest.MonkeyPatch, seed: int, dense_limit: int) -> None:
-    monkeypatch.setattr(factor, "DENSE_LIMIT", dense_limit)
-    unknowns, records, start = made_problem(seed)
-    result = adjust_large(unknowns, records, start, tolerance=1e-9)
+def _expected_covariances(unknowns, records, state):
+    J, _ = dense_jacobian(unknowns, records, state)
+    Q = np.linalg.inv(J.T @ J)
+    padded = np.pad(Q, (0, 1))
+    return {u.name: padded[c[:, :, None], c[:, None, :]] for u, c in zip(unknowns, free_columns(unknowns).values())}
+
+
+@pytest.mark.parametrize("fronts", ["one", "many"])
+@pytest.mark.parametrize("ordering", ORDERINGS)
+@pytest.mark.parametrize("maker", MAKERS)
+@pytest.mark.parametrize("seed", range(3))
+def test_solution_and_covariances_equal_the_dense_reference(
+    monkeypatch: pytest.MonkeyPatch, seed: int, maker: str, ordering: Ordering, fronts: str
+) -> None:
+    if fronts == "many":
+        _many_fronts(monkeypatch)
+    unknowns, records, start = MAKERS[maker](seed, n_kept=14, n_points=40)
+    result = adjust_large(unknowns, records, start, tolerance=1e-9, ordering=ordering, threads=2)
+    assert (len(result.problem.tree.nodes) > 2) == (fronts == "many")
     reference = _reference(unknowns, records, start)
-    np.testing.assert_allclose(result.state["a"], reference["a"], atol=1e-9)
-    np.testing.assert_allclose(result.state["p"], reference["p"], atol=1e-9)
+    for name, value in reference.items():
+        np.testing.assert_allclose(result.state[name], value, atol=1e-9)
+    found = marginal_covariances(result).groups
+    for name, expected in _expected_covariances(unknowns, records, result.state).items():
+        np.testing.assert_allclose(found[name], expected, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_redundancy_numbers_of_the_rays_are_those_of_the_dense_projector(
+    monkeypatch: pytest.MonkeyPatch, maker: str
+) -> None:
+    _many_fronts(monkeypatch)
+    unknowns, records, start = MAKERS[maker](1, n_kept=14, n_points=40)
+    result = adjust_large(unknowns, records, start)
+    J, _ = dense_jacobian(unknowns, records, result.state)
+    hat = np.diag(J @ np.linalg.inv(J.T @ J) @ J.T)[: 2 * len(records[0].active)].reshape(-1, 2)
+    rays = np.einsum("nii->ni", marginal_covariances(result).rays)
+    known = records[0].active.copy()
+    if maker == "shared":  # points 3 and 8 are joined by another observation, so they are not eliminated
+        known &= ~np.isin(records[0].touches[2][1], [3, 8])
+    np.testing.assert_allclose(rays[known], hat[known], rtol=1e-8, atol=1e-12)
+    assert np.isnan(rays[~known]).all()
 
 
 def test_held_scalars_keep_their_value_and_have_no_variance() -> None:
@@ -48,9 +89,9 @@ def test_held_scalars_keep_their_value_and_have_no_variance() -> None:
     result = adjust_large(unknowns, records, start)
     assert result.state["a"][1, 2] == 0.0
     assert (result.state["p"][7] == 0.0).all()
-    Q = kept_inverse(result)
-    assert (block_covariances(result, "a", Q)[1, 2] == 0).all()
-    assert (eliminated_covariances(result, Q)[7] == 0).all()
+    found = marginal_covariances(result).groups
+    assert (found["a"][1, 2] == 0).all()
+    assert (found["p"][7] == 0).all()
 
 
 def test_counts_are_those_of_free_unknowns_and_active_observations() -> None:
@@ -62,36 +103,46 @@ def test_counts_are_those_of_free_unknowns_and_active_observations() -> None:
     assert result.sigma0 == pytest.approx(np.sqrt(result.cost / result.redundancy))
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_covariances_equal_the_dense_inverse(seed: int) -> None:
-    unknowns, records, start = made_problem(seed)
-    result = adjust_large(unknowns, records, start)
-    J, _, layout = _dense(unknowns, records, result.state)
-    inverse = np.linalg.inv(J.T @ J)
-    Q = kept_inverse(result)
-    np.testing.assert_allclose(Q, inverse[: layout.n_kept, : layout.n_kept], rtol=1e-9, atol=1e-12)
-    expected = np.zeros((36, 36))
-    free = np.flatnonzero(unknowns[0].free.ravel())
-    expected[np.ix_(free, free)] = inverse[layout.n_kept :, layout.n_kept :]
-    blocks = np.stack([expected[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(12)])
-    np.testing.assert_allclose(eliminated_covariances(result, Q), blocks, rtol=1e-9, atol=1e-12)
+def test_the_same_bits_every_time_and_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    _many_fronts(monkeypatch)
+    unknowns, records, start = made_problem(2, n_kept=14, n_points=40)
+
+    def run(threads: int) -> Adjusted:
+        return adjust_large(unknowns, records, start, threads=threads, reproducible=True)
+
+    first = run(1)
+    for threads in (1, 2, 3):
+        again = run(threads)
+        assert (again.state["a"] == first.state["a"]).all()
+        assert (again.state["p"] == first.state["p"]).all()
+
+
+def _switched_off(records, touch: int, block: int):
+    rays = records[0]
+    active = rays.active & (rays.touches[touch][1] != block)
+    return type(rays)(rays.name, rays.touches, rays.evaluate, rays.whitener, active)
 
 
 def test_an_open_kept_unknown_is_named() -> None:
     unknowns, records, start = made_problem()
     # without the prior and with the rays of block a0 switched off nothing determines it
-    rays = records[0]
-    active = rays.active & (rays.touches[0][1] != 0)
-    off = type(rays)(rays.name, rays.touches, rays.evaluate, rays.whitener, active)
+    off = _switched_off(records, 0, 0)
     with pytest.raises(GeometryError, match="a0"):
+        adjust_large(unknowns, (off,), start)
+
+
+def test_an_open_kept_unknown_of_a_large_problem_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    _many_fronts(monkeypatch)
+    monkeypatch.setattr("aatri.adjustment.diagnosis.WHOLE", 0)
+    unknowns, records, start = made_problem(3, n_kept=14, n_points=40)
+    off = _switched_off(records, 0, 5)
+    with pytest.raises(GeometryError, match="a5"):
         adjust_large(unknowns, (off,), start)
 
 
 def test_an_open_point_is_named() -> None:
     unknowns, records, start = made_problem()
-    rays = records[0]
-    active = rays.active & (rays.touches[1][1] != 9)
-    off = type(rays)(rays.name, rays.touches, rays.evaluate, rays.whitener, active)
+    off = _switched_off(records, 1, 9)
     with pytest.raises(GeometryError, match="p p9"):
         adjust_large(unknowns, (off, records[1]), start)
 

@@ -5,30 +5,36 @@ from __future__ import annotations
 from numba import njit
 
 
-@njit("void(float64[::1,:], float64[::1], int64, int32[::1], float64[::1,:], float64[::1])", nogil=True, cache=True)
-def extend_add(child, child_g, panel, row, F, g):  # type: ignore[no-untyped-def]
+@njit(
+    "void(float64[::1,:], float64[::1], float64[::1], int64, int32[::1], float64[::1,:], float64[::1], float64[::1])",
+    nogil=True,
+    cache=True,
+)
+def extend_add(child, child_g, child_d, panel, row, F, g, d):
     """Add the updated boundary of a child's front to its parent's.
 
     Parameters
     ----------
     child : (n, n) float64, column-major
         Front of the child after its panel of `panel` columns has been eliminated.
-    child_g : (n,) float64
+    child_g, child_d : (n,) float64
+        Gradient and diagonal of the child.
     row : (n - panel,) int32
         Ascending rows of the parent's front.
-    F, g
-        Front and gradient of the parent.
+    F, g, d
+        Front, gradient and diagonal of the parent.
     """
     n = len(row)
     for j in range(n):
         column = row[j]
         g[column] += child_g[panel + j]
+        d[column] += child_d[panel + j]
         for i in range(j, n):
             F[row[i], column] += child[panel + i, panel + j]
 
 
-@njit("float64(int64, int64, float64[:,::1], float64[:,:,::1], int32[:,::1], int32[::1], int32[::1], float64[::1,:], float64[::1], float64[::1])", nogil=True, cache=True)  # fmt: skip  # noqa: E501
-def add_records(r0, r1, v, A, loc, part_size, part_start, F, g, diagonal):  # type: ignore[no-untyped-def]
+@njit("float64(int64, int64, float64[:,::1], float64[:,:,::1], int32[:,::1], int32[::1], int32[::1], float64[::1,:], float64[::1], float64[::1])", nogil=True, cache=True)  # fmt: skip
+def add_records(r0, r1, v, A, loc, part_size, part_start, F, g, diagonal):
     """Add records r0 ... r1 - 1 of kept unknowns to a front; returns the sum of squares of v.
 
     Parameters

@@ -18,7 +18,7 @@ _SIGNATURE = (
 
 
 @njit(_SIGNATURE, nogil=True, cache=True)
-def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):  # type: ignore[no-untyped-def]
+def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 
     Parameters

@@ -39,7 +39,7 @@ GENERAL = (
 @njit(
     "boolean(float64[:,::1], float64[::1], float64[::1], float64, float64[::1], float64[::1])", nogil=True, cache=True
 )
-def block_factor(D, h, free, damping, L, y):  # type: ignore[no-untyped-def]
+def block_factor(D, h, free, damping, L, y):
     """Cholesky factor of a 3x3 block, L as (l00, l10, l20, l11, l21, l22), and y = L^-1 h; False if not positive."""
     for a in range(3):
         if free[a] == 0.0:
@@ -72,7 +72,7 @@ def block_factor(D, h, free, damping, L, y):  # type: ignore[no-untyped-def]
 
 
 @njit(POSE, nogil=True, cache=True)
-def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest):  # type: ignore[no-untyped-def]
+def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest):
     """Eliminate the blocks p0 ... p1 - 1, two residuals and six kept unknowns a ray.
 
     Parameters
@@ -176,7 +176,7 @@ def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping,
 @njit(GENERAL, nogil=True, cache=True)
 def eliminate(
     p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest
-):  # type: ignore[no-untyped-def]  # noqa: E501
+):
     """As `eliminate_pose`, for any number of residuals and parts of any size.
 
     Parameters
@@ -269,8 +269,8 @@ def eliminate(
     return cost
 
 
-@njit("void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])", nogil=True, cache=True)  # fmt: skip  # noqa: E501
-def substitute(p0, p1, base, ray_start, A, B, column, dx, free, Ls, ys, dy):  # type: ignore[no-untyped-def]
+@njit("void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])", nogil=True, cache=True)  # fmt: skip
+def substitute(p0, p1, base, ray_start, A, B, column, dx, free, Ls, ys, dy):
     """Steps of the eliminated blocks: dy = -L^-T (y + L^-1 sum B' A dx).
 
     Parameters

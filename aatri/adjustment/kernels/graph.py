@@ -13,7 +13,7 @@ SIGNATURE = "Tuple((int64[::1], int32[::1]))(int64, int64[::1], int32[::1], int6
 
 
 @njit(SIGNATURE, nogil=True, cache=True)
-def neighbours(n, group_start, member, vertex_start, group_of):  # type: ignore[no-untyped-def]
+def neighbours(n, group_start, member, vertex_start, group_of):
     """Adjacency lists in compressed form.
 
     Parameters
@@ -63,7 +63,7 @@ def neighbours(n, group_start, member, vertex_start, group_of):  # type: ignore[
 
 
 @njit("Tuple((int64[::1], int64[::1]))(int64, int32[::1])", nogil=True, cache=True)
-def counting_order(n, key):  # type: ignore[no-untyped-def]
+def counting_order(n, key):
     """Stable order of items by a small integer key, and where each key starts.
 
     Returns

@@ -1,1 +1,1 @@
-"""Every compiled function of the package."""
+"""Compiled lanes of the observation types."""

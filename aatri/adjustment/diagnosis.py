@@ -1,0 +1,98 @@
+"""What the observations leave open, by name.
+
+A pivot that vanishes says that something is not determined, but not what: the null vectors of the normal matrix do.
+Problems of moderate size are analysed as a whole, by the eigenvectors of the reduced matrix scaled to unit diagonal;
+in larger ones the null vector of the leading part that ends at the first vanishing pivot is found by back substitution.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment import lapack
+from aatri.adjustment.fronts import Factored, Problem
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
+from aatri.adjustment.reference import reduced_matrix
+from aatri.adjustment.unknowns import State
+from aatri.errors import GeometryError
+
+Float = npt.NDArray[np.float64]
+
+WHOLE = 3000
+"""Up to this many kept unknowns the whole matrix is analysed."""
+
+
+def refuse_undetermined(problem: Problem, state: State, factored: Factored) -> None:
+    """Raise the error that names what is not determined.
+
+    Raises
+    ------
+    GeometryError
+    """
+    _refuse_blocks(problem, factored)
+    defect, vectors = _null_vectors(problem, state, factored)
+    texts = [_described(problem, vector) for vector in vectors.T[:7]]
+    more = f" and {defect - len(texts)} more" if defect > len(texts) else ""
+    raise GeometryError(f"the observations leave {defect} unknown(s) open: {'; '.join(texts)}{more}")
+
+
+def _refuse_blocks(problem: Problem, factored: Factored) -> None:
+    weak = np.flatnonzero(factored.determined == 0)
+    if not len(weak) or problem.rays is None:
+        return
+    group = next(u for u in problem.unknowns if u.eliminated)
+    names = [f"{group.name} {group.ids[k]}" for k in np.sort(problem.rays.block[weak])]
+    more = f" and {len(names) - 10} more" if len(names) > 10 else ""
+    raise GeometryError(
+        f"{len(names)} of {len(group.ids)} are not determined by their observations: {', '.join(names[:10])}{more}",
+        remedy="give them more rays or known coordinates, or leave them out",
+    )
+
+
+def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[int, Float]:
+    """Number of defects and null vectors in scaled unknowns, (n_kept, k)."""
+    layout = problem.layout
+    if layout.n_kept <= WHOLE:
+        N = reduced_matrix(problem.unknowns, problem.records, layout, state)
+        diagonal = np.diagonal(N).copy()
+        diagonal[~(diagonal > 0)] = 1.0
+        values, vectors = np.linalg.eigh(N / np.sqrt(np.outer(diagonal, diagonal)))
+        open_ = (values < RANK_TOLERANCE * len(values)) | (values <= values[0])
+        return int(open_.sum()), np.asarray(vectors[:, open_])
+    return len(factored.weak), _leading_null_vector(problem, factored)
+
+
+def _leading_null_vector(problem: Problem, factored: Factored) -> Float:
+    """Null vector of the unknowns eliminated up to the first vanishing pivot."""
+    k, row = factored.weak[0]
+    x = np.zeros(problem.layout.n_kept)
+    for j in range(k, -1, -1):
+        node = problem.tree.nodes[j]
+        front = np.concatenate([np.zeros(node.panel), x[node.columns[node.panel :]]])
+        panel = factored.panels[j]
+        if j == k:
+            leading = np.array(panel[: row + 1, :row], order="F")
+            part = np.append(np.zeros(row), 1.0)
+            if row:
+                lapack.backward(leading, part)
+            front[: row + 1] = part
+        elif node.panel:
+            lapack.backward(panel, front)
+        x[node.columns[: node.panel]] = front[: node.panel]
+    scale = np.where(factored.diagonal > 0, np.sqrt(np.maximum(factored.diagonal, 0.0)), 1.0)
+    return np.asarray((x * scale)[:, None])
+
+
+def _described(problem: Problem, vector: Float) -> str:
+    """The unknowns with the largest share in a null vector."""
+    largest = np.argsort(-np.abs(vector), kind="stable")[:4]
+    members = [c for c in largest if abs(vector[c]) > 0.3 * abs(vector[largest[0]])]
+    names = {}
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        for c in members:
+            at = np.argwhere(columns == c)
+            if len(at):
+                names[c] = u.label(int(at[0][0]), int(at[0][1]))
+    return " with ".join(names.get(c, f"unknown {c}") for c in members)

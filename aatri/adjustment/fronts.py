@@ -1,0 +1,300 @@
+"""Normalise while eliminating, front by front.
+
+Each node's front receives the records and eliminated blocks that belong to it and the updates of its children; its
+own unknowns are eliminated by a dense Cholesky factorisation, and what remains goes to its parent. Subtrees are
+independent: they run in parallel, one BLAS thread each; the top of the tree, where fronts are large and few, runs one
+after the other with all BLAS threads. Sums have one fixed order whatever the number of threads.
+
+Held scalars have a unit row. Levenberg-Marquardt damping adds `damping` times the diagonal of the undamped matrix.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from threadpoolctl import ThreadpoolController
+
+from aatri.adjustment import lapack
+from aatri.adjustment.index import KeptRecords, Rays, part_columns
+from aatri.adjustment.kernels.assemble import add_records, extend_add
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate, eliminate_pose
+from aatri.adjustment.layout import Layout
+from aatri.adjustment.records import Fill, Records, in_order, whitened
+from aatri.adjustment.tree import Node, Tree
+from aatri.adjustment.unknowns import State, Unknowns
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+CHUNK = 4096
+"""Rays linearised at once: their Jacobians stay in the cache."""
+
+THREADED_FLOPS = 5e8
+"""Fronts with more work than this are factorised by several BLAS threads."""
+
+RAY_FLOPS = 3000.0
+"""Work of one ray against that of the factorisation, for sharing out the subtrees."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An adjustment problem with its index: made once, used in every iteration.
+
+    Attributes
+    ----------
+    unknowns, records
+    layout : Layout
+    tree : Tree
+    rays : Rays or None
+    kept : tuple of KeptRecords
+    direct : tuple of (Records, rows (n,), block in order (n,))
+        Records that touch one eliminated block and nothing else.
+    block_free : (n_blocks, 3) float64
+        1 where a scalar of an eliminated block is free, in the order of the rays' blocks.
+    threads : int
+    reproducible : bool
+        The same bits for any number of threads: one BLAS thread throughout.
+    """
+
+    unknowns: tuple[Unknowns, ...]
+    records: tuple[Records, ...]
+    layout: Layout
+    tree: Tree
+    rays: Rays | None
+    kept: tuple[KeptRecords, ...]
+    direct: tuple[tuple[Records, Int, Int], ...]
+    block_free: Float
+    threads: int
+    reproducible: bool
+
+    @cached_property
+    def ray_lane(self) -> Callable[[State], Fill]:
+        """The rays' observation type in the order of the rays."""
+        assert self.rays is not None
+        return in_order(self.rays.records, self.rays.rows)
+
+
+@dataclass
+class Factored:
+    """A factorised linearisation.
+
+    Attributes
+    ----------
+    panels : list of (n, m) float64
+        L11 and L21 of each node.
+    y : list of (m,) float64
+        Forward-substituted gradient of each node.
+    block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
+    determined : (n_blocks,) float64
+        0 where an eliminated block is not determined.
+    diagonal : (n_kept,) float64
+        Diagonal of A'A.
+    weak : list of (node, row)
+        First pivot of each front that is not positive.
+    cost : float
+    damping : float
+    """
+
+    panels: list[Float]
+    y: list[Float]
+    block_factor: Float
+    block_y: Float
+    determined: Float
+    diagonal: Float
+    weak: list[tuple[int, int]]
+    cost: float
+    damping: float
+
+    @property
+    def decrease(self) -> float:
+        """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
+        return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
+
+
+def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
+    """Linearise at a state, form and factorise the normal equations."""
+    work = _Work(problem, state, damping)
+    tasks, top = _share_out(problem)
+    control = ThreadpoolController()
+    with control.limit(limits=1, user_api="blas"):
+        if problem.threads > 1 and len(tasks) > 1:
+            with ThreadPoolExecutor(problem.threads) as pool:
+                list(pool.map(work.run, tasks))
+        else:
+            for nodes in tasks:
+                work.run(nodes)
+    with control.limit(limits=blas_threads(problem, top), user_api="blas"):
+        work.run(top)
+    return work.result()
+
+
+def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
+    """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
+    largest = max((problem.tree.nodes[k].flops for k in nodes), default=0.0)
+    return problem.threads if largest > THREADED_FLOPS and not problem.reproducible else 1
+
+
+class _Work:
+    """State of one factorisation; `node` may run in any thread once its children are done."""
+
+    def __init__(self, problem: Problem, state: State, damping: float) -> None:
+        self.problem, self.damping = problem, damping
+        n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
+        self.panels: list[Float] = [np.zeros((0, 0))] * n_nodes
+        self.y: list[Float] = [np.zeros(0)] * n_nodes
+        self.updates: list[tuple[Float, Float, Float] | None] = [None] * n_nodes
+        self.cost = np.zeros(n_nodes + 1)
+        self.weak: list[int] = [-1] * n_nodes
+        self.diagonal = np.zeros(problem.layout.n_kept)
+        self.block_factor, self.block_y = np.ones((n_blocks, 6)), np.zeros((n_blocks, 3))
+        self.determined = np.ones(n_blocks)
+        self.D0, self.h0 = np.zeros((n_blocks, 3, 3)), np.zeros((n_blocks, 3))
+        self._direct(state)
+        self.fill = problem.ray_lane(state) if problem.rays is not None else None
+        self.kept = [(k, *_side_by_side(k, problem.layout, state)) for k in problem.kept]
+
+    def _direct(self, state: State) -> None:
+        for records, rows, block in self.problem.direct:
+            v, (J,) = whitened(records, state, rows)
+            J = J * self.problem.block_free[block][:, None, :]
+            np.add.at(self.D0, block, np.einsum("nki,nkj->nij", J, J))
+            np.add.at(self.h0, block, np.einsum("nki,nk->ni", J, v))
+            self.cost[-1] += float((v**2).sum())
+
+    def run(self, nodes: list[int]) -> None:
+        """Work on some nodes in their order."""
+        for k in nodes:
+            self.node(k)
+
+    def node(self, k: int) -> None:
+        """Assemble, factorise and pass on one front."""
+        node = self.problem.tree.nodes[k]
+        n, m = node.size, node.panel
+        F, g, d = np.zeros((n, n), order="F"), np.zeros(n), np.zeros(n)
+        for records, v, A in self.kept:
+            first, last = int(records.first[k]), int(records.first[k + 1])
+            if last > first:
+                p = records.parts
+                self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
+        if self.problem.rays is not None:
+            self._blocks(k, node, F, g, d)
+        for child in node.children:
+            update = self.updates[child]
+            assert update is not None
+            panel = self.problem.tree.nodes[child].panel
+            extend_add(*update, panel, self.problem.tree.maps[child], F, g, d)
+            self.updates[child] = None
+        held = self.problem.layout.held[node.columns[:m]]
+        i = np.arange(m)
+        F[i, i] += np.where(held, 1.0, self.damping * d[:m])
+        if m:
+            self._eliminate(k, node, F, g, d, held)
+        self.updates[k] = (F, g, d) if n > m else None
+
+    def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: npt.NDArray[np.bool_]) -> None:
+        m = node.panel
+        info = lapack.cholesky_panel(F, m)
+        pivot = np.diagonal(F)[:m] ** 2
+        weak = np.flatnonzero(~held & ~(pivot > RANK_TOLERANCE * d[:m]))
+        if info or len(weak):
+            self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
+        self.panels[k] = np.array(F[:, :m], order="F")
+        self.diagonal[node.columns[:m]] = d[:m]
+        lapack.forward(self.panels[k], g)
+        self.y[k] = g[:m].copy()
+
+    def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float) -> None:
+        rays = self.problem.rays
+        assert rays is not None
+        assert self.fill is not None
+        common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
+                  self.block_factor, self.block_y, self.determined)  # fmt: skip
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, k, node):
+            base = int(rays.ray_start[p0])
+            loc = rays.loc[base : int(rays.ray_start[p1])]
+            if len(rays.parts.size) == 1 and A.shape[1:] == (2, 6):
+                self.cost[k] += eliminate_pose(p0, p1, base, rays.ray_start, v, A, B, loc, *common)
+            else:
+                parts = rays.parts
+                self.cost[k] += eliminate(p0, p1, base, rays.ray_start, v, A, B, loc, parts.size, parts.start, *common)
+
+    def result(self) -> Factored:
+        """All that later steps need."""
+        weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
+        return Factored(self.panels, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak,
+                        float(self.cost.sum()), self.damping)  # fmt: skip
+
+
+Chunk = tuple[int, int, Float, Float, Float]
+
+
+def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chunk]:
+    """Linearised rays of the blocks of a node, in chunks: first and last block, v, A, B."""
+    rays = problem.rays
+    assert rays is not None
+    records = rays.records
+    widths = [next(u.size for u in problem.unknowns if u.name == g) for g, _ in records.touches]
+    is_block = [g == problem.layout.eliminated for g, _ in records.touches]
+    any_held = bool(problem.layout.held[node.columns].any())
+    p0, end = int(rays.first[k]), int(rays.first[k + 1])
+    while p0 < end:
+        p1 = int(np.searchsorted(rays.ray_start, rays.ray_start[p0] + CHUNK, side="right")) - 1
+        p1 = min(max(p1, p0 + 1), end)
+        first, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+        v = np.empty((last - first, records.rows))
+        J = tuple(np.empty((last - first, records.rows, w)) for w in widths)
+        fill(first, last, v, J)
+        kept = [j for j, block in zip(J, is_block) if not block]
+        A = kept[0] if len(kept) == 1 else np.concatenate(kept, axis=2)
+        if any_held:
+            A = A * (part_columns(rays.parts, problem.layout, slice(first, last)) >= 0)[:, None, :]
+        yield p0, p1, v, np.ascontiguousarray(A), next(j for j, block in zip(J, is_block) if block)
+        p0 = p1
+
+
+def _side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
+    """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held."""
+    v, jacobians = whitened(kept.records, state, kept.rows)
+    free = part_columns(kept.parts, layout) >= 0
+    return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])
+
+
+def _share_out(problem: Problem) -> tuple[list[list[int]], list[int]]:
+    """Subtrees to run in parallel, each a list of nodes in order, and the nodes above them."""
+    nodes, rays = problem.tree.nodes, problem.rays
+    count = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])
+    own = np.array([node.flops for node in nodes]) + RAY_FLOPS * count
+    total = own.copy()
+    for k, node in enumerate(nodes):
+        total[k] += sum(total[c] for c in node.children)
+    limit = total.max(initial=0.0) / (4 * problem.threads)
+    heads, top, queue = [], [], [k for k, node in enumerate(nodes) if node.parent < 0]
+    while queue:
+        k = queue.pop()
+        if nodes[k].children and total[k] > limit:
+            top.append(k)
+            queue += nodes[k].children
+        else:
+            heads.append(k)
+    heads.sort(key=lambda k: -total[k])
+    return [_subtree(nodes, k) for k in heads], sorted(top)
+
+
+def _subtree(nodes: Sequence[Node], k: int) -> list[int]:
+    found, queue = [], [k]
+    while queue:
+        j = queue.pop()
+        found.append(j)
+        queue += nodes[j].children
+    return sorted(found)
+
+
+def default_threads() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

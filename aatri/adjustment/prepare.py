@@ -1,0 +1,137 @@
+"""From unknowns and records to a problem with its index: graph, order, tree, places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.fronts import Problem, default_threads
+from aatri.adjustment.index import Parts, group_sizes, index_kept, index_rays, parts_of
+from aatri.adjustment.kernels.graph import counting_order, neighbours
+from aatri.adjustment.layout import Layout, layout_of, ray_records
+from aatri.adjustment.ordering import Graph, OrderedNode, chain, nested_dissection
+from aatri.adjustment.records import Records
+from aatri.adjustment.tree import build_tree
+from aatri.adjustment.unknowns import Unknowns
+
+Int = npt.NDArray[np.integer]
+Ordering = Literal["nested_dissection", "across_strips", "along_strips"]
+
+DENSE_VERTICES = 80
+"""Up to this many vertices (some 500 unknowns) everything is one front."""
+
+
+def prepare(
+    unknowns: Sequence[Unknowns],
+    records: Sequence[Records],
+    *,
+    ordering: Ordering = "nested_dissection",
+    threads: int | None = None,
+    reproducible: bool = False,
+) -> Problem:
+    """Index a problem.
+
+    Parameters
+    ----------
+    unknowns, records
+    ordering : str
+        `nested_dissection`, or the chains `across_strips` and `along_strips`: by the second or the first coordinate of
+        the blocks' positions.
+    threads : int, optional
+        Default: all processors.
+    reproducible : bool
+        The same bits for any number of threads.
+    """
+    layout = layout_of(unknowns, records)
+    sizes = group_sizes(unknowns)
+    rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
+    kept, direct = _sorted_out(records, rays_of, layout)
+    graph = _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], rays_of, sizes)
+    tree = build_tree(graph, _order(graph, layout, ordering), layout.size, layout.start)
+    rays = index_rays(rays_of, layout, tree, sizes) if rays_of is not None else None
+    free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
+    return Problem(
+        tuple(unknowns),
+        tuple(records),
+        layout,
+        tree,
+        rays,
+        tuple(index_kept(r, rows, layout, tree, sizes) for r, rows in kept),
+        tuple((r, rows, position[layout.block[blocks]]) for r, rows, blocks in direct),
+        free,
+        threads or default_threads(),
+        reproducible,
+    )
+
+
+def _sorted_out(
+    records: Sequence[Records], rays: Records | None, layout: Layout
+) -> tuple[list[tuple[Records, Int]], list[tuple[Records, Int, Int]]]:
+    """Records of kept unknowns alone, and those of one eliminated block alone."""
+    kept: list[tuple[Records, Int]] = []
+    direct: list[tuple[Records, Int, Int]] = []
+    for r in records:
+        eliminated = np.zeros(len(r.active), dtype=bool)
+        for group, blocks in r.touches:
+            if group == layout.eliminated:
+                eliminated |= layout.block[blocks] >= 0
+        own = np.flatnonzero(r.active & ~eliminated)
+        if len(own):
+            kept.append((r, own))
+        if r is not rays and eliminated.any():
+            rows = np.flatnonzero(r.active & eliminated)
+            direct.append((r, rows, r.touches[0][1][rows]))
+    return kept, direct
+
+
+def _block_status(unknowns: Sequence[Unknowns], layout: Layout, block: Int | None) -> tuple[np.ndarray, Int]:
+    """Free scalars of the eliminated blocks in the order of the rays' blocks, and the place of each block number."""
+    if not layout.eliminated:
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    group = next(u for u in unknowns if u.eliminated)
+    original = np.flatnonzero(layout.block >= 0) if block is None else block
+    position = np.empty(len(original), dtype=np.int64)
+    position[layout.block[original]] = np.arange(len(original))
+    return np.ascontiguousarray(group.free[original], dtype=np.float64), position
+
+
+def _graph(layout: Layout, kept: list[Parts], rays: Records | None, sizes: dict[str, int]) -> Graph:
+    """Vertices that some record or eliminated block meets together."""
+    n = len(layout.size)
+    member, group, first = [], [], 0
+    if rays is not None:
+        blocks = next(b for g, b in rays.touches if g == layout.eliminated)
+        rows = np.flatnonzero(rays.active & (layout.block[blocks] >= 0))
+        vertex = parts_of(rays, rows, layout, sizes).vertex
+        member.append(vertex.ravel())
+        group.append(np.repeat(layout.block[blocks[rows]], vertex.shape[1]))
+        first = int(layout.block.max(initial=-1)) + 1
+    for parts in kept:
+        count, width = parts.vertex.shape
+        if width < 2:
+            continue
+        member.append(parts.vertex.ravel())
+        group.append(np.repeat(first + np.arange(count), width))
+        first += count
+    if not member:
+        return Graph(np.zeros(n + 1, dtype=np.int64), np.zeros(0, dtype=np.int32))
+    members, groups = np.concatenate(member).astype(np.int32), np.concatenate(group).astype(np.int32)
+    known = members >= 0
+    members, groups = members[known], groups[known]
+    start, order = counting_order(first, groups)
+    vertex_start, vertex_order = counting_order(n, members)
+    found = neighbours(n, start, members[order], vertex_start, groups[vertex_order])
+    return Graph(*found)
+
+
+def _order(graph: Graph, layout: Layout, ordering: Ordering) -> list[OrderedNode]:
+    if graph.n <= DENSE_VERTICES:
+        return [OrderedNode(np.arange(graph.n), ())]
+    if ordering == "nested_dissection":
+        return nested_dissection(graph, layout.position)
+    axis = 0 if ordering == "across_strips" else 1
+    place = np.where(np.isfinite(layout.position), layout.position, np.inf)
+    return chain(graph, np.lexsort((place[:, 1 - axis], place[:, axis])))

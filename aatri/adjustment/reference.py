@@ -1,0 +1,71 @@
+"""Dense reference: the Jacobian of all unknowns as one matrix, for small problems, diagnosis and tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.layout import Layout
+from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.unknowns import State, Unknowns
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+def dense_jacobian(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> tuple[Float, Float]:
+    """Whitened Jacobian of the free unknowns, group by group, and residuals.
+
+    Returns
+    -------
+    J : (m, u) float64
+    v : (m,) float64
+    """
+    first, columns = 0, {}
+    for u in unknowns:
+        number = first + np.cumsum(u.free.ravel()).reshape(u.free.shape) - 1
+        columns[u.name] = np.where(u.free, number, -1)
+        first += int(u.free.sum())
+    parts = []
+    for r in records:
+        v, jacobians = whitened(r, state, np.arange(len(r.active)))
+        J = np.zeros((*v.shape, first + 1))
+        n, m = np.indices(v.shape)
+        for (group, blocks), part in zip(r.touches, jacobians):
+            target = columns[group][blocks]
+            for scalar in range(part.shape[2]):
+                J[n, m, target[:, None, scalar]] += part[:, :, scalar]
+        parts.append((J[:, :, :first].reshape(-1, first), v.ravel()))
+    return np.concatenate([J for J, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def free_columns(unknowns: Sequence[Unknowns]) -> dict[str, Int]:
+    """Column of every free scalar in `dense_jacobian`, (n, k) per group; -1 where held."""
+    first, columns = 0, {}
+    for u in unknowns:
+        number = first + np.cumsum(u.free.ravel()).reshape(u.free.shape) - 1
+        columns[u.name] = np.where(u.free, number, -1)
+        first += int(u.free.sum())
+    return columns
+
+
+def reduced_matrix(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout, state: State) -> Float:
+    """Normal matrix of the kept unknowns after elimination, in the layout's columns; held ones have zero rows."""
+    J, _ = dense_jacobian(unknowns, records, state)
+    columns = free_columns(unknowns)
+    kept, place, gone = [], [], []
+    for u in unknowns:
+        target = layout.columns(u.name, u.size)
+        free = columns[u.name] >= 0
+        stays = free & (target >= 0)
+        kept.append(columns[u.name][stays])
+        place.append(target[stays])
+        gone.append(columns[u.name][free & (target < 0)])
+    A, E = J[:, np.concatenate(kept)], J[:, np.concatenate(gone)]
+    projected = A - E @ np.linalg.lstsq(E, A, rcond=None)[0] if E.shape[1] else A
+    N = np.zeros((layout.n_kept, layout.n_kept))
+    target = np.concatenate(place)
+    N[np.ix_(target, target)] = projected.T @ projected
+    return N

@@ -1,0 +1,217 @@
+"""Significance, determinability and correlation of a group of parameters.
+
+Of estimates p with covariance C, prior values of zero with weights P0 = diag(1/sigma_prior^2):
+
+    data share    r_i = 1 - C_ii / sigma_prior_i^2       redundancy of the pseudo-observation: 1 data, 0 prior
+    t test        t_i = p_i / (s0 sqrt(V_ii)),           V = C - C P0 C, covariance of p if all true values are zero
+    joint test    F = p' V^+ p / (rank V  s0^2)
+    correlation   rho_ij = C_ij / sqrt(C_ii C_jj)
+    total         rho_i^2 = 1 - 1 / (C_ii (C^-1)_ii)     of one parameter with all others
+
+Without prior V = C and r = 1. t is compared with Student's distribution of `redundancy` degrees of freedom, F with
+Fisher's; with sigma0 known these are the normal and the chi-square distribution.
+
+Source: Gruen 1980, Precision and reliability aspects in close-range photogrammetry; Koch, Parameter Estimation, ch. 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+LEVELS = (0.90, 0.95, 0.99)
+"""Correlations are reported from the first of these on, in these classes."""
+
+INSEPARABLE = 0.999
+"""Two parameters correlated like this cannot be told apart."""
+
+UNDETERMINED_SHARE = 0.1
+"""Below this data share a value is that of its prior."""
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Estimates of one group of parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : (s,) float64
+    covariance : (s, s) float64
+        A priori, without sigma0; NaN where a parameter is not determined.
+    prior_sigma : (s,) float64
+        Of the pseudo-observation of zero; infinite without.
+    sigma0 : float
+        Factor of the standard deviations: 1 a priori.
+    redundancy : float
+        Degrees of freedom of sigma0; infinite if it is known.
+    """
+
+    names: tuple[str, ...]
+    values: Float
+    covariance: Float
+    prior_sigma: Float
+    sigma0: float = 1.0
+    redundancy: float = np.inf
+
+
+@dataclass(frozen=True)
+class ParameterTests:
+    """Tests of single parameters, one row each.
+
+    Attributes
+    ----------
+    sigma : (s,) float64
+        Standard deviation, sigma0 applied.
+    data_share : (s,) float64
+        Share of the value that comes from the data; NaN undetermined.
+    t : (s,) float64
+        Test statistic; NaN where the data share is below `UNDETERMINED_SHARE`.
+    p_value : (s,) float64
+        Probability of a larger |t| if the true value is zero.
+    significant : (s,) bool
+    """
+
+    sigma: Float
+    data_share: Float
+    t: Float
+    p_value: Float
+    significant: Bool
+
+
+@dataclass(frozen=True)
+class JointTest:
+    """Test of several parameters together."""
+
+    statistic: float
+    parameters: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class CorrelatedPair:
+    """Two parameters with a high correlation; `level` is the highest of `LEVELS` it reaches."""
+
+    first: str
+    second: str
+    correlation: float
+    level: float
+
+
+def estimates(
+    names: Sequence[str], values: Float, covariance: Float, prior_sigma: Float | None = None, *,
+    sigma0: float = 1.0, redundancy: float = np.inf,
+) -> Estimates:  # fmt: skip
+    """Estimates with checked shapes; without `prior_sigma` no parameter has a prior."""
+    n = len(names)
+    prior = np.full(n, np.inf) if prior_sigma is None else np.asarray(prior_sigma, dtype=np.float64)
+    if values.shape != (n,) or covariance.shape != (n, n) or prior.shape != (n,):
+        raise ValueError(f"{n} names, values {values.shape}, covariance {covariance.shape}, priors {prior.shape}")
+    return Estimates(tuple(names), values, covariance, prior, sigma0, redundancy)
+
+
+def parameter_tests(e: Estimates, alpha: float = 0.05) -> ParameterTests:
+    """Test every parameter by itself.
+
+    Parameters
+    ----------
+    alpha : float
+        Level of significance, two-sided.
+    """
+    variance = np.diag(e.covariance)
+    known = np.isfinite(variance) & (variance > 0)
+    share = np.where(known, 1.0 - np.where(known, variance, 0.0) / e.prior_sigma**2, np.nan)
+    spread = np.diag(_spread_under_zero(e))
+    testable = known & (share >= UNDETERMINED_SHARE)
+    scale = e.sigma0 * np.sqrt(np.where(testable, spread, 1.0))
+    t = np.where(testable, e.values / scale, np.nan)
+    p_value = np.where(testable, 2 * _student(e.redundancy).sf(np.abs(np.where(testable, t, 0.0))), np.nan)
+    sigma = np.where(known, e.sigma0 * np.sqrt(np.where(known, variance, 0.0)), np.nan)
+    return ParameterTests(sigma, share, t, p_value, testable & (np.where(testable, p_value, 1.0) <= alpha))
+
+
+def joint_test(e: Estimates, names: Collection[str] | None = None) -> JointTest:
+    """Test several parameters together (all, unless named): is any of them different from zero?"""
+    rows = [i for i, name in enumerate(e.names) if names is None or name in names]
+    rows = [i for i in rows if np.isfinite(e.covariance[i, i])]
+    spread = _spread_under_zero(e)[np.ix_(rows, rows)]
+    scale = np.sqrt(np.maximum(np.diag(spread), np.finfo(float).tiny))
+    eigenvalues, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
+    used = eigenvalues > 1e-10
+    rank = int(used.sum())
+    if rank == 0:
+        return JointTest(np.nan, 0, np.nan)
+    standard = (vectors.T @ (e.values[rows] / scale))[used] / np.sqrt(eigenvalues[used])
+    statistic = float(standard @ standard) / rank / e.sigma0**2
+    if np.isinf(e.redundancy):
+        return JointTest(statistic, rank, float(stats.chi2.sf(statistic * rank, rank)))
+    return JointTest(statistic, rank, float(stats.f.sf(statistic, rank, e.redundancy)))
+
+
+def correlations(e: Estimates) -> Float:
+    """Correlation matrix, (s, s); NaN where a parameter is not determined."""
+    variance = np.diag(e.covariance)
+    sigma = np.sqrt(np.where(variance > 0, variance, np.nan))
+    return np.asarray(e.covariance / np.outer(sigma, sigma))
+
+
+def correlated_pairs(e: Estimates, limit: float = LEVELS[0]) -> list[CorrelatedPair]:
+    """Pairs of parameters with |correlation| of at least the limit, the highest first."""
+    rho = np.triu(correlations(e), 1)
+    return _pairs(rho, e.names, e.names, limit)
+
+
+def correlated_with_others(
+    e: Estimates, cross_covariance: Float, other_variance: Float, other_names: Sequence[str], limit: float = LEVELS[0]
+) -> list[CorrelatedPair]:
+    """Pairs of a parameter and an unknown outside the group, as the principal distance and a Z0.
+
+    Parameters
+    ----------
+    cross_covariance : (s, k) float64
+    other_variance : (k,) float64
+    other_names : sequence of str
+    """
+    rho = cross_covariance / np.sqrt(np.outer(np.diag(e.covariance), other_variance))
+    return _pairs(rho, e.names, other_names, limit)
+
+
+def total_correlations(e: Estimates) -> Float:
+    """Correlation of each parameter with all others together, (s,); 1 if it is a combination of them."""
+    rho = correlations(e)
+    known = np.isfinite(np.diag(rho))
+    inner = rho[np.ix_(known, known)]
+    total = np.full(len(rho), np.nan)
+    inverse = np.diag(np.linalg.pinv(inner, rcond=1e-14, hermitian=True))
+    total[known] = np.sqrt(np.clip(1.0 - 1.0 / np.maximum(inverse, 1.0), 0.0, 1.0))
+    return total
+
+
+def _spread_under_zero(e: Estimates) -> Float:
+    """V = C - C P0 C; rows of undetermined parameters stay NaN."""
+    known = np.isfinite(np.diag(e.covariance))
+    C = np.where(np.outer(known, known), e.covariance, 0.0)
+    spread = C - (C / e.prior_sigma**2) @ C
+    return np.where(np.outer(known, known), spread, np.nan)
+
+
+def _student(redundancy: float) -> stats.rv_continuous:
+    return stats.norm() if np.isinf(redundancy) else stats.t(redundancy)
+
+
+def _pairs(rho: Float, first: Sequence[str], second: Sequence[str], limit: float) -> list[CorrelatedPair]:
+    size = np.where(np.isfinite(rho), np.abs(rho), 0.0)
+    rows, columns = np.nonzero(size >= limit)
+    order = np.argsort(-size[rows, columns], kind="stable")
+    found = []
+    for i, j in zip(rows[order], columns[order]):
+        level = max((bound for bound in LEVELS if size[i, j] >= bound), default=limit)
+        found.append(CorrelatedPair(first[i], second[j], float(rho[i, j]), level))
+    return found
