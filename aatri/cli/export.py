@@ -1,4 +1,4 @@
-"""`aatri export`: artifacts as tables."""
+"""`aatri export`: artifacts as tables, a pipeline as a script for SLURM."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from aatri.cli.console import narrate, reports_errors, say
 from aatri.cli.locate import Run, find_run, split_stage
-from aatri.errors import ArtifactError, SpecError
+from aatri.errors import ArtifactError, ResourceError, SpecError
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -20,17 +20,20 @@ class Form(StrEnum):
     """Forms that artifacts can be exported to."""
 
     tables = "tables"
+    slurm = "slurm"
 
 
 @reports_errors
 def export(
     what: Annotated[str, typer.Argument(metavar="RUN[:STAGE]", help="Without STAGE the last Solution.")],
     form: Annotated[Form, typer.Argument(help="Form of the export.")],
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Export a Solution or a Block as CSV tables."""
-    del form  # there is one so far
+    """Export a Solution or a Block as CSV tables, or a pipeline as a script that submits its stages to SLURM."""
+    if form is Form.slurm:
+        _write_script(Path(what), folder, overwrite=overwrite)
+        return
     path, stage = split_stage(what)
     run = find_run(path)
     name = run.stage(stage)["stage"] if stage else _last_solution(run)
@@ -41,6 +44,22 @@ def export(
     _write(run, name, folder)
     narrate(f"{name} of {run.folder} written as tables")
     say(str(folder))
+
+
+def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
+    from aatri.cli.planning import open_run
+    from aatri.cli.slurm import script
+
+    opened = open_run(run)
+    if path.exists() and not overwrite:
+        raise SpecError("is there already", where=str(path), remedy="another file, or --overwrite")
+    try:
+        path.write_text(script(opened), encoding="utf-8")
+        path.chmod(0o755)
+    except OSError as error:
+        raise ResourceError(f"cannot write: {error.strerror}", where=str(path)) from error
+    narrate("submits every stage as a job; arguments go to sbatch")
+    say(str(path))
 
 
 def _write(run: Run, name: str, folder: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aatri import __version__
-from aatri.cli import export, metrics, new, report, run, schema, show, stages, status
+from aatri.cli import accept, dag, exec, export, gc, metrics, new, report, run, schema, show, stages, status
 
 app = typer.Typer(
     name="aatri",
@@ -36,6 +36,7 @@ def _options(
 
 app.command()(run.run)
 app.command()(status.status)
+app.command()(dag.dag)
 app.command()(show.show)
 app.command()(metrics.metrics)
 app.command()(stages.stages)
@@ -43,6 +44,9 @@ app.command()(export.export)
 app.command()(new.new)
 app.command()(schema.schema)
 app.command()(report.report)
+app.command()(accept.accept)
+app.command("exec")(exec.exec_)
+app.command()(gc.gc)
 
 
 def main() -> None:

@@ -75,7 +75,7 @@ def run_pipeline(
         The errors of the stages that failed. What was made before stays.
     """
     how = how or How()
-    store.check_is_run(spec.run)
+    store.claim(spec.run, spec.variant)
     with locked(spec.run, how.command, enabled=how.lock):
         view = StoreView(spec.run, verify=how.verify)
         planned = plan(nodes, view, spec.seed, how.selection)
@@ -144,9 +144,6 @@ class _Run:
     def carry_out(self) -> list[dict[str, Any]]:
         """Run to the end, and leave word in run.json of how it ended."""
         run = self.spec.run
-        if self.spec.variant:
-            with on_disk(run):
-                (run.parent.parent / "objects").mkdir(parents=True, exist_ok=True)
         store.begin(run, {**self.overview, "status": "running"})
         self.events = Events(run)
         status = "interrupted"

@@ -45,14 +45,35 @@ def begin(run: Path, overview: Mapping[str, Any]) -> None:
     ResourceError
         If it cannot be written.
     """
-    check_is_run(run)
+    prepare(run)
+    with on_disk(run):
+        for folder in {run, base_of(run)}:
+            sweep(folder)
+        write_json(run / "run.json", dict(overview))
+
+
+def prepare(run: Path) -> None:
+    """Make the folders of a run."""
     with on_disk(run):
         for name in _FOLDERS:
             (run / name).mkdir(parents=True, exist_ok=True)
         (base_of(run) / "objects").mkdir(exist_ok=True)
-        for folder in (run, base_of(run)):
-            sweep(folder)
-        write_json(run / "run.json", dict(overview))
+
+
+def claim(run: Path, variant: str) -> None:
+    """See that a folder may be written to; the run of a variant gets the store of the run that it belongs to.
+
+    Raises
+    ------
+    SpecError
+        If the folder holds other things than a run.
+    """
+    check_is_run(run)
+    if variant:
+        owner = run.parent.parent
+        check_is_run(owner)
+        with on_disk(owner):
+            (owner / "objects").mkdir(parents=True, exist_ok=True)
 
 
 def check_is_run(run: Path) -> None:

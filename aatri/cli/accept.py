@@ -1,0 +1,42 @@
+"""`aatri accept`: say that a change of code does not matter to a result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aatri.cli.console import reports_errors, say
+
+
+@reports_errors
+def accept(
+    stages: Annotated[list[str], typer.Argument(metavar="STAGE...", help="Stages, or `all` whose code has changed.")],
+    message: Annotated[str, typer.Option("--message", "-m", metavar="WHY", help="Why it does not matter.")],
+    run: Annotated[Path | None, typer.Option(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+) -> None:
+    """Let results stand in spite of changed code. Written down, with the reason; nothing is removed."""
+    from aatri.cli.planning import open_run
+    from aatri.errors import SpecError
+    from aatri.pipeline import store
+    from aatri.pipeline.accept import accept as write
+    from aatri.pipeline.lock import locked
+    from aatri.pipeline.plan import State, select
+
+    opened = open_run(run)
+    names = [node.name for node in opened.nodes]
+    select(opened.nodes, only=[name for name in stages if name != "all"])
+    with locked(opened.spec.run, "aatri accept"):
+        for name in names if "all" in stages else sorted(stages, key=names.index):
+            decision = opened.plan().of(name)
+            if decision.state is State.fresh:
+                if "all" not in stages:
+                    say(f"{name} is up to date")
+                continue
+            if decision.key is None:
+                raise SpecError(f"{name}: stages above it are not up to date", where=str(opened.spec.run),
+                                remedy="accept or run those first")  # fmt: skip
+            last = store.last_record(opened.spec.run, name)
+            path = write(opened.spec.run, name, last, decision.parts, decision.key, message)
+            say(f"{name}: accepted, see {path}")

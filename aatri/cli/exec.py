@@ -1,0 +1,46 @@
+"""`aatri exec`: make one stage, for schedulers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aatri.cli.console import narrate, reports_errors, say
+from aatri.cli.plugins_option import LocalPlugins
+
+Several = list[str] | None
+
+
+@reports_errors
+def exec_(
+    run: Annotated[Path, typer.Argument(help="Run folder or pipeline file.")],
+    stage: Annotated[str, typer.Argument(help="The stage.")],
+    into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
+    set_: Annotated[Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option.")] = None,
+    use: Annotated[Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method.")] = None,
+    variant: Annotated[str, typer.Option(metavar="NAME", help="A variant of the pipeline file.")] = "",
+    force: Annotated[bool, typer.Option(help="Make it again.")] = False,
+    local_plugins: LocalPlugins = False,
+    no_lock: Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")] = False,
+    debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
+) -> None:
+    """Make one stage whose inputs are up to date, beside other jobs on other stages of the run."""
+    del debug  # for reports_errors
+    from aatri.cli.narrator import Narrator
+    from aatri.cli.planning import Request, open_request, open_run
+    from aatri.pipeline.plan import Selection, select
+    from aatri.pipeline.runner import How
+    from aatri.pipeline.single import make_stage
+
+    given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+    opened = open_run(run) if run.is_dir() else open_request(given)
+    select(opened.nodes, only=[stage])
+    how = How(Selection(forced=frozenset({stage} if force else ())), lock=not no_lock, command=f"aatri exec {stage}",
+              source=opened.source, request=opened.request.plain())  # fmt: skip
+    with Narrator(quiet=False) as narrator:
+        record, made = make_stage(opened.spec, opened.nodes, stage, narrator, how)
+    if not made:
+        narrate(f"{stage} is up to date")
+    say(f"{stage} {record['key']} {record['output']['content_digest']}")

@@ -1,0 +1,41 @@
+"""`aatri gc`: remove results that nothing refers to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aatri.cli.console import reports_errors, say, say_json, say_table
+
+
+@reports_errors
+def gc(
+    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    keep: Annotated[int, typer.Option(min=0, help="So many results of each stage stay beside the current one.")] = 2,
+    older: Annotated[float | None, typer.Option(metavar="DAYS", min=0, help="Only what is older.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Only show what would be removed.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """Remove old results; what is current in the run or one of its variants always stays."""
+    import datetime
+
+    from aatri.cli.locate import find_run
+    from aatri.pipeline.gc import garbage, remove
+    from aatri.pipeline.lock import locked
+
+    found = find_run(run)
+    now = datetime.datetime.now(datetime.UTC)
+    with locked(found.folder, "aatri gc", enabled=not dry_run):
+        results = garbage(found.folder, keep, older, now)
+        if not dry_run:
+            remove(results)
+    if json:
+        say_json([{"stage": r.stage, "key": r.key, "ended": r.ended, "bytes": r.size} for r in results])
+        return
+    if results:
+        rows = [[r.stage, r.key, r.ended or "incomplete", f"{r.size / 1e6:.1f}"] for r in results]
+        say_table(("stage", "key", "ended (UTC)", "MB"), rows, ("MB",))
+    done = "could be removed" if dry_run else "removed"
+    say(f"{len(results)} results {done}, {sum(r.size for r in results) / 1e6:.1f} MB")

@@ -1,0 +1,49 @@
+"""A pipeline as a script for SLURM: one job per stage, waiting for the jobs of the stages above it."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from aatri.cli.planning import Opened
+
+_HEAD = """\
+#!/usr/bin/env bash
+# Submits the stages of {pipeline} to SLURM, each waiting for those it needs.
+# Arguments go to sbatch: bash {name} --partition=long --cpus-per-task=8
+set -euo pipefail
+cd {folder}
+submit() {{  # NAME DEPENDENCIES COMMAND
+    local name=$1 after=$2; shift 2
+    sbatch --parsable --job-name="aatri-$name" ${{after:+--dependency=afterok:$after}} --kill-on-invalid-dep=yes \\
+        "${{options[@]}}" --wrap "$*"
+}}
+options=("$@")
+"""
+
+
+def script(opened: Opened) -> str:
+    """The text of the script; its last job makes the results current and writes the report."""
+    arguments = _arguments(opened)
+    lines = [_HEAD.format(pipeline=opened.spec.path, name="SCRIPT", folder=shlex.quote(str(Path.cwd())))]
+    for node in opened.nodes:
+        after = ":".join(f"$job_{source}" for source in dict.fromkeys(node.inputs.values()))
+        command = shlex.join(["aatri", "exec", opened.request.pipeline, node.name, *arguments])
+        lines.append(f'job_{node.name}=$(submit {node.name} "{after}" {shlex.quote(command)})\n')
+    after = ":".join(f"$job_{node.name}" for node in opened.nodes)
+    command = shlex.join(["aatri", "run", opened.request.pipeline, *arguments])
+    lines.append(f'job_report=$(submit report "{after}" {shlex.quote(command)})\n')
+    lines.append('echo "$job_report"\n')
+    return "".join(lines)
+
+
+def _arguments(opened: Opened) -> list[str]:
+    """The arguments that make the same pipeline again."""
+    request = opened.request
+    given = ["--into", request.into] if request.into else []
+    given += [part for text in request.set_ for part in ("--set", text)]
+    given += [part for text in request.use for part in ("--use", text)]
+    given += ["--variant", request.variant] if request.variant else []
+    return [*given, *(["--local-plugins"] if request.local_plugins else [])]
