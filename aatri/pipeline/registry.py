@@ -23,6 +23,8 @@ from aatri.pipeline import discovery
 from aatri.pipeline.discovery import Found, Origin
 from aatri.plugin import Role, StageCard, card_of
 
+_OWN = "those of the project itself need --local-plugins"
+
 
 @dataclass(frozen=True)
 class Registry:
@@ -42,7 +44,7 @@ class Registry:
         """
         if name not in self.roles:
             hint = did_you_mean(name, self.roles) or f"; known are {', '.join(sorted(self.roles))}"
-            raise PluginError(f"no role {name!r}{hint}", remedy="see `aatri stages`")
+            raise PluginError(f"no role {name!r}{hint}", remedy=f"see `aatri stages`; {_OWN}")
         return self.roles[name]()
 
     def card(self, name: str) -> StageCard:
@@ -58,7 +60,7 @@ class Registry:
         if name not in self.variants:
             known = self.variants_of(role_name)
             hint = did_you_mean(name, known) or (f"; known are {', '.join(known)}" if known else "; the role has none")
-            raise PluginError(f"no stage {name!r}{hint}", remedy=f"see `aatri stages {role_name}`")
+            raise PluginError(f"no stage {name!r}{hint}", remedy=f"see `aatri stages {role_name}`; {_OWN}")
         function = self.variants[name]()
         try:
             card = _card(function, role_name)
