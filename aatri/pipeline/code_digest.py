@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ast
 import hashlib
-import importlib.util
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,9 +19,9 @@ from typing import Any
 import aatri
 from aatri.pipeline.cache import Cache, of_file
 
-_PACKAGE = Path(aatri.__file__).resolve().parent
-_STAGES = _PACKAGE / "stages" if (_PACKAGE / "stages" / "block").is_dir() else _PACKAGE.parent / "stages"
-_BUILT_IN = {"aatri.stages": _STAGES, "aatri": _PACKAGE}
+PACKAGE = Path(aatri.__file__).resolve().parent
+_STAGES = PACKAGE / "stages" if (PACKAGE / "stages" / "block").is_dir() else PACKAGE.parent / "stages"
+_BUILT_IN = {"aatri.stages": _STAGES, "aatri": PACKAGE}
 _PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -87,32 +86,11 @@ class CodeReader:
         return self._located[key]
 
 
-def module_file(module: str) -> Path | None:
-    """File of a module that is not imported for this; None if it has none that can be read."""
-    top, _, rest = module.partition(".")
-    try:
-        spec = importlib.util.find_spec(top)
-    except (ImportError, ValueError):
-        return None
-    if module.startswith("aatri."):
-        found = _locate(module, _BUILT_IN)
-        return found[1] if found else None
-    if spec is None:
-        return None
-    if not rest:
-        return Path(spec.origin) if spec.origin and spec.origin.endswith(".py") else None
-    for folder in spec.submodule_search_locations or ():
-        found = _locate(module, {top: Path(folder)})
-        if found:
-            return found[1]
-    return None
-
-
 def _own_root(module: str, path: Path) -> tuple[str, Path]:
     """Name and folder of the top package of a plugin, by going up from its file as deep as its name is."""
     parts = module.split(".")
     if parts[0] == "aatri":
-        return "aatri", _PACKAGE
+        return "aatri", PACKAGE
     depth = len(parts) - 1 + (path.name == "__init__.py")
     return (parts[0], path.parents[depth - 1]) if depth else ("", path.parent)
 

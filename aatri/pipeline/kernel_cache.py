@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from aatri.pipeline.cache import cache_folder
-from aatri.pipeline.code_digest import _PACKAGE
+from aatri.pipeline.code_digest import PACKAGE
 
 VARIABLE = "NUMBA_CACHE_DIR"
 
@@ -38,7 +38,7 @@ def use_kernel_cache(plugin_folders: Iterable[Path] = ()) -> Path | None:
     except importlib.metadata.PackageNotFoundError:
         return None
     digest = hashlib.sha256(f"{version}\n{platform.python_version()}\n{_processor()}\n".encode())
-    for path in _sources([_PACKAGE, *plugin_folders]):
+    for path in _sources([PACKAGE, *plugin_folders]):
         digest.update(f"{path.parent.parent.name}/{path.name}\0".encode() + path.read_bytes())
     name = f"kernels-{digest.hexdigest()[:16]}"
     given = os.environ.get(VARIABLE)
