@@ -180,9 +180,12 @@ def _report_misfit(result: BundleResult, context: Context) -> None:
     sigma0, redundancy = result.adjusted.sigma0, result.adjusted.redundancy
     if not sigma0_fits(sigma0, redundancy):
         low, high = sigma0_interval(redundancy)
+        why = "gross errors, an effect not modelled, or standard deviations that are too small"
+        if sigma0 < low:
+            why = "standard deviations that are too large"
         context.warn(
-            f"sigma0 {sigma0:.3f}, expected {low:.3f} to {high:.3f} (95 %): gross errors, an effect not modelled, or "
-            "a priori standard deviations that are wrong; so are the standard deviations of the result"
+            f"sigma0 {sigma0:.3f}, expected {low:.3f} to {high:.3f} (95 %): {why}; "
+            "the standard deviations of the result are as wrong"
         )
 
 
