@@ -1,0 +1,119 @@
+"""Why camera parameters are correlated with each other or with the orientation, and what to do about it.
+
+Reference figures of the coupling of c and Z0 (four strips of eight images, 60/30 %, c = 100 mm, 1,000 m, nine control
+points): flat terrain and vertical images 0.999998, with crossed strips flown 20 % higher 0.999999, with relief of 20 %
+of the flying height 0.997, with images 15 degrees oblique 0.97, with observed projection centres of 5 cm 0.16.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+WARNED = 0.95
+"""Correlations from here on are worth a warning."""
+
+NOT_DETERMINABLE = 0.999
+"""From here on the two cannot be told apart without a weight on one of them."""
+
+_SCALE = (
+    "vertical images of nearly flat terrain cannot tell them apart; observed projection centres (GNSS) or oblique "
+    "images separate them, crossed strips and a second flying height do not, relief alone only above 20 % of the "
+    "flying height"
+)
+_SHIFT = (
+    "parallel images cannot tell a shift of the principal point from a shift of the flight; observed projection "
+    "centres (GNSS) with flights in opposite directions, or oblique images, separate them"
+)
+_RADIAL = (
+    "powers of the same radius always are: their sum is determined over the radii that were measured, the single "
+    "coefficients are not; leave out the highest that is not significant"
+)
+_TANGENTIAL = (
+    "a decentred lens looks like a shifted principal point with tilted images; leave out the p terms unless they are "
+    "significant, or take images turned by 90 degrees about the viewing direction"
+)
+_TILT = (
+    "a shift of the principal point is nearly a tilt of the image; images turned by 90 and 180 degrees separate them"
+)
+_AFFINE = "b1 stretches x alone, which is half a change of c; both are determined if images are turned by 90 degrees"
+
+_COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
+    (frozenset({"c", "f", "a21"}), frozenset({"Z0"}), _SCALE),
+    (frozenset({"c", "f"}), frozenset({"a21"}), "they are the same parameter, leave out a21"),
+    (frozenset({"x0", "y0", "a19", "a20"}), frozenset({"X0", "Y0"}), _SHIFT),
+    (frozenset({"x0", "y0", "a19", "a20"}), frozenset({"phi", "omega"}), _TILT),
+    (frozenset({"x0", "a19"}), frozenset({"p1"}), _TANGENTIAL),
+    (frozenset({"y0", "a20"}), frozenset({"p2"}), _TANGENTIAL),
+    (frozenset({"p1", "p2"}), frozenset({"phi", "omega"}), _TANGENTIAL),
+    (frozenset({"c", "f"}), frozenset({"b1"}), _AFFINE),
+    (frozenset({"k1", "k2", "k3", "k4"}), frozenset({"k1", "k2", "k3", "k4"}), _RADIAL),
+    (frozenset({"a16", "a17", "a18"}), frozenset({"a16", "a17", "a18"}), _RADIAL),
+    (frozenset({"a13", "a14", "a15"}), frozenset({"a13", "a14", "a15"}), _RADIAL),
+)
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One high correlation with its reason.
+
+    Attributes
+    ----------
+    first, second : str
+    correlation : float
+    determinable : bool
+        False from `NOT_DETERMINABLE` on: an adjustment without a weight on one of the two should be refused.
+    text : str
+        A sentence for the user.
+    """
+
+    first: str
+    second: str
+    correlation: float
+    determinable: bool
+    text: str
+
+
+def advise(pairs: Iterable[tuple[str, str, float]]) -> list[Advice]:
+    """Name the physical reason of high correlations.
+
+    Parameters
+    ----------
+    pairs : iterable of (name, name, correlation)
+        Names as in the parameter sets; unknowns of the orientation as X0, Y0, Z0, phi, omega, kappa, also with their
+        image as in `Z0 of image 12`. Upper case as in DBAT's K1 is the same as k1.
+
+    Returns
+    -------
+    list of Advice
+        Of the pairs from `WARNED` on, in the order given.
+    """
+    found = []
+    for first, second, rho in pairs:
+        if abs(rho) < WARNED:
+            continue
+        determinable = abs(rho) < NOT_DETERMINABLE
+        fact = f"{first} and {second} are correlated by {rho:.3f}" if determinable else (
+            f"{first} and {second} cannot be told apart: correlation {rho:.6f}"
+        )  # fmt: skip
+        reason = _reason(first, second)
+        found.append(
+            Advice(first, second, rho, determinable, f"{fact}: {reason}" if determinable else f"{fact}; {reason}")
+        )
+    return found
+
+
+def _reason(first: str, second: str) -> str:
+    a, b = _kind(first), _kind(second)
+    for one, other, text in _COUPLINGS:
+        if (a in one and b in other) or (b in one and a in other):
+            return text
+    return "hold or weight the less significant of the two, or add images that separate them (turned, oblique)"
+
+
+_ORIENTATION = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
+
+
+def _kind(name: str) -> str:
+    word = name.split()[0]
+    return word if word in _ORIENTATION else word.lower()
