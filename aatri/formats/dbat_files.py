@@ -103,7 +103,7 @@ def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
     camera_line = source.next(10, "the default camera")
     camera = _camera(camera_line, size)
     source.next(10, "standard deviations of the camera")
-    photos = []
+    photos: list[Photo] = []
     while source.more():
         photos.append(_photo(source, len(photos), camera))
     if not photos:
