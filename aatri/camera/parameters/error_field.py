@@ -86,7 +86,27 @@ def without_exterior(xy_mm: Float, field_mm: Float, principal_distance_mm: float
     -------
     (n, 2) float64, mm
     """
-    effects = exterior_effects(xy_mm, principal_distance_mm)
-    design = effects.reshape(-1, effects.shape[2])
+    return _remainder(exterior_effects(xy_mm, principal_distance_mm), field_mm)
+
+
+def outside_span(parameter_set: ParameterSet, scale: SetScale, xy_mm: Float, field_mm: Float) -> Float:
+    """What a set of parameters cannot describe of a field, even with the help of the exterior orientation.
+
+    Parameters
+    ----------
+    xy_mm, field_mm : (n, 2) float64, mm
+        Image errors at places of the image, as of another set or of a test field.
+
+    Returns
+    -------
+    (n, 2) float64, mm
+        The field less its best fit, zero if it lies in the span.
+    """
+    columns = [parameter_set.basis(xy_mm, scale), exterior_effects(xy_mm, scale.principal_distance_mm)]
+    return _remainder(np.concatenate(columns, axis=2), field_mm)
+
+
+def _remainder(columns: Float, field_mm: Float) -> Float:
+    design = columns.reshape(-1, columns.shape[2])
     fit = np.linalg.lstsq(design, field_mm.ravel(), rcond=None)[0]
     return np.asarray(field_mm - (design @ fit).reshape(-1, 2))

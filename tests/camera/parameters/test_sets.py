@@ -11,7 +11,7 @@ from aatri.camera.brown import brown_correction
 from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY, interior_orientation
 from aatri.camera.parameters.catalogue import SETS, parameter_set
 from aatri.camera.parameters.ebner import EBNER12, bauer3
-from aatri.camera.parameters.error_field import image_error_field
+from aatri.camera.parameters.error_field import image_error_field, outside_span
 from aatri.camera.parameters.exterior_effects import (
     EXTERIOR,
     coincidences,
@@ -282,6 +282,18 @@ def test_image_error_field() -> None:
     alone = image_error_field(chosen(BROWN_CONRADY, ["c"]), FILM, np.array([0.3]), np.zeros((1, 1)))
     assert alone.rms_shape_mm < 1e-13
     assert alone.largest_mm == pytest.approx(np.hypot(115, 115) * 0.3 / 153.84)
+
+
+def test_what_a_set_cannot_describe_stays() -> None:
+    # x^3 + x y^2 in dx: Ebner has x y^2 but no x^3; what stays is x^3 less its fit by x, 2/5 h^3 (t^3 - 3 t/5) rms
+    t = (np.arange(50) + 0.5) / 25 - 1
+    xy = np.stack([np.tile(t, 50), np.repeat(t, 50)], axis=1)
+    k1 = xy * (xy**2).sum(axis=1)[:, None]
+    scale = scale_of_format((1.0, 1.0), 1.5)
+    rest = outside_span(EBNER12, scale, xy, k1)
+    assert np.sqrt((rest**2).mean()) == pytest.approx(np.sqrt(1 / 7 - 3 / 25), rel=2e-2)
+    for name in ("brown_conrady", "brown21", "gruen44", "legendre"):
+        assert np.abs(outside_span(parameter_set(name), scale, xy, k1)).max() < 1e-11
 
 
 def test_unknown_sets_and_orders_are_refused() -> None:
