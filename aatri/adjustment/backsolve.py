@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
-from aatri.adjustment.fronts import Factored, Problem, linearised
-from aatri.adjustment.index import part_columns
+from aatri.adjustment.fronts import Factored, Problem, in_parallel, linearised
 from aatri.adjustment.kernels.eliminate import substitute
+from aatri.adjustment.records import whitened
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]
@@ -47,13 +47,37 @@ def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) 
     assert rays is not None
     dy = np.zeros((len(rays.block), 3))
     fill = problem.ray_lane(state)
-    for k, node in enumerate(problem.tree.nodes):
-        for p0, p1, _, A, B in linearised(problem, fill, k, node):
-            base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-            columns = part_columns(rays.parts, problem.layout, slice(base, last))
-            substitute(p0, p1, base, rays.ray_start, A, B, columns, dx, problem.block_free,
-                       factored.block_factor, factored.block_y, dy)  # fmt: skip
+    parts, start = rays.parts, problem.layout.start
+    column = np.where(parts.vertex >= 0, start[np.maximum(parts.vertex, 0)] + parts.shift, -1)
+
+    def one(nodes: list[int]) -> None:
+        for k in nodes:
+            for p0, p1, _, A, B in linearised(problem, fill, k, problem.tree.nodes[k]):
+                base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+                substitute(p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start, dx,
+                           problem.block_free, factored.block_factor, factored.block_y, dy)  # fmt: skip
+
+    in_parallel(problem, one)
     return dy
+
+
+def cost_of(problem: Problem, state: State) -> float:
+    """Sum of squares of the whitened residuals of all active records."""
+    total = np.zeros(len(problem.tree.nodes) + 1)
+    for kept in problem.kept:
+        total[-1] += float((whitened(kept.records, state, kept.rows)[0] ** 2).sum())
+    for records, rows, _ in problem.direct:
+        total[-1] += float((whitened(records, state, rows)[0] ** 2).sum())
+    if problem.rays is not None:
+        fill = problem.ray_lane(state)
+
+        def one(nodes: list[int]) -> None:
+            for k in nodes:
+                for _, _, v, _, _ in linearised(problem, fill, k, problem.tree.nodes[k]):
+                    total[k] += float((v**2).sum())
+
+        in_parallel(problem, one)
+    return float(total.sum())
 
 
 def predicted_decrease(problem: Problem, factored: Factored, found: dict[str, Float]) -> float:

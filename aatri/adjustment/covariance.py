@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import ThreadpoolController
 
 from aatri.adjustment import lapack
-from aatri.adjustment.fronts import Factored, Problem, blas_threads, factorise, linearised
+from aatri.adjustment.fronts import Factored, Problem, blas_threads, factorise, linearised, thread_control
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.covariance import block_covariances
 from aatri.adjustment.solve import Adjusted
@@ -58,7 +57,7 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     factored = factorise(problem, state)
     down = _Down(problem, state, factored, blocks)
     every = range(len(problem.tree.nodes))
-    with ThreadpoolController().limit(limits=blas_threads(problem, every), user_api="blas"):
+    with thread_control().limit(limits=blas_threads(problem, every), user_api="blas"):
         down.run()
     return down.result()
 

@@ -14,7 +14,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -121,7 +121,7 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     """Linearise at a state, form and factorise the normal equations."""
     work = _Work(problem, state, damping)
     tasks, top = _share_out(problem)
-    control = ThreadpoolController()
+    control = thread_control()
     with control.limit(limits=1, user_api="blas"):
         if problem.threads > 1 and len(tasks) > 1:
             with ThreadPoolExecutor(problem.threads) as pool:
@@ -132,6 +132,12 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     with control.limit(limits=blas_threads(problem, top), user_api="blas"):
         work.run(top)
     return work.result()
+
+
+@lru_cache(maxsize=1)
+def thread_control() -> ThreadpoolController:
+    """The BLAS libraries that are loaded."""
+    return ThreadpoolController()
 
 
 def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
@@ -293,6 +299,21 @@ def _subtree(nodes: Sequence[Node], k: int) -> list[int]:
         found.append(j)
         queue += nodes[j].children
     return sorted(found)
+
+
+def in_parallel(problem: Problem, work: Callable[[list[int]], None]) -> None:
+    """Work on all nodes, in any order, shared out among the threads."""
+    rays = problem.rays
+    assert rays is not None
+    count = np.diff(rays.ray_start[rays.first])
+    share = (np.cumsum(count) - 1) * problem.threads // max(int(count.sum()), 1)
+    parts = [np.flatnonzero((share == t) & (count > 0)).tolist() for t in range(problem.threads)]
+    if problem.threads == 1 or count.sum() < CHUNK:
+        for nodes in parts:
+            work(nodes)
+    else:
+        with ThreadPoolExecutor(problem.threads) as pool:
+            list(pool.map(work, parts))
 
 
 def default_threads() -> int:

@@ -11,7 +11,7 @@ of the records first ... last - 1 into v (n, m) and one array (n, m, k) per touc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +39,9 @@ class Records:
         Name of the group of unknowns and the block each record touches.
     evaluate : callable
         (state, rows) -> v (n, m), one J (n, m, k) per touched group.
-    whitener : (n, m, m) float64
-        Inverse Cholesky factor of the covariance; a zero row switches off a component that was not observed.
+    whitener : (n, m, m) or (n, m) float64
+        Inverse Cholesky factor of the covariance, or inverse standard deviations of independent components; a zero
+        row switches off a component that was not observed.
     active : (n,) bool
     compiled : callable, optional
     """
@@ -60,8 +61,13 @@ class Records:
     @property
     def observations(self) -> int:
         """Number of scalar observations in use."""
-        rows = (np.abs(self.whitener).max(axis=2) > 0)[self.active]
-        return int(rows.sum())
+        used = self.whitener if self.whitener.ndim == 2 else np.abs(self.whitener).max(axis=2)
+        return int(np.count_nonzero(used[self.active]))
+
+    def standardised(self, state: State) -> Float:
+        """Size of each record's largest whitened residual, (n,); 0 where inactive."""
+        v, _ = whitened(self, state, np.arange(len(self.active)))
+        return np.asarray(np.abs(v).max(axis=1))
 
     def residuals(self, state: State) -> Float:
         """Residuals of all records, in units of the observation, (n, m)."""
@@ -78,9 +84,11 @@ def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Fl
     """
     v, jacobians = records.evaluate(state, rows)
     active = records.active[rows]
-    L = np.where(active[:, None, None], records.whitener[rows], 0.0)
     v = np.where(active[:, None], v, 0.0)
     jacobians = tuple(np.where(active[:, None, None], J, 0.0) for J in jacobians)
+    L = records.whitener[rows]
+    if L.ndim == 2:
+        return L * v, tuple(L[:, :, None] * J for J in jacobians)
     return np.einsum("nij,nj->ni", L, v), tuple(L @ J for J in jacobians)
 
 
@@ -111,11 +119,10 @@ def whitener_of_sigmas(sigma: Float) -> Float:
 
     Returns
     -------
-    (n, m, m) float64
+    (n, m) float64
     """
     usable = np.isfinite(sigma)
-    inverse = np.where(usable, 1.0 / np.where(usable, sigma, 1.0), 0.0)
-    return np.asarray(inverse[:, :, None] * np.eye(sigma.shape[1]))
+    return np.where(usable, 1.0 / np.where(usable, sigma, 1.0), 0.0)
 
 
 def whitener_of_covariances(covariance: Float, observed: Bool | None = None) -> Float:
@@ -136,18 +143,3 @@ def whitener_of_covariances(covariance: Float, observed: Bool | None = None) -> 
     filled = np.where(both, covariance, np.eye(m))
     inverse = np.linalg.inv(np.linalg.cholesky(filled)) if n else np.zeros((0, m, m))
     return np.asarray(np.where(both, inverse, 0.0))
-
-
-COST_CHUNK = 100_000
-
-
-def cost_of(all_records: Sequence[Records], state: State) -> float:
-    """Sum of squares of the whitened residuals of all active records."""
-    total = 0.0
-    for records in all_records:
-        for first in range(0, len(records.active), COST_CHUNK):
-            rows = np.arange(first, min(first + COST_CHUNK, len(records.active)))
-            v, _ = records.evaluate(state, rows)
-            v = np.where(records.active[rows, None], np.einsum("nij,nj->ni", records.whitener[rows], v), 0.0)
-            total += float((v**2).sum())
-    return total

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.backsolve import predicted_decrease, steps
+from aatri.adjustment.backsolve import cost_of, predicted_decrease, steps
 from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.fronts import Factored, Problem, factorise
 from aatri.adjustment.prepare import Ordering, prepare
-from aatri.adjustment.records import Records, cost_of
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.errors import ConvergenceError
 from aatri.progress import SILENT, Reporter
@@ -135,7 +135,7 @@ def _next(
         following = factorise(problem, trial)
         refused = _worse(following.cost, factored.cost)
     elif not refused:
-        cost = cost_of(problem.records, trial)
+        cost = cost_of(problem, trial)
         refused = _worse(cost, factored.cost)
         if not refused:
             damping = damping.accepted(gain(factored.cost, cost, predicted_decrease(problem, factored, found)))
@@ -156,7 +156,7 @@ def _checked(problem: Problem, state: State, factored: Factored) -> Factored:
 
 
 def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]) -> Adjusted:
-    cost = cost_of(problem.records, state)
+    cost = cost_of(problem, state)
     observations = sum(r.observations for r in problem.records)
     n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
     redundancy = observations - n_unknowns
@@ -184,7 +184,7 @@ def _worse(trial: float, cost: float) -> str:
 def _failure(records: Sequence[Records], state: State, iterations: int, last: Step) -> str:
     worst = []
     for r in records:
-        size = np.abs(np.einsum("nij,nj->ni", r.whitener, r.residuals(state))).max(axis=1) * r.active
+        size = r.standardised(state)
         worst += [(float(size[k]), f"{r.name} row {k}: {size[k]:.1f} sigma") for k in np.argsort(-size)[:5]]
     listed = "; ".join(text for _, text in sorted(worst, reverse=True)[:5])
     return f"no convergence in {iterations} iterations (decrement {last.decrement:.3g}); largest residuals: {listed}"

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
-from aatri.geometry.collinearity import collinearity, in_image_axes
-from aatri.observations.kernels.collinearity import linearise
+from aatri.geometry.collinearity import collinearity
+from aatri.observations.kernels.collinearity import count_side_changes, linearise
 from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
 
 Float = npt.NDArray[np.float64]
@@ -109,10 +109,10 @@ def _compiled(rows: ImagePointRows, by_interior: Float | None) -> Compiled:
 
 def side_changes(rows: ImagePointRows, old: State, new: State) -> str:
     """Whether a step moves points to the other side of their camera: then the linearisation means nothing."""
-    sides = []
+    places = []
     for state in (old, new):
         poses: Poses = state[POSE]
-        X0, R = poses.position_m[rows.image], poses.ground_from_image[rows.image]
-        sides.append(in_image_axes(X0, R, state[POINT][rows.point])[:, 2] < 0)
-    changed = int(((sides[0] != sides[1]) & rows.active).sum())
+        places += [np.ascontiguousarray(a) for a in (poses.position_m, poses.ground_from_image, state[POINT])]
+    image, point = (np.ascontiguousarray(a[rows.active], dtype=np.int32) for a in (rows.image, rows.point))
+    changed = count_side_changes(image, point, *places)
     return f"{changed} image points change the side of the camera" if changed else ""

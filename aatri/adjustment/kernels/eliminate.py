@@ -269,27 +269,37 @@ def eliminate(
     return cost
 
 
-@njit("void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])", nogil=True, cache=True)  # fmt: skip
-def substitute(p0, p1, base, ray_start, A, B, column, dx, free, Ls, ys, dy):
+SUBSTITUTE = (
+    "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], int32[::1], int32[::1], "
+    "float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])"
+)
+
+
+@njit(SUBSTITUTE, nogil=True, cache=True)
+def substitute(p0, p1, base, ray_start, A, B, column, part_size, part_start, dx, free, Ls, ys, dy):
     """Steps of the eliminated blocks: dy = -L^-T (y + L^-1 sum B' A dx).
 
     Parameters
     ----------
-    column : (n, columns of A) int64
-        Kept column of each column of A, -1 where it is held.
+    column : (n, parts) int64
+        First kept column of each part, -1 where it is held.
+    part_size, part_start : (parts,) int32
     dx : (n_kept,) float64
+        Zero where held.
     dy : (n_blocks, 3) float64
         Filled in.
     """
+    parts = len(part_size)
     for p in range(p0, p1):
         s0, s1, s2 = 0.0, 0.0, 0.0
         for r in range(ray_start[p] - base, ray_start[p + 1] - base):
             for i in range(A.shape[1]):
                 t = 0.0
-                for a in range(A.shape[2]):
-                    c = column[r, a]
+                for part in range(parts):
+                    c, first = column[r, part], part_start[part]
                     if c >= 0:
-                        t += A[r, i, a] * dx[c]
+                        for a in range(part_size[part]):
+                            t += A[r, i, first + a] * dx[c + a]
                 s0 += B[r, i, 0] * t
                 s1 += B[r, i, 1] * t
                 s2 += B[r, i, 2] * t

@@ -54,3 +54,23 @@ def linearise(first, last, image, point, xy, weight, c, X0, R, X, v, by_pose, by
             by_pose[r, e, 3] = q1 * dz - q2 * dy
             by_pose[r, e, 4] = q2 * dx - q0 * dz
             by_pose[r, e, 5] = q0 * dy - q1 * dx
+
+
+@njit(
+    "int64(int32[::1], int32[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], float64[:,::1], "
+    "float64[:,:,::1], float64[:,::1])",
+    nogil=True,
+    cache=True,
+)
+def count_side_changes(image, point, old_X0, old_R, old_X, X0, R, X):
+    """Number of rays whose point is on another side of the camera than before."""
+    changed = 0
+    for k in range(len(image)):
+        i, p = image[k], point[k]
+        before, after = 0.0, 0.0
+        for a in range(3):
+            before += old_R[i, a, 2] * (old_X[p, a] - old_X0[i, a])
+            after += R[i, a, 2] * (X[p, a] - X0[i, a])
+        if (before < 0.0) != (after < 0.0):
+            changed += 1
+    return changed
