@@ -169,5 +169,5 @@ def _points(block: Block, ground: Float, plan: Plan) -> tuple[list[Markup], list
         if len(shown) < len(rows):
             notes.append(f"{len(shown)} of {len(rows)} {name} points")
         if kind and len(rows) <= MOST_POINT_LABELS:
-            marks.append(svg.labels(px, block.points.id[shown]))
+            marks.append(svg.labels(px, block.points.id[shown], plan.width_px))
     return marks, notes

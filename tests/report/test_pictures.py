@@ -110,3 +110,11 @@ def test_figures_of_the_three_axes_stand_side_by_side():
     table = by_axis("", metrics)
     assert table.rows == [("check_rmse_m", "1", "–", "3"), ("truth_over_theory", "–", "0.5", "–")]
     assert without_axis(metrics) == {"check_points": 4}
+
+
+def test_labels_at_the_right_edge_lie_left_of_their_points():
+    drawn = svg.labels(np.array([[100.0, 50.0], [690.0, 50.0]]), ["A", "B"], 720.0)
+    assert [part.split(">")[0] for part in drawn.split("<text ")[1:]] == [
+        'x="107.0" y="53.0" class="small" text-anchor="start"',
+        'x="683.0" y="53.0" class="small" text-anchor="end"',
+    ]
