@@ -18,6 +18,7 @@ from aatri.report.scales import Plan, length_text, plan_of, round_below, thinned
 from aatri.report.svg import Float
 
 MOST_VECTORS = 1500
+COLOURS = {"control": "red", "check": "green"}
 CELLS = 12
 """Cells of the image format along each side."""
 
@@ -96,7 +97,9 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         rows = thinned(len(xyz), MOST_VECTORS)
         start = plan.px(xyz[rows])
         marks += [svg.segments(start, start + px_per_m * vectors[name][rows], f"vector {name}"), svg.dots(start, name)]
-        notes.append(f"{len(xyz)} {name}" + (f" ({len(rows)} drawn)" if len(rows) < len(xyz) else ""))
+        said = [COLOURS[name]] if name in COLOURS else []
+        said += [f"{len(rows)} drawn"] if len(rows) < len(xyz) else []
+        notes.append(f"{len(xyz)} {name}" + (f" ({', '.join(said)})" if said else ""))
     marks += [*furniture(plan), *_key(plan, px_per_m)]
     caption = (
         f"{title}, solution minus given, at {', '.join(notes)} points; "
