@@ -99,10 +99,10 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         marks += [svg.segments(start, start + px_per_m * vectors[name][rows], f"vector {name}"), svg.dots(start, name)]
         said = [COLOURS[name]] if name in COLOURS else []
         said += [f"{len(rows)} drawn"] if len(rows) < len(xyz) else []
-        notes.append(f"{len(xyz)} {name}" + (f" ({', '.join(said)})" if said else ""))
+        notes.append(f"{len(xyz)} {name} points" + (f" ({', '.join(said)})" if said else ""))
     marks += [*furniture(plan), *_key(plan, px_per_m)]
     caption = (
-        f"{title}, solution minus given, at {', '.join(notes)} points; "
+        f"{title}, solution minus given, at {', '.join(notes)}; "
         f"the largest is {length_text(float(lengths.max()))}. Exaggerated {exaggeration:,.0f} times."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
