@@ -76,7 +76,7 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     ]
     caption = (
         f"Mean image residuals in {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell (median); "
-        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {exaggeration:,.0f} times."
+        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {times} times."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, "Mean image residuals", *marks), caption
 
@@ -101,9 +101,10 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         said += [f"{len(rows)} drawn"] if len(rows) < len(xyz) else []
         notes.append(f"{len(xyz)} {name} points" + (f" ({', '.join(said)})" if said else ""))
     marks += [*furniture(plan), *_key(plan, px_per_m)]
+    times = f"{exaggeration:,.0f}" if exaggeration >= 1 else f"{exaggeration:g}"
     caption = (
         f"{title}, solution minus given, at {', '.join(notes)}; "
-        f"the largest is {length_text(float(lengths.max()))}. Exaggerated {exaggeration:,.0f} times."
+        f"the largest is {length_text(float(lengths.max()))}. Exaggerated {times} times."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
 

@@ -53,7 +53,7 @@ def test_vectors_and_bars_say_their_exaggeration():
     picture, caption = plan_vectors(groups)
     assert "at 2 check points (green); the largest is 100 mm" in caption
     assert "Exaggerated" in caption
-    assert "at 1 check points; the largest is 200 mm" in height_bars(groups)[1]
+    assert "at 1 check points (green); the largest is 200 mm" in height_bars(groups)[1]
     assert "mm</text>" in picture
 
 
