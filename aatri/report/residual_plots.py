@@ -76,7 +76,7 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     ]
     caption = (
         f"Mean image residuals in {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell (median); "
-        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {times} times."
+        f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {_times(exaggeration)}."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, "Mean image residuals", *marks), caption
 
@@ -101,10 +101,9 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
         said += [f"{len(rows)} drawn"] if len(rows) < len(xyz) else []
         notes.append(f"{len(xyz)} {name} points" + (f" ({', '.join(said)})" if said else ""))
     marks += [*furniture(plan), *_key(plan, px_per_m)]
-    times = f"{exaggeration:,.0f}" if exaggeration >= 1 else f"{exaggeration:g}"
     caption = (
         f"{title}, solution minus given, at {', '.join(notes)}; "
-        f"the largest is {length_text(float(lengths.max()))}. Exaggerated {times} times."
+        f"the largest is {length_text(float(lengths.max()))}. Exaggerated {_times(exaggeration)}."
     )
     return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
 
@@ -123,6 +122,10 @@ def _key(plan: Plan, px_per_m: float) -> list[Markup]:
 
 def _short(length_m: float) -> str:
     return length_text(length_m) if length_m >= 1e-6 else f"{1e6 * length_m:.1e} um"
+
+
+def _times(factor: float) -> str:
+    return f"{factor:,.0f} times" if factor >= 1 else f"{factor:g} times"
 
 
 def _complete(xyz: Float, difference: Float, axes: list[int]) -> tuple[Float, Float]:
