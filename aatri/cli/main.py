@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aatri import __version__
-from aatri.cli import accept, dag, exec, export, gc, metrics, new, report, run, schema, show, stages, status
+from aatri.cli import accept, compare, dag, exec, export, gc, metrics, new, report, run, schema, show, stages, status
 
 app = typer.Typer(
     name="aatri",
@@ -44,6 +44,7 @@ app.command()(export.export)
 app.command()(new.new)
 app.command()(schema.schema)
 app.command()(report.report)
+app.command()(compare.compare)
 app.command()(accept.accept)
 app.command("exec")(exec.exec_)
 app.command()(gc.gc)

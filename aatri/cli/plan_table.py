@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 from aatri.cli.console import say, say_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aatri.cli.planning import Opened
     from aatri.pipeline.plan import Decision, Plan
+    from aatri.pipeline.reasons import Reason
 
 
 def plain_plan(plan: Plan) -> dict[str, Any]:
@@ -43,4 +46,13 @@ def why(decision: Decision) -> str:
     """The reasons in a line."""
     if decision.accepted:
         return "accepted in spite of other code"
-    return "; ".join(str(reason) for reason in decision.reasons)
+    return reasons_text(decision.reasons)
+
+
+def reasons_text(reasons: Sequence[Reason]) -> str:
+    """Reasons in a line; the stages above that are made again are named together."""
+    texts = [str(reason) for reason in reasons if reason.why != "upstream_maybe"]
+    above = [reason.about for reason in reasons if reason.why == "upstream_maybe"]
+    if above:
+        texts.append(f"perhaps other {', '.join(above)}")
+    return "; ".join(texts)

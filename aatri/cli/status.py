@@ -38,10 +38,10 @@ def status(
 
 
 def _state(opened: Opened, decision: Decision, use: str) -> dict[str, Any]:
-    from aatri.cli.plan_table import plain_decision
+    from aatri.cli.plan_table import plain_decision, why
     from aatri.pipeline import store
 
-    head = {**plain_decision(decision), "use": use}
+    head = {**plain_decision(decision), "use": use, "why": why(decision)}
     record = decision.record
     if record is not None:
         return {**head, "state": "done", "key": record["key"], "ended": record["ended"], "seconds": record["seconds"],
@@ -65,4 +65,4 @@ def _detail(state: dict[str, Any]) -> str:
     if state["state"] == "done":
         more = f", {state['warnings']} warnings" if state["warnings"] else ""
         return f"{state['seconds']:.2f} s{more}"
-    return "; ".join(reason["text"] for reason in state["reasons"])
+    return str(state["why"])

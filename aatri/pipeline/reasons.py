@@ -51,7 +51,7 @@ class Reason:
 
     def __str__(self) -> str:
         if self.why is Why.upstream_maybe:
-            return f"perhaps: {self.about} is made again"
+            return f"perhaps other {self.about}"
         head = " ".join(filter(None, (_TEXTS.get(self.why, self.why.value), self.about)))
         if self.old or self.new:
             return f"{head}: {self.old or '-'} -> {self.new or '-'}"
@@ -75,7 +75,7 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Rea
         yield Reason(Why.plugin, "", old["plugin"], new["plugin"])
     elif old["version"] != new["version"]:
         yield Reason(Why.plugin_version, "", str(old["version"]), str(new["version"]))
-    for name, before, after in _changed(_flat(old["options"]), _flat(new["options"])):
+    for name, before, after in _changed(flat(old["options"]), flat(new["options"])):
         yield Reason(Why.options, name, _shown(before), _shown(after))
     known = {port: digest for port, digest in new["inputs"].items() if digest is not None}
     before = {port: digest for port, digest in old["inputs"].items() if port in known or port not in new["inputs"]}
@@ -98,14 +98,15 @@ def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[s
             yield name, old.get(name), new.get(name)
 
 
-def _flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
+def flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested options by dotted name."""
+    found: dict[str, Any] = {}
     for name, value in options.items():
         if isinstance(value, dict) and value:
-            flat |= _flat(value, f"{prefix}{name}.")
+            found |= flat(value, f"{prefix}{name}.")
         else:
-            flat[prefix + name] = value
-    return flat
+            found[prefix + name] = value
+    return found
 
 
 def _shown(value: Any) -> str:

@@ -1,0 +1,91 @@
+"""`aatri compare`: runs side by side, and why they differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.errors import SpecError
+
+if TYPE_CHECKING:
+    from aatri.pipeline.compare import Compared, Parting
+
+
+@reports_errors
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders or pipeline files.")],
+    variants: Annotated[bool, typer.Option("--variants", help="Compare a run with those of its variants.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Also figures that are equal.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """Show options and figures of runs side by side, the first stage that differs from the first run, and why."""
+    from aatri.cli.locate import find_run
+    from aatri.pipeline.compare import metric_rows, option_rows, parting, read_run
+    from aatri.pipeline.objects import VARIANTS
+
+    folders = [find_run(path).folder for path in runs]
+    if variants:
+        folders = [f for folder in folders for f in (folder, *sorted((folder / VARIANTS).glob("*")))]
+    if len(folders) < 2:
+        raise SpecError("one run only", where=str(folders[0]),
+                        remedy="give another, or --variants after `aatri run --variant NAME`")  # fmt: skip
+    names = _names(folders)
+    compared = [read_run(folder, name) for folder, name in zip(folders, names)]
+    options, metrics = option_rows(compared), metric_rows(compared)
+    partings = {run.name: parting(compared[0], run) for run in compared[1:]}
+    if json:
+        say_json({"runs": {run.name: str(run.folder) for run in compared}, "options": dict(options),
+                  "metrics": dict(metrics), "differences": {n: _plain(p) for n, p in partings.items()}})  # fmt: skip
+        return
+    _say_values("option", names, options, "the options are equal")
+    shown = [(name, row) for name, row in metrics if everything or len(set(map(_shown, row))) > 1]
+    _say_values("figure", names, shown, "the figures are equal")
+    for run in compared[1:]:
+        missing = [stage for stage in compared[0].stages if stage not in run.records]
+        without = f"; it has no result of {', '.join(missing)}" if missing else ""
+        say(f"{run.name}: {_told(partings[run.name], compared[0])}{without}")
+
+
+def _names(folders: list[Path]) -> list[str]:
+    """Short names that tell the runs apart."""
+    short = [folder.name for folder in folders]
+    return short if len(set(short)) == len(short) else [str(folder) for folder in folders]
+
+
+def _say_values(what: str, names: list[str], rows: list[tuple[str, list[Any]]], otherwise: str) -> None:
+    if rows:
+        say_table((what, *names), [[name, *map(_shown, row)] for name, row in rows], names)
+    else:
+        say(otherwise)
+    say()
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _told(found: Parting | None, first: Compared) -> str:
+    """One sentence on where and why a run parts from the first one."""
+    if found is None:
+        return f"its results are equal to those of {first.name}"
+    from aatri.cli.plan_table import reasons_text
+
+    changed = [f"{name} {one} -> {other}" for name, (one, other) in found.environment.items()]
+    why = reasons_text(found.reasons) or ("the environment" if changed else "the same stage gave another result")
+    size = "only the last bits" if found.only_last_bits else "more than the last bits"
+    scale = f", largest relative difference {found.largest:.1e}" if found.largest < float("inf") else ""
+    more = f"; environment: {', '.join(changed)}" if changed else ""
+    return f"parts from {first.name} at stage {found.stage}: {why} ({size}{scale}){more}"
+
+
+def _plain(found: Parting | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {"stage": found.stage, "reasons": [reason.plain() for reason in found.reasons],
+            "environment": found.environment, "only_last_bits": found.only_last_bits,
+            "largest_relative_difference": found.largest if found.largest < float("inf") else None}  # fmt: skip

@@ -1,0 +1,79 @@
+"""Runs of made-up stages for the tests of the store and the runner."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aatri.pipeline.catalogue import Catalogue
+from aatri.pipeline.graph import Node, wire
+from aatri.pipeline.overrides import with_set, with_use, with_variant
+from aatri.pipeline.plan import Plan, plan, select
+from aatri.pipeline.runner import How, run_pipeline
+from aatri.pipeline.spec import Spec, load_spec
+from aatri.pipeline.task import Source
+from aatri.pipeline.view import StoreView
+from tests.made_up_stages import made_up_registry
+
+SOURCE = Source("tests.made_up_stages:made_up_registry")
+
+
+class Quiet:
+    """A listener that remembers which stages were begun."""
+
+    def __init__(self) -> None:
+        self.begun: list[str] = []
+
+    def planned(self, plan: Plan, expected: Mapping[str, float]) -> None:
+        pass
+
+    def started(self, stage: str, use: str, number: int, total: int) -> None:
+        self.begun.append(stage)
+
+    def warned(self, stage: str, message: str) -> None:
+        pass
+
+    def advanced(self, stage: str, done: int, total: int, what: str) -> None:
+        pass
+
+    def finished(self, record: Mapping[str, Any]) -> None:
+        pass
+
+    def failed(self, stage: str, folder: Path) -> None:
+        pass
+
+
+def opened(
+    path: Path, *, sets: tuple[str, ...] = (), uses: tuple[str, ...] = (), variant: str = ""
+) -> tuple[Spec, tuple[Node, ...]]:
+    """The pipeline of a file, wired."""
+    catalogue = Catalogue(registry=made_up_registry())
+    spec = load_spec(path)
+    spec = with_variant(spec, variant) if variant else spec
+    spec, _ = with_use(spec, uses, catalogue)
+    spec = with_set(spec, sets)
+    return spec, wire(spec, catalogue)
+
+
+def planned(path: Path, **changes: Any) -> Plan:
+    """What a run would do."""
+    spec, nodes = opened(path, **changes)
+    return plan(nodes, StoreView(spec.run, verify=True), spec.seed)
+
+
+def run(
+    path: Path, how: Mapping[str, Any] | None = None, **changes: Any
+) -> tuple[list[str], dict[str, dict[str, Any]]]:
+    """Run; the stages that were made, and all records."""
+    spec, nodes = opened(path, **changes)
+    given = dict(how or {})
+    selection = select(nodes, **given.pop("select", {}))
+    listener = Quiet()
+    records = run_pipeline(spec, nodes, listener, How(selection, source=SOURCE, **given))
+    return listener.begun, {record["stage"]: record for record in records}
+
+
+def digests(records: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Content digests by stage."""
+    return {stage: record["output"]["content_digest"] for stage, record in records.items()}
