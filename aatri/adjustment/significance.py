@@ -157,8 +157,7 @@ def joint_test(e: Estimates, names: Collection[str] | None = None) -> JointTest:
 
 def correlations(e: Estimates) -> Float:
     """Correlation matrix, (s, s); NaN where a parameter is not determined."""
-    variance = np.diag(e.covariance)
-    sigma = np.sqrt(np.where(variance > 0, variance, np.nan))
+    sigma = _sigma(np.diag(e.covariance))
     return np.asarray(e.covariance / np.outer(sigma, sigma))
 
 
@@ -179,7 +178,7 @@ def correlated_with_others(
     other_variance : (k,) float64
     other_names : sequence of str
     """
-    rho = cross_covariance / np.sqrt(np.outer(np.diag(e.covariance), other_variance))
+    rho = cross_covariance / np.outer(_sigma(np.diag(e.covariance)), _sigma(other_variance))
     return _pairs(rho, e.names, other_names, limit)
 
 
@@ -200,6 +199,10 @@ def _spread_under_zero(e: Estimates) -> Float:
     C = np.where(np.outer(known, known), e.covariance, 0.0)
     spread = C - (C / e.prior_sigma**2) @ C
     return np.where(np.outer(known, known), spread, np.nan)
+
+
+def _sigma(variance: Float) -> Float:
+    return np.asarray(np.sqrt(np.where(variance > 0, variance, np.nan)))
 
 
 def _student(redundancy: float) -> stats.rv_continuous:
