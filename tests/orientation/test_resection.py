@@ -53,8 +53,8 @@ def test_the_sample_of_mikhail(examples: dict) -> None:
 
 
 def _made(rng: np.random.Generator, n_images: int):
-    R = rotation_from_angles(rng.normal(0, 0.05, (n_images, 3)) + [0, 0, 2.0])
-    X0 = rng.normal(0, 50, (n_images, 3)) + [446000.0, 4505000.0, 400.0]
+    R = rotation_from_angles(rng.normal(0, 0.05, (n_images, 3)) + np.array([0, 0, 2.0]))
+    X0 = rng.normal(0, 50, (n_images, 3)) + np.array([446000.0, 4505000.0, 400.0])
     xyz = rng.uniform(-250, 250, (40, 3)) * [1, 1, 0.1] + [446000.0, 4505000.0, 0.0]
     image = np.repeat(np.arange(n_images), 40).astype(np.int32)
     point = np.tile(np.arange(40), n_images).astype(np.int32)
