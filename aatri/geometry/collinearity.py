@@ -36,7 +36,7 @@ def in_image_axes(X0: Float, ground_from_image: Float, X: Float) -> Float:
     -------
     (n, 3) float64, m
     """
-    return np.einsum("nji,nj->ni", ground_from_image, X - X0)
+    return np.asarray(np.einsum("nji,nj->ni", ground_from_image, X - X0))
 
 
 def project(u: Float, c_mm: Float) -> Float:

@@ -1,17 +1,20 @@
 """Image points: the collinearity equations as observations.
 
-v = computed - (measured + remaining film correction), in mm from the principal point. The six interior unknowns d of an
-image, where it has them, correct the measured photo coordinates (x, y from the fiducial centre),
+v = computed - (measured + corrections), in mm from the principal point. Corrections of the measured coordinates are
+linear in their parameters, K(x, y) p with a constant matrix K per ray: dv/dp = -K. They are
 
-    dx = d0 + d1 x + d2 y,    dy = d3 + d4 x + d5 y,
+- the film correction that the fiducials of an image leave open, dx = d0 + d1 x + d2 y, dy = d3 + d4 x + d5 y, weighted
+  by the covariance of the interior orientation: common to all points of an image, and without it sigma0 of film comes
+  out too large;
+- sets of additional parameters (self-calibration) of a camera, a session or an image.
 
-so that dv/dd = -(1, x, y) in each row. Their prior is the covariance of the interior orientation: what the fiducials
-leave open is common to all points of an image, and without it sigma0 of film comes out too large.
+Rays of cameras with unknown parameters of a non-linear model (`aatri.camera.calibration`) take the NumPy lane; all
+others, nearly always all, the compiled one. Both give the same to 1e-12.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +22,11 @@ import numpy.typing as npt
 
 from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
-from aatri.geometry.collinearity import collinearity
+from aatri.camera import calibration
+from aatri.geometry.collinearity import in_image_axes, project_derivatives
+from aatri.geometry.rotations import skew
 from aatri.observations.kernels.collinearity import count_side_changes, linearise
-from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
+from aatri.observations.poses import CAMERA, POINT, POSE, Poses
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
@@ -53,41 +58,117 @@ class ImagePointRows:
     principal_point_mm: Float
     active: Bool
 
+    def take(self, rows: Int | Bool) -> ImagePointRows:
+        """The chosen rows."""
+        return ImagePointRows(
+            self.image[rows], self.point[rows], self.xy_mm[rows], self.sigma_mm[rows], self.c_mm[rows],
+            self.principal_point_mm[rows], self.active[rows],
+        )  # fmt: skip
 
-def image_point_records(rows: ImagePointRows, *, interior: bool) -> Records:
-    """Records of image points; with `interior` they also touch the interior unknowns of their image."""
+
+@dataclass(frozen=True)
+class LinearCorrection:
+    """A correction added to the measured coordinates, linear in a group of unknowns.
+
+    Attributes
+    ----------
+    group : str
+    block : (n,) int
+        Block of the group for each ray.
+    basis : (n, 2, s) float64
+        K, correction per parameter.
+    """
+
+    group: str
+    block: Int
+    basis: Float
+
+    def take(self, rows: Int | Bool) -> LinearCorrection:
+        """The chosen rows."""
+        return LinearCorrection(self.group, self.block[rows], self.basis[rows])
+
+
+@dataclass(frozen=True)
+class CameraRows:
+    """Cameras with unknown parameters.
+
+    Attributes
+    ----------
+    block : (n,) int
+        Block of the group CAMERA for each ray.
+    model : (n_blocks,) str
+        Model of each block, see `calibration.PARAMETERS`; blocks are as wide as the widest model.
+    """
+
+    block: Int
+    model: tuple[str, ...]
+
+    def take(self, rows: Int | Bool) -> CameraRows:
+        """The chosen rows."""
+        return CameraRows(self.block[rows], self.model)
+
+
+def film_correction(rows: ImagePointRows, group: str) -> LinearCorrection:
+    """The six film corrections of each image, in photo coordinates from the fiducial centre."""
     photo = rows.xy_mm + rows.principal_point_mm
-    by_interior = np.zeros((len(photo), 2, 6))
-    by_interior[:, 0, 0] = by_interior[:, 1, 3] = -1.0
-    by_interior[:, 0, 1:3] = by_interior[:, 1, 4:6] = -photo
+    basis = np.zeros((len(photo), 2, 6))
+    basis[:, 0, 0] = basis[:, 1, 3] = 1.0
+    basis[:, 0, 1:3] = basis[:, 1, 4:6] = photo
+    return LinearCorrection(group, rows.image, basis)
+
+
+def image_point_records(
+    rows: ImagePointRows, corrections: Sequence[LinearCorrection] = (), cameras: CameraRows | None = None
+) -> Records:
+    """Records of image points; they touch pose, corrections in their order, camera if unknown, and point."""
 
     def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
         image, point = rows.image[chosen], rows.point[chosen]
-        X0, R = poses.position_m[image], poses.ground_from_image[image]
-        xy, by_pose, by_point = collinearity(X0, R, state[POINT][point], rows.c_mm[chosen])
-        v = xy - rows.xy_mm[chosen]
-        if not interior:
-            return v, (by_pose, by_point)
-        film = by_interior[chosen]
-        v = v + np.einsum("nij,nj->ni", film, state[INTERIOR][image])
-        return v, (by_pose, film, by_point)
+        X0, R, X = poses.position_m[image], poses.ground_from_image[image], state[POINT][point]
+        u = in_image_axes(X0, R, X)
+        v, by_u, by_camera = _compared(rows, cameras, state, chosen, u)
+        for correction in corrections:
+            v = v - np.einsum("nij,nj->ni", correction.basis[chosen], state[correction.group][correction.block[chosen]])
+        by_point = np.einsum("nij,nkj->nik", by_u, R)
+        by_pose = np.concatenate([-by_point, by_point @ skew(X - X0)], axis=2)
+        return v, (by_pose, *(-c.basis[chosen] for c in corrections), *by_camera, by_point)
 
-    film_touch = ((INTERIOR, rows.image),) if interior else ()
-    touches = ((POSE, rows.image), *film_touch, (POINT, rows.point))
-    whitener = whitener_of_sigmas(rows.sigma_mm)
-    lane = _compiled(rows, by_interior if interior else None)
-    return Records("image point", touches, evaluate, whitener, rows.active, lane)
+    touches = [(POSE, rows.image), *((c.group, c.block) for c in corrections)]
+    if cameras is not None:
+        touches.append((CAMERA, cameras.block))
+    touches.append((POINT, rows.point))
+    lane = _compiled(rows, corrections) if cameras is None else None
+    return Records("image point", tuple(touches), evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active, lane)
 
 
-def _compiled(rows: ImagePointRows, by_interior: Float | None) -> Compiled:
+def _compared(
+    rows: ImagePointRows, cameras: CameraRows | None, state: State, chosen: Int, u: Float
+) -> tuple[Float, Float, tuple[Float, ...]]:
+    """Computed minus measured, and its derivatives to u and to the camera."""
+    if cameras is None:
+        xy, by_u = project_derivatives(u, rows.c_mm[chosen])
+        return xy - rows.xy_mm[chosen], by_u, ()
+    block, measured = cameras.block[chosen], rows.xy_mm[chosen]
+    v, by_u = np.empty((len(chosen), 2)), np.empty((len(chosen), 2, 3))
+    by_camera = np.zeros((len(chosen), 2, state[CAMERA].shape[1]))
+    models = np.array(cameras.model)[block]
+    for model in np.unique(models):
+        some, size = np.flatnonzero(models == model), len(calibration.PARAMETERS[str(model)])
+        v[some], by_u[some], by_camera[some, :, :size] = calibration.residual(
+            str(model), u[some], measured[some], state[CAMERA][block[some], :size]
+        )
+    return v, by_u, (by_camera,)
+
+
+def _compiled(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> Compiled:
     """The compiled lane, equal to the NumPy form to 1e-12."""
 
     def prepared(order: Int) -> Callable[[State], Fill]:
         image, point = rows.image[order].astype(np.int32), rows.point[order].astype(np.int32)
         xy, c = np.ascontiguousarray(rows.xy_mm[order]), np.ascontiguousarray(rows.c_mm[order])
         weight = np.where(rows.active[order, None], 1.0 / rows.sigma_mm[order], 0.0)
-        film = None if by_interior is None else by_interior[order] * weight[:, :, None]
+        terms = [(k.group, k.block[order], -k.basis[order] * weight[:, :, None]) for k in corrections]
 
         def bind(state: State) -> Fill:
             poses: Poses = state[POSE]
@@ -96,9 +177,9 @@ def _compiled(rows: ImagePointRows, by_interior: Float | None) -> Compiled:
 
             def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
                 linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
-                if film is not None:
-                    J[1][:] = film[first:last]
-                    v += np.einsum("nij,nj->ni", J[1], state[INTERIOR][image[first:last]])
+                for target, (group, block, basis) in zip(J[1:-1], terms):
+                    target[:] = basis[first:last]
+                    v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
 
             return fill
 

@@ -19,7 +19,9 @@ Bool = npt.NDArray[np.bool_]
 
 POSE = "image"
 POINT = "point"
-INTERIOR = "interior"
+FILM = "film"
+ADDITIONAL = "additional"
+CAMERA = "camera"
 """Names of the groups of unknowns."""
 
 

@@ -150,7 +150,7 @@ def _mean_sigma(sigma: Float, rows: Int, n: int) -> Float:
     return np.asarray(total / np.maximum(np.bincount(rows, minlength=n), 1))
 
 
-def _reweight(robust: Float, rays: Int, v: Float, rows: Int, n: int) -> Bool:
+def _reweight(robust: Float, rays: npt.NDArray[np.integer], v: Float, rows: Int, n: int) -> Bool:
     """Huber weights by the image's own median spread; returns which images' weights still change."""
     size = np.sqrt((v**2).mean(axis=1))
     order = np.lexsort((size, rows))

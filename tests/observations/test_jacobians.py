@@ -5,10 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aatri.adjustment.records import whitened
+from aatri.camera import calibration
 from aatri.geometry.rotations import rotation_from_angles, skew
 from aatri.observations.coordinates import value_records
-from aatri.observations.image_points import ImagePointRows, image_point_records, side_changes
-from aatri.observations.poses import INTERIOR, POINT, POSE, Poses
+from aatri.observations.image_points import (
+    CameraRows,
+    ImagePointRows,
+    LinearCorrection,
+    film_correction,
+    image_point_records,
+    side_changes,
+)
+from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses
 from aatri.observations.positions import position_records
 from tests.complex_step import complex_step
 
@@ -23,29 +32,69 @@ def _ray(seed: int):
     R = rotation_from_angles(rng.uniform(-3, 3, 3))
     X0 = rng.normal(0, 100, 3)
     X = X0 + R @ np.array([rng.uniform(-50, 50), rng.uniform(-50, 50), -rng.uniform(50, 500)])
-    d = rng.normal(0, 1e-3, 6)
     measured, pp = rng.uniform(-100, 100, 2), rng.normal(0, 0.02, 2)
     one = np.zeros(1, dtype=np.int32)
     rows = ImagePointRows(one, one, measured[None], np.full((1, 2), 0.005), np.array([153.84]), pp[None],
                           np.ones(1, dtype=bool))  # fmt: skip
-    state = {POSE: Poses(X0[None], R[None]), POINT: X[None], INTERIOR: d[None]}
-    return rows, state, R, X0, X, d, measured, pp
+    return rows, {POSE: Poses(X0[None], R[None]), POINT: X[None]}, R, X0, X, measured, pp, rng
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_image_points_with_interior_unknowns(seed: int) -> None:
-    rows, state, R, X0, X, d, measured, pp = _ray(seed)
+def test_image_points_with_film_and_additional_corrections(seed: int) -> None:
+    rows, state, R, X0, X, measured, pp, rng = _ray(seed)
+    d, a, K = rng.normal(0, 1e-3, 6), rng.normal(0, 1e-2, 4), rng.normal(size=(1, 2, 4))
 
     def f(z: np.ndarray) -> np.ndarray:
         u = ((np.eye(3) + skew(z[3:6])) @ R).T @ (z[6:9] - z[:3])
         x, y = measured + pp
-        corrected = measured + np.array([z[9] + z[10] * x + z[11] * y, z[12] + z[13] * x + z[14] * y])
-        return -153.84 * u[:2] / u[2] - corrected
+        film = np.array([z[9] + z[10] * x + z[11] * y, z[12] + z[13] * x + z[14] * y])
+        return -153.84 * u[:2] / u[2] - (measured + film + K[0] @ z[15:])
 
-    z = np.concatenate([X0, np.zeros(3), X, d])
-    v, (by_pose, by_interior, by_point) = image_point_records(rows, interior=True).evaluate(state, np.arange(1))
-    _scaled(np.hstack([by_pose[0], by_point[0], by_interior[0]]), complex_step(f, z))
+    z = np.concatenate([X0, np.zeros(3), X, d, a])
+    additional = LinearCorrection(ADDITIONAL, np.zeros(1, dtype=np.int64), K)
+    records = image_point_records(rows, [film_correction(rows, FILM), additional])
+    v, J = records.evaluate({**state, FILM: d[None], ADDITIONAL: a[None]}, np.arange(1))
+    _scaled(np.hstack([J[0][0], J[3][0], J[1][0], J[2][0]]), complex_step(f, z))
     np.testing.assert_allclose(v[0], f(z), atol=1e-11)
+
+
+@pytest.mark.parametrize("model", sorted(calibration.PARAMETERS))
+@pytest.mark.parametrize("seed", range(3))
+def test_image_points_of_cameras_with_unknown_parameters(seed: int, model: str) -> None:
+    rows, state, R, X0, X, measured, _, rng = _ray(seed)
+    names = calibration.PARAMETERS[model]
+    size = {"principal_distance": 153.84, "q": 1.0}
+    p = np.array([size.get(n, 1e-3 * rng.normal() * (1e-6 if model == "brown" and n != "as" else 1.0)) for n in names])
+
+    def f(z: np.ndarray) -> np.ndarray:
+        u = ((np.eye(3) + skew(z[3:6])) @ R).T @ (z[6:9] - z[:3])
+        return calibration.residual(model, u[None], measured[None].astype(z.dtype), z[None, 9:])[0]
+
+    records = image_point_records(rows, cameras=CameraRows(np.zeros(1, dtype=np.int64), (model,)))
+    _, (by_pose, by_camera, by_point) = records.evaluate({**state, CAMERA: p[None]}, np.arange(1))
+    z = np.concatenate([X0, np.zeros(3), X, p])
+    _scaled(np.hstack([by_pose[0], by_point[0], by_camera[0]]), complex_step(f, z))
+
+
+def test_the_compiled_lane_equals_the_numpy_form() -> None:
+    rng = np.random.default_rng(5)
+    n = 40
+    R = rotation_from_angles(rng.normal(0, 0.1, (4, 3)))
+    X0 = np.array([0.0, 0.0, 400.0]) + rng.normal(0, 50, (4, 3))
+    X = rng.uniform(-200, 200, (12, 3)) * [1, 1, 0.1]
+    rows = ImagePointRows(rng.integers(0, 4, n), rng.integers(0, 12, n), rng.uniform(-100, 100, (n, 2)),
+                          rng.uniform(0.004, 0.01, (n, 2)), rng.choice([150.0, 153.0], n), np.zeros((n, 2)),
+                          rng.uniform(size=n) > 0.2)  # fmt: skip
+    state = {POSE: Poses(X0, R), POINT: X, FILM: rng.normal(0, 1e-3, (4, 6))}
+    records = image_point_records(rows, [film_correction(rows, FILM)])
+    assert records.compiled is not None
+    order = rng.permutation(n)
+    v, J = np.empty((25, 2)), tuple(np.empty((25, 2, k)) for k in (6, 6, 3))
+    records.compiled(order)(state)(10, 35, v, J)
+    expected, jacobians = whitened(records, state, order[10:35])
+    np.testing.assert_allclose(v, expected, rtol=1e-12, atol=1e-9)
+    for found, wanted in zip(J, jacobians):
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))
