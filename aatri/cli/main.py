@@ -1,17 +1,70 @@
-"""The command `aatri`."""
+"""The command `aatri`: its verbs, each imported when it is called.
+
+Every verb is a file of this folder. What `aatri --help` says of it stands here, so that help imports none of them.
+"""
 
 from __future__ import annotations
 
+import importlib
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from aatri import __version__
-from aatri.cli import accept, compare, dag, exec, export, gc, metrics, new, report, run, schema, show, stages, status
+
+VERBS = {
+    "run": "Bring a pipeline up to date and write its report",
+    "status": "Show which stages are up to date, and why others are not",
+    "dag": "Show how the stages hang together",
+    "show": "Show what an artifact holds and where it comes from",
+    "metrics": "Show the figures of all stages of a run",
+    "compare": "Show runs or variants side by side, and why they differ",
+    "stages": "List roles and their variants, or describe one variant",
+    "export": "Export results as tables, or a pipeline as a script for SLURM",
+    "report": "Write the report of a run again",
+    "new": "Write a pipeline.yaml, or a stage of one's own, to start from",
+    "schema": "Print JSON Schemas of the pipeline and of all artifacts",
+    "accept": "Let results stand in spite of changed code",
+    "exec": "Make one stage, for schedulers",
+    "gc": "Remove old results",
+}
+
+
+class Verbs(TyperGroup):
+    """A group of commands that are made when they are called."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        """The verbs, in the order of the help."""
+        return list(VERBS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        """The command of a verb, or None."""
+        if cmd_name not in VERBS:
+            return None
+        module = importlib.import_module(f"aatri.cli.{cmd_name}")
+        single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+        single.command(cmd_name)(getattr(module, "exec_" if cmd_name == "exec" else cmd_name))
+        return typer.main.get_command(single)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments begin with; of one that does not exist the nearest is named."""
+        if args and args[0] not in VERBS:
+            from aatri.ids import did_you_mean
+
+            ctx.fail(f"no verb {args[0]!r}{did_you_mean(args[0], VERBS)}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write the verbs into the help."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(VERBS.items()))
+
 
 app = typer.Typer(
     name="aatri",
+    cls=Verbs,
     help="Analytical aerial triangulation: from image measurements to oriented images and ground points.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -32,22 +85,6 @@ def _options(
     ] = False,
 ) -> None:
     del version
-
-
-app.command()(run.run)
-app.command()(status.status)
-app.command()(dag.dag)
-app.command()(show.show)
-app.command()(metrics.metrics)
-app.command()(stages.stages)
-app.command()(export.export)
-app.command()(new.new)
-app.command()(schema.schema)
-app.command()(report.report)
-app.command()(compare.compare)
-app.command()(accept.accept)
-app.command("exec")(exec.exec_)
-app.command()(gc.gc)
 
 
 def main() -> None:

@@ -151,11 +151,14 @@ def largest_difference(one: Path, other: Path) -> float:
 
 
 def _columns(path: Path) -> dict[str, Any]:
-    """All columns of an artifact, by table and name."""
+    """All columns of an artifact by table and name, and its scalars."""
     import h5py
+    import numpy as np
 
     with h5py.File(path, "r") as file:
-        return {f"{table}/{name}": column[()] for table, group in file.items() for name, column in group.items()}
+        scalars = {name: np.asarray(value) for name, value in file.attrs.items() if name != "content_digest"}
+        columns = {f"{table}/{name}": column[()] for table, group in file.items() for name, column in group.items()}
+    return scalars | columns
 
 
 def _stages(runs: Sequence[Compared]) -> list[str]:

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from aatri.cli.main import VERBS, app
+from tests.made_up_stages import made_up_registry, write_pipeline
+
+LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
+HEAD = "run: out\nseed: 1\nvariants: {far: {s: {with: {offset: 9.0}}}}\n"
+
+
+@pytest.fixture(autouse=True)
+def _made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("aatri.pipeline.registry.find_stages", made_up_registry)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    write_pipeline(tmp_path, LINES, HEAD)
+    assert aatri("run").exit_code == 0
+    return tmp_path
+
+
+def aatri(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_every_verb_of_the_help_is_there() -> None:
+    for verb in VERBS:
+        module = importlib.import_module(f"aatri.cli.{verb}")
+        assert callable(getattr(module, "exec_" if verb == "exec" else verb))
+        assert aatri(verb, "--help").exit_code == 0
+    wrong = aatri("stauts")
+    assert wrong.exit_code == 2
+    assert "did you mean 'status'" in wrong.output
+
+
+def test_status_and_a_run_with_nothing_to_do_import_nothing_heavy(tmp_path: Path) -> None:
+    lines = (
+        "  block: {use: block/tables, with: {path: block}}\n  i: {use: interior_orientation/affine, from: {block}}\n"
+    )
+    path = write_pipeline(tmp_path, lines)
+    code = (
+        "import sys; from typer.testing import CliRunner; from aatri.cli.main import app;"
+        f"r = CliRunner().invoke(app, ['status', {str(path)!r}]); assert r.exit_code == 0, r.output;"
+        "print([m for m in ('numpy', 'numba', 'scipy', 'h5py', 'aatri.plugin') if m in sys.modules])"
+    )
+    told = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout for _ in range(2)]
+    assert told[1] == "[]\n"
+
+
+def test_dry_run_status_and_dag_tell_one_plan(project: Path) -> None:
+    write_pipeline(project, LINES.replace("source/fixed}", "source/fixed, with: {count: 5}}"), HEAD)
+    dry = json.loads(aatri("run", "--dry-run", "--json").stdout)["stages"]
+    assert [(s["stage"], s["decision"]) for s in dry] == [("a", "run"), ("s", "maybe")]
+    assert dry[0]["reasons"][0]["text"] == "options count: 3 -> 5"
+    for verb in (("status", "--json"), ("dag", "--json")):
+        told = json.loads(aatri(*verb).stdout)
+        stages = told["stages"] if isinstance(told, dict) else told
+        assert [(s["stage"], s["decision"], s["reasons"]) for s in stages] == [
+            (s["stage"], s["decision"], s["reasons"]) for s in dry
+        ]
+    assert "1 of 2 stages" not in aatri("run", "-n").stdout
+    assert "perhaps other a" in aatri("run", "-n").stdout
+    assert 'a -> s [label="numbers"]' in aatri("dag", "--dot").stdout
+    assert json.loads(aatri("status", "out", "--json").stdout)["stages"][0]["decision"] == "run"
+
+
+def test_a_failure_tells_how_to_go_on(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ["run", "--use", "s=sum/stubborn", "--into", "my runs/x"]
+    monkeypatch.setattr(sys, "argv", ["aatri", *arguments])
+    result = aatri(*arguments)
+    assert result.exit_code == 5
+    assert "to go on: aatri run --use s=sum/stubborn --into 'my runs/x'\n" in result.stderr
+    wrong = aatri("run", "--set", "s.offset=high")
+    assert "to go on" not in wrong.stderr  # nothing was begun
+
+
+def test_a_run_with_nothing_to_do_says_so(project: Path) -> None:
+    again = aatri("run")
+    assert "nothing to do: all 2 stages are up to date" in again.stderr
+    assert "sum/add" in again.stdout
+    assert [s["stage"] for s in json.loads(aatri("run", "--json").stdout)["stages"]] == ["a", "s"]
+
+
+def test_exec_makes_one_stage(tmp_path: Path) -> None:
+    write_pipeline(tmp_path, LINES, HEAD)
+    assert "s needs a" in aatri("exec", "pipeline.yaml", "s").stderr
+    assert aatri("exec", "pipeline.yaml", "a").exit_code == 0
+    assert aatri("exec", "out", "s").exit_code == 0
+    assert "up to date" in aatri("exec", "out", "s").stderr
+    assert "nothing to do" not in aatri("run").stderr  # the report is missing yet
+
+
+def test_slurm_gets_a_job_per_stage(project: Path) -> None:
+    assert aatri("export", "pipeline.yaml", "slurm", "jobs.sh").exit_code == 0
+    text = (project / "jobs.sh").read_text()
+    assert "job_s=$(submit s \"$job_a\" 'aatri exec pipeline.yaml s')" in text
+    sbatch = project / "sbatch"
+    sbatch.write_text('#!/bin/sh\necho "$@" >> calls.txt; wc -l < calls.txt\n')
+    sbatch.chmod(0o755)
+    subprocess.run(["bash", "jobs.sh", "--mem=1G"], check=True, env={"PATH": f"{project}:/usr/bin:/bin"})
+    calls = (project / "calls.txt").read_text().splitlines()
+    assert [f"afterok:{k}" in calls[k] for k in (1, 2)] == [True, False]
+    assert "afterok:1:2" in calls[2]
+    assert all("--mem=1G" in call for call in calls)
+    assert aatri("export", "pipeline.yaml", "slurm", "jobs.sh").exit_code == 2
+
+
+def test_variants_are_run_and_compared(project: Path) -> None:
+    assert aatri("run", "--variant", "far").exit_code == 0
+    told = json.loads(aatri("compare", "pipeline.yaml", "--variants", "--json").stdout)
+    assert told["options"] == {"s.offset": [0.0, 9.0]}
+    assert told["metrics"]["s.total"] == [6.0, 15.0]
+    found = told["differences"]["far"]
+    assert (found["stage"], found["only_last_bits"]) == ("s", False)
+    assert found["reasons"][0]["why"] == "options"
+    text = aatri("compare", "pipeline.yaml", "--variants").stdout
+    assert "far: parts from out at stage s: options offset: 0.0 -> 9.0 (more than the last bits)" in text
+    assert "equal to those of out" in aatri("compare", "out", "out").stdout
+    assert aatri("compare", "out").exit_code == 2
+    assert json.loads(aatri("status", "out/variants/far", "--json").stdout)["stages"][1]["state"] == "done"
+
+
+def test_accept_and_gc(project: Path) -> None:
+    assert "a is up to date" in aatri("accept", "a", "-m", "so").stdout
+    write_pipeline(project, LINES.replace("source/fixed}", "source/fixed, with: {count: 5}}"), HEAD)
+    refused = aatri("accept", "a", "-m", "so")
+    assert refused.exit_code == 2
+    assert "not only the code has changed but also options" in refused.stderr
+    assert aatri("run").exit_code == 0
+    assert "2 results could be removed" in aatri("gc", "--keep", "0", "-n").stdout
+    assert "2 results removed" in aatri("gc", "--keep", "0").stdout
+    assert "nothing to do" in aatri("run").stderr
