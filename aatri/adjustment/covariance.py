@@ -117,8 +117,9 @@ class _Down:
             vertex, first = layout.vertex[u.name], layout.within[u.name]
             blocks = np.zeros((len(u.free), u.size, u.size))
             some = vertex >= 0
-            inner = self.vertex_covariance[vertex[some], first : first + u.size, first : first + u.size]
-            blocks[some] = inner
+            if some.any():
+                part = slice(first, first + u.size)
+                blocks[some] = self.vertex_covariance[vertex[some], part, part]
             if u.eliminated and self.problem.rays is not None:
                 blocks[self.problem.rays.block] = self.block
             groups[u.name] = blocks
