@@ -120,18 +120,9 @@ def largest_difference(one: Path, other: Path) -> float:
 
     Each column is measured by its own largest magnitude.
     """
-    import h5py
     import numpy as np
 
-    def numbers(path: Path) -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        with h5py.File(path, "r") as file:
-            file.visititems(
-                lambda name, node: found.update({name: node[()]}) if isinstance(node, h5py.Dataset) else None
-            )
-        return found
-
-    a, b = numbers(one), numbers(other)
+    a, b = _columns(one), _columns(other)
     if a.keys() != b.keys():
         return float("inf")
     worst = 0.0
