@@ -121,7 +121,8 @@ class _Down:
                 part = slice(first, first + u.size)
                 blocks[some] = self.vertex_covariance[vertex[some], part, part]
             if u.eliminated and self.problem.rays is not None:
-                blocks[self.problem.rays.block] = self.block
+                runaway = self.problem.hold[:, 0, 0] > 0
+                blocks[self.problem.rays.block] = np.where(runaway[:, None, None], np.nan, self.block)
             groups[u.name] = blocks
         rays = self.problem.rays
         if rays is None:

@@ -3,8 +3,11 @@
 The damping lambda multiplies the diagonal of the normal matrix. It is 0 (Gauss-Newton) until a step fails; then it
 follows the gain, the decrease of the cost over the decrease the linear model predicts:
 
-    accepted: lambda <- lambda max(1/3, 1 - (2 gain - 1)^3), and 0 once it is small and the model is good
+    accepted: lambda <- lambda max(1/3, 1 - (2 gain - 1)^3)
     refused:  lambda <- lambda nu, nu doubling each time
+
+An undamped step is tried again once lambda is below a threshold and the model is good; each time it is refused the
+threshold falls, so that a problem that needs a little damping to its end is not held up.
 
 Source: Nielsen 1999, Damping parameter in Marquardt's method.
 """
@@ -14,28 +17,38 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 FIRST = 1e-3
-SMALL = 1e-3
 GOOD = 0.75
+SHRINK = 0.03
 
 
 @dataclass(frozen=True)
 class Damping:
-    """Damping of the next step: `value`, and the factor `growth` that applies if it is refused."""
+    """Damping of the next step.
+
+    Attributes
+    ----------
+    value : float
+    growth : float
+        The factor that applies if the step is refused.
+    threshold : float
+        Below it an undamped step is tried.
+    """
 
     value: float = 0.0
     growth: float = 2.0
+    threshold: float = 2 * FIRST
 
     def accepted(self, gain: float) -> Damping:
         """After a step that was taken."""
-        if self.value <= SMALL and gain > GOOD:
-            return Damping()
-        return Damping(self.value * max(1 / 3, 1 - (2 * min(gain, 1.0) - 1) ** 3))
+        if self.value < self.threshold and gain > GOOD:
+            return Damping(0.0, 2.0, self.threshold)
+        return Damping(self.value * max(1 / 3, 1 - (2 * min(gain, 1.0) - 1) ** 3), 2.0, self.threshold)
 
     def refused(self) -> Damping:
         """After a step that was refused."""
         if self.value == 0.0:
-            return Damping(FIRST)
-        return Damping(self.value * self.growth, 2 * self.growth)
+            return Damping(min(FIRST, self.threshold), 2.0, SHRINK * self.threshold)
+        return Damping(self.value * self.growth, 2 * self.growth, self.threshold)
 
 
 def gain(cost: float, trial: float, predicted: float) -> float:

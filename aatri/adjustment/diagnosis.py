@@ -19,8 +19,8 @@ from aatri.errors import GeometryError
 
 Float = npt.NDArray[np.float64]
 
-WHOLE = 3000
-"""Up to this many kept unknowns the whole matrix is analysed."""
+WHOLE = 2e7
+"""Up to this many numbers of the dense Jacobian the whole matrix is analysed."""
 
 
 def refuse_undetermined(problem: Problem, state: State, factored: Factored) -> None:
@@ -53,7 +53,8 @@ def _refuse_blocks(problem: Problem, factored: Factored) -> None:
 def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[int, Float]:
     """Number of defects and null vectors in scaled unknowns, (n_kept, k)."""
     layout = problem.layout
-    if layout.n_kept <= WHOLE:
+    observations = sum(r.observations for r in problem.records)
+    if observations * sum(int(u.free.sum()) for u in problem.unknowns) <= WHOLE:
         N = reduced_matrix(problem.unknowns, problem.records, layout, state)
         diagonal = np.diagonal(N).copy()
         diagonal[~(diagonal > 0)] = 1.0

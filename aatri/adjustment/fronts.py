@@ -60,6 +60,9 @@ class Problem:
     threads : int
     reproducible : bool
         The same bits for any number of threads: one BLAS thread throughout.
+    hold : (n_blocks, 3, 3) float64
+        Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
+        finite optimum, whose steps it shortens.
     """
 
     unknowns: tuple[Unknowns, ...]
@@ -72,6 +75,7 @@ class Problem:
     block_free: Float
     threads: int
     reproducible: bool
+    hold: Float
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
@@ -160,7 +164,7 @@ class _Work:
         self.diagonal = np.zeros(problem.layout.n_kept)
         self.block_factor, self.block_y = np.ones((n_blocks, 6)), np.zeros((n_blocks, 3))
         self.determined = np.ones(n_blocks)
-        self.D0, self.h0 = np.zeros((n_blocks, 3, 3)), np.zeros((n_blocks, 3))
+        self.D0, self.h0 = problem.hold.copy(), np.zeros((n_blocks, 3))
         self._direct(state)
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
         self.kept = [(k, *_side_by_side(k, problem.layout, state)) for k in problem.kept]

@@ -64,6 +64,7 @@ def prepare(
         free,
         threads or default_threads(),
         reproducible,
+        np.zeros((len(free), 3, 3)),
     )
 
 

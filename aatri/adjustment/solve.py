@@ -3,12 +3,15 @@
 Converged when the Newton decrement of an undamped step is at most `tolerance`, which bounds the step of every unknown
 by `tolerance` times its own standard deviation; the step is applied. A step that raises the cost, or that a veto
 refuses (a point changes its side of the camera), is repeated with damping. What does not converge is a failure.
+
+An eliminated block that is determined at the start but no longer at a later step has no finite optimum (a point that
+runs away along nearly parallel rays): its steps are shortened from then on, it is reported, and it has no covariance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +22,10 @@ from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.fronts import Factored, Problem, factorise
 from aatri.adjustment.prepare import Ordering, prepare
-from aatri.adjustment.records import Records
+from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.errors import ConvergenceError
+from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 
 Float = npt.NDArray[np.float64]
@@ -62,6 +66,9 @@ class Adjusted:
     sigma0: float
     history: tuple[Step, ...]
 
+
+HOLD = 1e-9
+"""Share of its own normal matrix by which the steps of a block without finite optimum are shortened."""
 
 Veto = Callable[[State, State], str]
 """(old, new) -> why the new state is refused, or an empty text."""
@@ -106,21 +113,24 @@ def adjust_large(
     problem = prepare(unknowns, records, ordering=ordering, threads=threads, reproducible=reproducible)
     _announce(problem, reporter)
     state: dict[str, Any] = dict(start)
-    factored = _checked(problem, state, factorise(problem, state))
+    factored = factorise(problem, state)
+    _check(problem, state, factored)
     damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
-        decrement = float(np.sqrt(factored.decrease))
+        decrement = _decrement(problem, factored)
         history.append(Step(factored.cost, decrement, factored.damping))
         reporter.log(
             f"iteration {iteration}: cost {factored.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
         )
-        trial = retract_state(unknowns, state, found)
+        trial = retract_state(problem.unknowns, state, found)
         if factored.damping == 0.0 and decrement <= tolerance:
             return _finished(problem, trial, tuple(history))
         if iteration == max_iterations:
             break
         state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
+        problem, factored = _with_runaways_slowed(problem, state, factored, reporter)
+        _check(problem, state, factored)
     raise ConvergenceError(_failure(records, state, max_iterations, history[-1]), remedy=_ADVICE)
 
 
@@ -141,18 +151,45 @@ def _next(
             damping = damping.accepted(gain(factored.cost, cost, predicted_decrease(problem, factored, found)))
             following = factorise(problem, trial, damping.value)
     if following is not None and not refused:
-        return trial, _checked(problem, trial, following), damping
+        return trial, following, damping
     reporter.log(f"step refused: {refused}")
     damping = damping.refused()
     return state, factorise(problem, state, damping.value), damping
 
 
-def _checked(problem: Problem, state: State, factored: Factored) -> Factored:
+def _with_runaways_slowed(
+    problem: Problem, state: State, factored: Factored, reporter: Reporter
+) -> tuple[Problem, Factored]:
+    """Slow down eliminated blocks that have lost their determination on the way."""
+    lost = np.flatnonzero(factored.determined == 0)
+    if not len(lost) or problem.rays is None:
+        return problem, factored
+    group = next(u for u in problem.unknowns if u.eliminated)
+    names = [str(group.ids[k]) for k in np.sort(problem.rays.block[lost])]
+    reporter.warn(f"has no finite optimum, its rays are parallel: {group.name} {shown(names)}")
+    hold = problem.hold.copy()
+    hold[lost] = HOLD * _size(problem, state, lost)[:, None, None] * np.eye(3)
+    slowed = replace(problem, hold=hold)
+    return slowed, factorise(slowed, state, factored.damping)
+
+
+def _size(problem: Problem, state: State, blocks: npt.NDArray[np.integer]) -> Float:
+    """Trace of the normal matrix of some eliminated blocks."""
+    rays = problem.rays
+    assert rays is not None
+    found = np.empty(len(blocks))
+    for i, p in enumerate(blocks):
+        rows = rays.rows[rays.ray_start[p] : rays.ray_start[p + 1]]
+        _, jacobians = whitened(rays.records, state, rows)
+        found[i] = (jacobians[-1] ** 2).sum()
+    return found
+
+
+def _check(problem: Problem, state: State, factored: Factored) -> None:
     if not np.isfinite(factored.cost):
         raise ConvergenceError("residuals are not finite", remedy=_ADVICE)
     if factored.damping == 0.0 and (factored.weak or (factored.determined == 0).any()):
         refuse_undetermined(problem, state, factored)
-    return factored
 
 
 def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]) -> Adjusted:
@@ -173,6 +210,12 @@ def _announce(problem: Problem, reporter: Reporter) -> None:
         f"{problem.layout.n_kept} unknowns beside the eliminated ones in {len(tree.nodes)} fronts of at most "
         f"{tree.largest_front}; factorisation {tree.flops / 1e9:.3g} Gflop, {tree.factor_bytes / 1e6:.0f} MB"
     )
+
+
+def _decrement(problem: Problem, factored: Factored) -> float:
+    """Newton decrement of all but the blocks that have no finite optimum."""
+    runaway = problem.hold[:, 0, 0] > 0
+    return float(np.sqrt(max(factored.decrease - float((factored.block_y[runaway] ** 2).sum()), 0.0)))
 
 
 def _worse(trial: float, cost: float) -> str:

@@ -11,6 +11,7 @@ Source: Kraus, Photogrammetry; photogrammetry.md A901-A910, A1101-A1107.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,8 @@ from aatri.progress import SILENT, Reporter
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
+
+Datum = Literal["given", "minimal"]
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,7 @@ class BundleResult:
 def adjust_bundle(
     given: BundleInput,
     *,
+    datum: Datum = "given",
     max_iterations: int = 30,
     covariances: bool = True,
     ordering: Ordering = "nested_dissection",
@@ -97,6 +101,18 @@ def adjust_bundle(
     reporter: Reporter = SILENT,
 ) -> BundleResult:
     """Adjust a block.
+
+    Parameters
+    ----------
+    given : BundleInput
+    datum : str
+        `given` by control and positions, or `minimal`: the pose of the first image and one coordinate of the image
+        farthest from it are held at their start, which changes no residual of a block without any datum.
+    max_iterations : int
+    covariances : bool
+    ordering, threads, reproducible
+        See `aatri.adjustment.prepare`.
+    reporter : Reporter
 
     Raises
     ------
@@ -115,7 +131,7 @@ def adjust_bundle(
         **{p.group: p.start for p in parameters},
     }
     adjusted = adjust_large(
-        _unknowns(given, parameters, image, point),
+        _unknowns(given, parameters, _free_poses(given, image, datum), point),
         _records(given, rays, parameters, origin, image, point),
         start,
         max_iterations=max_iterations,
@@ -135,11 +151,23 @@ def _start_points(given: BundleInput, origin: Float) -> Float:
     return np.asarray(xyz - origin)
 
 
-def _unknowns(given: BundleInput, parameters: tuple[ParameterRows, ...], image: Bool, point: Bool) -> list[Unknowns]:
+def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
+    """Which scalars of the poses are free."""
+    free = np.repeat(image[:, None], 6, axis=1)
+    if datum == "minimal" and image.any():
+        first = int(np.argmax(image))
+        away = np.where(image[:, None], np.abs(given.poses.position_m - given.poses.position_m[first]), -1.0)
+        farthest, axis = np.unravel_index(int(np.argmax(away)), away.shape)
+        free[first] = False
+        free[farthest, axis] = False
+    return free
+
+
+def _unknowns(given: BundleInput, parameters: tuple[ParameterRows, ...], poses: Bool, point: Bool) -> list[Unknowns]:
     free = np.repeat(point[:, None], 3, axis=1)
     row, coordinate = np.nonzero(given.control.held)
     free[given.control.point[row], coordinate] = False
-    groups = [pose_unknowns(given.image_ids, np.repeat(image[:, None], 6, axis=1), given.poses.position_m)]
+    groups = [pose_unknowns(given.image_ids, poses, given.poses.position_m)]
     for p in parameters:
         used = np.bincount(p.block, minlength=len(p.free)) > 0
         groups.append(

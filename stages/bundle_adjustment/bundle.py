@@ -80,6 +80,9 @@ class BundleOptions(Options):
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"
     )
+    datum: Literal["given", "minimal"] = Field(
+        "given", description="given by control and positions; minimal: for a block without any, seven scalars are held"
+    )
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
     standard_deviations: bool = Field(True, description="compute standard deviations of all orientations and points")
     ordering: Literal["nested_dissection", "across_strips", "along_strips"] = Field(
@@ -158,6 +161,7 @@ def _adjusted_with_readmission(
     def run(problem: BundleInput) -> BundleResult:
         return adjust_bundle(
             problem,
+            datum=options.datum,
             max_iterations=options.max_iterations,
             covariances=options.standard_deviations,
             ordering=options.ordering,
