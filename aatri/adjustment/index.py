@@ -140,7 +140,7 @@ def index_kept(records: Records, rows: Int, layout: Layout, tree: Tree, size_of:
 
 
 def index_rays(records: Records, layout: Layout, tree: Tree, size_of: dict[str, int]) -> Rays:
-    """Sort the active rays of eliminated blocks by node, block and order of elimination."""
+    """Sort the active rays of eliminated blocks by node, first kept vertex, block, and order of elimination."""
     blocks = next(b for g, b in records.touches if g == layout.eliminated)
     number = layout.block[blocks]
     rows = np.flatnonzero(records.active & (number >= 0))
@@ -152,9 +152,13 @@ def index_rays(records: Records, layout: Layout, tree: Tree, size_of: dict[str, 
     of_block = number[rows]
     order = by_place[counting_order(n_blocks, of_block[by_place])[1]]
     node_of_block = _block_nodes(parts.vertex, of_block, n_blocks, tree)
-    first, block = counting_order(len(tree.nodes), node_of_block)
     count = np.bincount(of_block, minlength=n_blocks)
     start = np.concatenate([[0], np.cumsum(count)])
+    # within a node by the first image, so that neighbouring blocks meet the same places of the front
+    first_ray = order[np.minimum(start[:-1], len(order) - 1)]
+    by_first = counting_order(len(tree.place) + 1, place[first_ray].astype(np.int32))[1]
+    first, block = counting_order(len(tree.nodes), node_of_block[by_first])
+    block = by_first[block]
     ray_start = np.concatenate([[0], np.cumsum(count[block])]).astype(np.int64)
     within = np.arange(len(rows)) - np.repeat(ray_start[:-1], count[block])
     order = order[np.repeat(start[block], count[block]) + within]

@@ -11,13 +11,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from aatri.adjustment.kernels.eliminate import OPTIONS
+
 _SIGNATURE = (
     "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], "
     "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
 
 
-@njit(_SIGNATURE, nogil=True, cache=True)
+@njit(_SIGNATURE, **OPTIONS)
 def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 

@@ -24,6 +24,9 @@ MOST_RAYS = 256
 RANK_TOLERANCE = 1e-10
 """A pivot below this share of its diagonal means that the block is not determined."""
 
+OPTIONS = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
+"""Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
+
 _ARRAYS = "float64[:,::1], float64[:,:,::1], float64[:,:,::1]"
 POSE = (
     f"float64(int64, int64, int64, int64[::1], {_ARRAYS}, int32[:,::1], float64[:,:,::1], float64[:,::1], "
@@ -71,7 +74,7 @@ def block_factor(D, h, free, damping, L, y):
     return True
 
 
-@njit(POSE, nogil=True, cache=True)
+@njit(POSE, **OPTIONS)
 def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest):
     """Eliminate the blocks p0 ... p1 - 1, two residuals and six kept unknowns a ray.
 
@@ -103,8 +106,8 @@ def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping,
         Sum of squares of v.
     """
     D, h, L, y = np.empty((3, 3)), np.empty(3), np.empty(6), np.empty(3)
-    Y = np.empty((MOST_RAYS, 6, 3))
-    at = np.empty(MOST_RAYS, dtype=np.int32)
+    Y = np.empty((3, MOST_RAYS * 6))
+    at = np.empty(MOST_RAYS, dtype=np.int64)
     cost = 0.0
     for p in range(p0, p1):
         r0, r1 = ray_start[p] - base, ray_start[p + 1] - base
@@ -133,47 +136,61 @@ def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping,
         for k in range(3):
             ys[p, k] = y[k]
         i0, i1, i2 = 1.0 / L[0], 1.0 / L[3], 1.0 / L[5]
-        f0, f1, f2 = free[p, 0], free[p, 1], free[p, 2]
+        f0, f1, f2 = free[p, 0] * i0, free[p, 1], free[p, 2]
+        l1, l2, l4 = L[1], L[2], L[4]
+        y0, y1, y2 = y[0], y[1], y[2]
         n = 0
         for r in range(r0, r1):
-            c = loc[r, 0]
+            c = np.int64(loc[r, 0])
             if c < 0:
                 continue
             same = n > 0 and at[n - 1] == c
             if not same:
                 at[n] = c
+                for a in range(6):
+                    Y[0, 6 * n + a] = 0.0
+                    Y[1, 6 * n + a] = 0.0
+                    Y[2, 6 * n + a] = 0.0
                 n += 1
-            q = n - 1
+            q = 6 * n - 6
+            v0, v1 = v[r, 0], v[r, 1]
+            x0, x1, x2 = B[r, 0, 0], B[r, 0, 1], B[r, 0, 2]
+            z0, z1, z2 = B[r, 1, 0], B[r, 1, 1], B[r, 1, 2]
             for a in range(6):
                 a0, a1 = A[r, 0, a], A[r, 1, a]
-                s = a0 * v[r, 0] + a1 * v[r, 1]
-                t0 = (a0 * B[r, 0, 0] + a1 * B[r, 1, 0]) * f0 * i0
-                t1 = ((a0 * B[r, 0, 1] + a1 * B[r, 1, 1]) * f1 - L[1] * t0) * i1
-                t2 = ((a0 * B[r, 0, 2] + a1 * B[r, 1, 2]) * f2 - L[2] * t0 - L[4] * t1) * i2
-                g[c + a] += s - t0 * y[0] - t1 * y[1] - t2 * y[2]
+                t0 = (a0 * x0 + a1 * z0) * f0
+                t1 = ((a0 * x1 + a1 * z1) * f1 - l1 * t0) * i1
+                t2 = ((a0 * x2 + a1 * z2) * f2 - l2 * t0 - l4 * t1) * i2
+                g[c + a] += a0 * v0 + a1 * v1 - t0 * y0 - t1 * y1 - t2 * y2
                 diagonal[c + a] += a0 * a0 + a1 * a1
-                if same:
-                    Y[q, a, 0] += t0
-                    Y[q, a, 1] += t1
-                    Y[q, a, 2] += t2
-                else:
-                    Y[q, a, 0], Y[q, a, 1], Y[q, a, 2] = t0, t1, t2
+                Y[0, q + a] += t0
+                Y[1, q + a] += t1
+                Y[2, q + a] += t2
             for b in range(6):
                 b0_, b1_ = A[r, 0, b], A[r, 1, b]
-                for a in range(6):
+                for a in range(b, 6):
                     F[c + a, c + b] += A[r, 0, a] * b0_ + A[r, 1, a] * b1_
-        for q in range(n):
-            cq = at[q]
-            for b in range(6):
-                u0, u1, u2 = Y[q, b, 0], Y[q, b, 1], Y[q, b, 2]
-                for k in range(q, n):
-                    ck = at[k]
-                    for a in range(6):
-                        F[ck + a, cq + b] -= Y[k, a, 0] * u0 + Y[k, a, 1] * u1 + Y[k, a, 2] * u2
+        for k in range(n):
+            ck, e = at[k], 6 * k
+            a0, a1, a2, a3, a4, a5 = Y[0, e], Y[0, e + 1], Y[0, e + 2], Y[0, e + 3], Y[0, e + 4], Y[0, e + 5]
+            b0, b1, b2, b3, b4, b5 = Y[1, e], Y[1, e + 1], Y[1, e + 2], Y[1, e + 3], Y[1, e + 4], Y[1, e + 5]
+            c0, c1, c2, c3, c4, c5 = Y[2, e], Y[2, e + 1], Y[2, e + 2], Y[2, e + 3], Y[2, e + 4], Y[2, e + 5]
+            for q in range(k + 1):
+                for b in range(6):
+                    # all six read before the first is written: otherwise every store might change the next operand
+                    j, u0, u1, u2 = at[q] + b, Y[0, 6 * q + b], Y[1, 6 * q + b], Y[2, 6 * q + b]
+                    s0 = F[ck, j] - (a0 * u0 + b0 * u1 + c0 * u2)
+                    s1 = F[ck + 1, j] - (a1 * u0 + b1 * u1 + c1 * u2)
+                    s2 = F[ck + 2, j] - (a2 * u0 + b2 * u1 + c2 * u2)
+                    s3 = F[ck + 3, j] - (a3 * u0 + b3 * u1 + c3 * u2)
+                    s4 = F[ck + 4, j] - (a4 * u0 + b4 * u1 + c4 * u2)
+                    s5 = F[ck + 5, j] - (a5 * u0 + b5 * u1 + c5 * u2)
+                    F[ck, j], F[ck + 1, j], F[ck + 2, j] = s0, s1, s2
+                    F[ck + 3, j], F[ck + 4, j], F[ck + 5, j] = s3, s4, s5
     return cost
 
 
-@njit(GENERAL, nogil=True, cache=True)
+@njit(GENERAL, **OPTIONS)
 def eliminate(
     p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest
 ):
@@ -275,7 +292,7 @@ SUBSTITUTE = (
 )
 
 
-@njit(SUBSTITUTE, nogil=True, cache=True)
+@njit(SUBSTITUTE, **OPTIONS)
 def substitute(p0, p1, base, ray_start, A, B, column, part_size, part_start, dx, free, Ls, ys, dy):
     """Steps of the eliminated blocks: dy = -L^-T (y + L^-1 sum B' A dx).
 
