@@ -5,6 +5,7 @@ Nothing heavy is imported at the top of any file of this folder, so that `aatri 
 
 from __future__ import annotations
 
+import errno
 import functools
 import json
 import sys
@@ -14,12 +15,14 @@ from typing import Any, ParamSpec, TypeVar
 
 import typer
 
-from aatri.errors import AatriError, Errors
+from aatri.errors import AatriError, Errors, ResourceError
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 INTERRUPTED = 130
+
+_LACKS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
 def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
@@ -42,6 +45,9 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
         except Exception as error:
             if kwargs.get("debug"):
                 narrate(traceback.format_exc())
+            if isinstance(error, OSError) and error.errno in _LACKS:
+                report_error(ResourceError(str(error.strerror), where=str(error.filename or "")))
+                raise typer.Exit(ResourceError.exit_code) from None
             narrate(f"error: internal error (a bug): {type(error).__name__}: {error}")
             raise typer.Exit(1) from None
 

@@ -5,7 +5,9 @@ Every verb is a file of this folder. What `aatri --help` says of it stands here,
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import os
 import sys
 from typing import Annotated, Any
 
@@ -13,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from aatri import __version__
+from aatri.errors import ResourceError
 
 VERBS = {
     "run": "Bring a pipeline up to date and write its report",
@@ -91,4 +94,12 @@ def main() -> None:
     """Entry point of the command line."""
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if end.code == ResourceError.exit_code:  # HDF5 crashes at exit over a file that it could not write
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(ResourceError.exit_code)
+        raise

@@ -39,7 +39,8 @@ class Events:
             with on_disk(self._path):
                 os.fsync(self._handle)
         finally:
-            os.close(self._handle)
+            with on_disk(self._path):
+                os.close(self._handle)
 
 
 def read_events(run: Path) -> Iterator[dict[str, Any]]:

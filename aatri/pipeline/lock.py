@@ -72,7 +72,8 @@ def _held(path: Path, command: str, *, shared: bool) -> Iterator[None]:
                 os.pwrite(handle, json.dumps(owner).encode(), 0) if hasattr(os, "pwrite") else None
         yield
     finally:
-        os.close(handle)  # this frees the lock
+        with contextlib.suppress(OSError):
+            os.close(handle)  # this frees the lock
 
 
 def _busy(path: Path) -> str:

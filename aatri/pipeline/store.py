@@ -84,10 +84,11 @@ def check_is_run(run: Path) -> None:
     SpecError
         If the folder is neither empty nor one of a run.
     """
-    known = {".lock", "run.json", "events.jsonl", "objects", "variants", *_FOLDERS}
+    known = {".lock", "run.json", "events.jsonl", "objects", "variants", "checkpoints", *_FOLDERS}
     if run.exists() and not (run / "run.json").is_file():
-        if run.is_dir() and {p.name for p in run.iterdir() if not p.name.startswith(".tmp-")} <= known - {"current"}:
-            return  # empty, or killed before run.json was there
+        names = {p.name for p in run.iterdir() if not p.name.startswith(".tmp-")} if run.is_dir() else {"a file"}
+        if names <= known and (".lock" in names or names <= {"objects", "variants"}):
+            return  # empty, or ended before run.json was there
         raise SpecError("exists and is not the folder of a run", where=str(run), remedy="choose another, or empty it")
 
 

@@ -53,7 +53,7 @@ def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -
             running.mkdir(parents=True, exist_ok=True)
             write_json(running / f"{task.stage}.json", {"stage": task.stage, "key": task.key, "started": started})
             log = log_path.open("w", encoding="utf-8")
-        with log:
+        with on_disk(log_path), log:
             try:
                 context = LoggedContext(log, tell, checkpoint_folder(task.run, task.stage, task.key))
                 artifact, record = _made(task, context, {} if memory is None else memory, started)

@@ -45,7 +45,9 @@ def main() -> None:
             found = digests(folder)
             left = list(folder.rglob(".tmp-*"))
             if code != 0 or found != expected or left:
-                sys.exit(f"round {number}: exit {code}, left {left}, differs {set(expected.items()) ^ set(found.items())}")
+                sys.exit(
+                    f"round {number}: exit {code}, left {left}, differs {set(expected.items()) ^ set(found.items())}"
+                )
             shutil.rmtree(folder)
         sys.stdout.write(f"{given.rounds} rounds, {kills} live kills: all resumed to the undisturbed result\n")
 
