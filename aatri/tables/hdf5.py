@@ -22,6 +22,9 @@ from aatri.tables.schema import DTYPES, Artifact, Column, Table, attributes_of, 
 
 A = TypeVar("A", bound=Artifact)
 
+IN_MEMORY_BYTES = 1 << 29
+"""Up to this size a file is put together in memory: HDF5 crashes the process if the disk fails it while it writes."""
+
 _LIBVER = ("v110", "v110")  # metadata checksums, and a file left open by a crash refuses to open
 
 
@@ -35,7 +38,9 @@ def write(artifact: Artifact, path: Path) -> str:
     """
     digest = content_digest(artifact)
     try:
-        with h5py.File(path, "w-", libver=_LIBVER) as file:
+        in_memory = _size(artifact) <= IN_MEMORY_BYTES
+        how = {"driver": "core", "backing_store": False} if in_memory else {}
+        with h5py.File(path, "w-", libver=_LIBVER, **how) as file:
             file.attrs["aatri_kind"] = artifact.kind
             file.attrs["schema_version"] = artifact.schema_version
             file.attrs["content_digest"] = digest
@@ -46,6 +51,12 @@ def write(artifact: Artifact, path: Path) -> str:
                 rows = getattr(artifact, name)
                 if rows is not None:
                     _write_table(file.create_group(name), rows)
+            if in_memory:
+                file.flush()
+                image = file.id.get_file_image()
+        if in_memory:
+            with path.open("xb") as plain:
+                plain.write(image)
         returned = content_digest(read(path, type(artifact)))
     except ArtifactError:
         raise
@@ -90,6 +101,13 @@ def read_header(path: Path) -> dict[str, Any]:
             raise
         raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path)) from error
     return {"kind": attributes.pop("aatri_kind"), "attributes": attributes, "tables": tables}
+
+
+def _size(artifact: Artifact) -> int:
+    """Bytes of all columns."""
+    tables = [getattr(artifact, name) for name in tables_of(type(artifact))]
+    columns = [getattr(rows, name) for rows in tables if rows is not None for name in columns_of(type(rows))]
+    return sum(int(column.nbytes) for column in columns)
 
 
 def _describe(group: h5py.Group) -> dict[str, Any]:
