@@ -132,9 +132,8 @@ class _Run:
     def __init__(
         self, spec: Spec, nodes: tuple[Node, ...], planned: Plan, view: StoreView, listener: Listener, how: How
     ) -> None:
-        self.spec, self.nodes, self.planned, self.view, self.listener, self.how = (
-            spec, nodes, planned, view, listener, how,
-        )  # fmt: skip
+        self.spec, self.nodes, self.planned = spec, nodes, planned
+        self.view, self.listener, self.how = view, listener, how
         self.overview = {**overview_of(spec, nodes, how.request), "started": now()}
         self.records: dict[str, Mapping[str, Any]] = {}
         self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
