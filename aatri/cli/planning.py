@@ -91,7 +91,9 @@ def open_request(request: Request) -> Opened:
         spec = with_variant(spec, request.variant)
     spec, notes = with_use(spec, request.use, catalogue)
     spec = with_set(spec, request.set_)
-    use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
+    compiled = use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
+    if compiled is not None and not compiled.exists():
+        narrate("compiling the inner loops for this processor, once; it takes some 20 s")
     nodes = wire(spec, catalogue)
     for note in notes:
         narrate(f"note: {note}")
