@@ -33,7 +33,9 @@ def exec_(
     from aatri.pipeline.plan import Selection, select
     from aatri.pipeline.runner import How
     from aatri.pipeline.single import make_stage
+    from aatri.pipeline.workers import share_cores
 
+    share_cores(1)
     given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     opened = open_run(run) if run.is_dir() else open_request(given)
     select(opened.nodes, only=[stage])

@@ -54,8 +54,10 @@ def run(
     """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
     from aatri.cli.planning import Request, open_request
     from aatri.pipeline.plan import select
+    from aatri.pipeline.workers import share_cores
 
     signal.signal(signal.SIGTERM, _terminate)
+    share_cores(jobs)
     request = Request(str(pipeline), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     opened = open_request(request)
     selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())

@@ -60,7 +60,7 @@ def write(artifact: Artifact, path: Path) -> str:
         returned = content_digest(read(path, type(artifact)))
     except ArtifactError:
         raise
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # h5py tells of a failed close as RuntimeError
         raise ResourceError(f"cannot write: {error}", where=str(path), remedy="free space or use --into") from error
     if returned != digest:
         raise ResourceError("reads back differently from what was written", where=str(path), remedy="check the disk")

@@ -35,7 +35,7 @@ static int due(int fd) {
     ssize_t n = readlink(link, path, PATH_MAX);
     if (n <= 0) { errno = kept; return 0; }
     path[n] = 0;
-    if (!below(path) || (fcntl(fd, F_GETFL) & O_ACCMODE) == O_RDONLY && !strstr(path, "/")) { errno = kept; return 0; }
+    if (!below(path)) { errno = kept; return 0; }
     int fails = is_due();
     if (!fails) errno = kept;
     return fails;
@@ -47,5 +47,5 @@ ssize_t write(int fd, const void *data, size_t size) { REAL(write); return due(f
 ssize_t pwrite(int fd, const void *data, size_t size, off_t at) { REAL(pwrite); return due(fd) ? -1 : real(fd, data, size, at); }
 ssize_t pwrite64(int fd, const void *data, size_t size, off64_t at) { REAL(pwrite64); return due(fd) ? -1 : real(fd, data, size, at); }
 int fsync(int fd) { REAL(fsync); return due(fd) ? -1 : real(fd); }
-int close(int fd) { REAL(close); if (due(fd)) { int kept = errno; real(fd); errno = kept; return -1; } return real(fd); }
+int close(int fd) { REAL(close); if ((fcntl(fd, F_GETFL) & O_ACCMODE) != O_RDONLY && due(fd)) { int kept = errno; real(fd); errno = kept; return -1; } return real(fd); }
 int rename(const char *from, const char *to) { REAL(rename); return below(to) && is_due() ? -1 : real(from, to); }
