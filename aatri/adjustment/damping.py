@@ -19,6 +19,8 @@ from dataclasses import dataclass
 FIRST = 1e-3
 GOOD = 0.75
 SHRINK = 0.03
+ROUNDING = 1e-10
+"""A smaller relative decrease of the cost is not judged: rounding hides it."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Damping:
         """After a step that was taken."""
         if self.value < self.threshold and gain > GOOD:
             return Damping(0.0, 2.0, self.threshold)
-        return Damping(self.value * max(1 / 3, 1 - (2 * min(gain, 1.0) - 1) ** 3), 2.0, self.threshold)
+        return Damping(self.value * max(1 / 3, 1 - (2 * min(max(gain, 0.0), 1.0) - 1) ** 3), 2.0, self.threshold)
 
     def refused(self) -> Damping:
         """After a step that was refused."""
@@ -60,5 +62,12 @@ def gain(cost: float, trial: float, predicted: float) -> float:
         v'v before and after the step.
     predicted : float
         Decrease of the linear model, positive.
+
+    Returns
+    -------
+    float
+        1 where the predicted decrease is lost in the rounding of the cost.
     """
-    return (cost - trial) / predicted if predicted > 0 else 0.0
+    if predicted <= ROUNDING * cost:
+        return 1.0
+    return (cost - trial) / predicted
