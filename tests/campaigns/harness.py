@@ -13,6 +13,7 @@ import hashlib
 import importlib
 import json
 import os
+import shutil
 import signal
 import sys
 import tempfile
@@ -172,6 +173,11 @@ def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def new_folder() -> Path:
+    """A temporary folder."""
+    return Path(tempfile.mkdtemp(prefix="campaign-")).resolve()
+
+
 @contextlib.contextmanager
 def workplace() -> Iterator[Path]:
     """A temporary folder with caches of its own; compiled code is shared, for it takes long to make."""
@@ -179,9 +185,10 @@ def workplace() -> Iterator[Path]:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(cache))
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    with tempfile.TemporaryDirectory(prefix="campaign-") as name:
-        os.environ["XDG_CACHE_HOME"] = f"{name}/cache"
-        yield Path(name).resolve()
+    place = new_folder()
+    os.environ["XDG_CACHE_HOME"] = str(place / "cache")
+    yield place
+    shutil.rmtree(place)  # kept if the campaign breaks off
 
 
 def without_report() -> None:
@@ -191,10 +198,10 @@ def without_report() -> None:
     verb._write_report = lambda *_args, **_rest: None  # type: ignore[assignment]
 
 
-def arguments(doc: str | None, what: str) -> argparse.ArgumentParser:
+def arguments(doc: str | None, what: str, count: Callable[[str], Any] = int) -> argparse.ArgumentParser:
     """The command line of a campaign: its count, the seed of its random choices, processes side by side."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("count", type=int, help=what)
+    parser.add_argument("count", type=count, help=what)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1, help="rounds side by side")
     return parser
