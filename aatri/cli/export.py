@@ -1,4 +1,4 @@
-"""`aatri export`: artifacts as tables, a pipeline as a script for SLURM."""
+"""`aatri export`: artifacts as tables or models of other programs, a pipeline as a script for SLURM."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ class Form(StrEnum):
     """Forms that artifacts can be exported to."""
 
     tables = "tables"
+    colmap = "colmap"
+    bal = "bal"
     slurm = "slurm"
 
 
@@ -30,7 +32,7 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Export a Solution or a Block as CSV tables, or a pipeline as a script that submits its stages to SLURM."""
+    """Export a Solution or Block as tables, a Solution for COLMAP or BAL, or a pipeline as a script for SLURM."""
     if form is Form.slurm:
         _write_script(Path(what), folder, overwrite=overwrite)
         return
@@ -41,8 +43,11 @@ def export(
         raise SpecError("not a folder", where=str(folder))
     if folder.is_dir() and any(folder.iterdir()) and not overwrite:
         raise SpecError("the folder is not empty", where=str(folder), remedy="another folder, or --overwrite")
-    _write(run, name, folder)
-    narrate(f"{name} of {run.folder} written as tables")
+    if form is Form.tables:
+        _write(run, name, folder)
+    else:
+        _write_model(run, name, form, folder)
+    narrate(f"{name} of {run.folder} written as {form}")
     say(str(folder))
 
 
@@ -77,6 +82,30 @@ def _write(run: Run, name: str, folder: Path) -> None:
         write_solution_tables(store.load(run.folder, name, Solution), _block(run, source), folder)
     else:
         raise SpecError(f"{name} gives {kind}; a Solution or a Block can be exported", where=str(run.folder))
+
+
+def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
+    """A Solution as another program reads it, with the image points it was made from."""
+    from aatri.artifacts.image_points import ImagePoints
+    from aatri.artifacts.solution import Solution
+    from aatri.pipeline import store
+
+    record = _record(run, name)
+    if record["output"]["kind"] != "Solution":
+        raise SpecError(f"{name} gives {record['output']['kind']}; only a Solution can be written as {form}",
+                        where=str(run.folder))  # fmt: skip
+    inputs = {port: source["stage"] for port, source in record["inputs"].items()}
+    solution, block = store.load(run.folder, name, Solution), _block(run, inputs["block"])
+    points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
+    if form is Form.colmap:
+        from aatri.formats.colmap_writer import write_colmap_model
+
+        write_colmap_model(solution, block, folder, image_points=points)
+    else:
+        from aatri.formats.bal_writer import write_bal_problem
+
+        folder.mkdir(parents=True, exist_ok=True)
+        write_bal_problem(solution, block, folder, image_points=points)
 
 
 def _block(run: Run, name: str) -> Block:
