@@ -8,11 +8,21 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.reliability import Reliability, reliability
 from aatri.artifacts import assemble
 from aatri.artifacts.block import Block
 from aatri.artifacts.given import Control, Positions
-from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, SolvedCameras, StripTransformations
+from aatri.artifacts.solution import (
+    Iterations,
+    Parameters,
+    Residuals,
+    Solution,
+    SolvedCameras,
+    StripTransformations,
+    Tests,
+)
 from aatri.artifacts.suspects import Suspects
+from aatri.geometry.rotations import skew
 from aatri.observations.poses import CAMERA
 from aatri.orientation.bundle import BundleResult
 from aatri.orientation.bundle_input import BundleInput
@@ -22,9 +32,9 @@ Float = npt.NDArray[np.float64]
 
 def bundle_solution(
     block: Block, control: Control, positions: Positions, given: BundleInput, result: BundleResult,
-    suspects: Suspects, parameters: Sequence[Parameters],
+    suspects: Suspects, parameters: Sequence[Parameters], *, tests: bool = False,
 ) -> Solution:  # fmt: skip
-    """Orientations, points, cameras, parameters, residuals and history of an adjusted block."""
+    """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted, used = result.adjusted, result.ray_used
     per_image = np.bincount(given.rays.image[used], minlength=len(block.images))
     per_point = np.bincount(given.rays.point[used], minlength=len(block.points))
@@ -51,6 +61,7 @@ def bundle_solution(
             damping=np.array([s.damping for s in adjusted.history]),
         ),
         suspects=suspects,
+        tests=_tests(control, positions, given, result) if tests else None,
     )
 
 
@@ -96,3 +107,47 @@ def _residuals(
         names = block.images.id[positions.image[seen]]
         parts.append(assemble.residuals("position", positions.row[seen], names, np.full(len(seen), ""), v, sigma))
     return assemble.stacked(parts)
+
+
+def _tests(control: Control, positions: Positions, given: BundleInput, result: BundleResult) -> Tests:
+    """Reliability of all observations, in the order of the residuals."""
+    by_name = {r.name: r for r in result.adjusted.problem.records}
+    used = np.flatnonzero(result.ray_used)
+    sigma = given.rays.sigma_mm[used]
+    variance = sigma[:, :, None] * np.eye(2) * sigma[:, None, :]
+    hat = sigma[:, :, None] * result.ray_covariance[used] * sigma[:, None, :]
+    parts = [_table(reliability(by_name["image point"].residuals(result.adjusted.state), variance, hat))]
+    known = np.flatnonzero(result.point_adjusted[control.point])
+    if len(known):
+        parts.append(_control_tests(control, known, result))
+    if "position" in by_name:
+        seen = np.flatnonzero(result.image_adjusted[positions.image])
+        image = positions.image[seen]
+        arm = np.einsum("nij,nj->ni", result.poses.ground_from_image[image], positions.lever_arm_m[seen])
+        J = np.concatenate([np.broadcast_to(np.eye(3), (len(seen), 3, 3)), -skew(arm)], axis=2)
+        adjusted = J @ result.pose_covariance[image] @ J.swapaxes(1, 2)
+        v = by_name["position"].residuals(result.adjusted.state)
+        parts.append(_table(reliability(v, positions.covariance_m2[seen], adjusted)))
+    return assemble.stacked(parts)
+
+
+def _control_tests(control: Control, known: npt.NDArray[np.integer], result: BundleResult) -> Tests:
+    """Reliability of the observed control coordinates; exact ones have none."""
+    observed = control.observed[known]
+    both = observed[:, :, None] & observed[:, None, :]
+    v = np.where(observed, result.xyz_m[control.point[known]] - control.xyz_m[known], 0.0)
+    covariance = np.where(both, control.covariance_m2[known], np.eye(3))
+    adjusted = np.where(both, result.point_covariance_m2[control.point[known]], 0.0)
+    found = reliability(v, covariance, adjusted)
+    return Tests(
+        redundancy=np.where(observed, found.redundancy, np.nan),
+        test=np.where(observed, found.test, np.nan),
+        detectable=np.where(observed, found.detectable, np.nan),
+    )
+
+
+def _table(found: Reliability) -> Tests:
+    def wide(values: Float) -> Float:
+        return np.pad(values, ((0, 0), (0, 3 - values.shape[1])), constant_values=np.nan)
+
+    return Tests(redundancy=wide(found.redundancy), test=wide(found.test), detectable=wide(found.detectable))

@@ -84,6 +84,17 @@ class Residuals(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Tests(Table):
+    """Reliability of the observations, row by row as in residuals."""
+
+    redundancy: Float = column("f8", 3, doc="redundancy number; NaN where there is no observation", optional=True)
+    test: Float = column("f8", 3, doc="standardised residual w, N(0, 1) without gross error; NaN where uncontrolled",
+                         optional=True)  # fmt: skip
+    detectable: Float = column("f8", 3, unit="mm (image) or m", doc="gross error found with 80 % at a level of 0.1 %; "
+                               "NaN where uncontrolled", optional=True)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
 class Iterations(Table):
     """History of the adjustment."""
 
@@ -114,6 +125,7 @@ class Solution(Artifact):
     residuals: Residuals = table()
     history: Iterations = table()
     suspects: Suspects = table()
+    tests: Tests | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""

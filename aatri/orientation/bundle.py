@@ -70,8 +70,9 @@ class BundleResult:
     point_covariance_m2 : (n_points, 3, 3) float64, m^2
         NaN where not determined or not asked for.
     parameters : tuple of AdjustedParameters
-    ray_variance : (n, 2) float64
-        Share of each image coordinate that the adjustment determines, 1 minus its redundancy number; NaN unknown.
+    ray_covariance : (n, 2, 2) float64
+        Covariance of the adjusted image coordinates over the a-priori standard deviations: its diagonal is 1 minus the
+        redundancy numbers; NaN unknown.
     ray_used : (n,) bool
     image_adjusted, point_adjusted : bool
     adjusted : Adjusted
@@ -82,7 +83,7 @@ class BundleResult:
     pose_covariance: Float
     point_covariance_m2: Float
     parameters: tuple[AdjustedParameters, ...]
-    ray_variance: Float
+    ray_covariance: Float
     ray_used: Bool
     image_adjusted: Bool
     point_adjusted: Bool
@@ -210,12 +211,12 @@ def _result(
     poses: Poses = adjusted.state[POSE]
     pose_cov, point_cov = np.full((len(image), 6, 6), np.nan), np.full((len(point), 3, 3), np.nan)
     parameter_cov = [np.full(p.covariance.shape, np.nan) for p in given.parameters]
-    ray_variance = np.full((len(ray), 2), np.nan)
+    ray_covariance = np.full((len(ray), 2, 2), np.nan)
     if covariances:
         found = marginal_covariances(adjusted)
         pose_cov[image], point_cov[point] = found.groups[POSE][image], found.groups[POINT][point]
         parameter_cov = [found.groups[p.group] for p in given.parameters]
-        ray_variance[ray] = np.einsum("nii->ni", found.rays)
+        ray_covariance[ray] = found.rays
     return BundleResult(
         Poses(
             np.where(image[:, None], poses.position_m + origin, np.nan),
@@ -225,7 +226,7 @@ def _result(
         pose_cov,
         point_cov,
         tuple(AdjustedParameters(p, adjusted.state[p.group], c) for p, c in zip(given.parameters, parameter_cov)),
-        ray_variance,
+        ray_covariance,
         ray,
         image,
         point,
