@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aatri.errors import ArtifactError, SpecError
+from aatri.pipeline.cache import file_sha256
 from aatri.pipeline.durable import on_disk, read_json, sweep, temporary_name, write_json
 from aatri.pipeline.objects import artifact_file, base_of, commit_object, load_object, object_folder, read_record
 
@@ -123,8 +124,7 @@ def is_current(run: Path, record: Mapping[str, Any]) -> bool:
     except ArtifactError:
         return False
     target = artifact_file(run, record)
-    points = link.exists() and (not link.is_symlink() or link.resolve() == target.resolve())
-    return current == record and points and failure(run, stage) is None
+    return current == record and _leads_to(link, target) and failure(run, stage) is None
 
 
 def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
@@ -206,6 +206,14 @@ def _set_aside(run: Path, stage: str) -> None:
             (folder / name).replace(place / name)
     for old in sorted(earlier.iterdir())[:-KEPT_ATTEMPTS]:
         shutil.rmtree(old, ignore_errors=True)
+
+
+def _leads_to(link: Path, target: Path) -> bool:
+    """Whether a name made by `_link` still leads to its file; what someone put in its place does not."""
+    try:
+        return link.samefile(target) or (not link.is_symlink() and file_sha256(link) == file_sha256(target))
+    except OSError:
+        return False
 
 
 def _link(source: Path, link: Path) -> None:

@@ -1,50 +1,155 @@
-"""Damage artifacts and records of a run in every way disks, copies and people do: all of it must be found.
+"""Damage the files of a run in every way disks, copies and people do: all of it must be noticed.
 
-    python -m tests.campaigns.corruptions 1000
+    python -m tests.campaigns.corruptions 1000 [--seed S] [--workers W]
 
-Bit flips, zeroed pages, truncation, growth, swapped files. After each the plan must want the stage again, and the run
-must end with the content digests of the undisturbed one. Made-up stages keep a round short.
+The damages: one bit flipped, a page of zeros, truncation, growth, a file in the place of another stage's, a stale one of
+an earlier result of the same stage, a file removed. They hit artifacts, records, and the pointers in `current/`.
+Afterwards `aatri run` must end with whole files and the content digests of the undisturbed run, and it must have made
+again the stage whose artifact or record was hit.
+
+A part of the artifacts is hit *silently*: size and times as before, as when a disk loses bits. Then `aatri run --verify`
+must notice, and without `--verify` a stage that reads the artifact must end with exit code 7.
 """
 
 from __future__ import annotations
 
-import argparse
+import json
 import os
 import random
+import shutil
 import sys
-import tempfile
-from collections import Counter
+import time
 from pathlib import Path
 
-from aatri.pipeline import store
-from aatri.pipeline.plan import State
-from tests.made_up_stages import write_pipeline
-from tests.pipeline.made_runs import digests, planned, run
-from tests.pipeline.test_engine import LINES, damage
+from tests.campaigns import harness
+
+PAGE = 4096
+WAYS = ("bit flip", "zeroed page", "truncation", "growth", "swap", "stale file", "removal")
+FILES = ("artifact.h5", "artifact.h5", "record.json", "pointer", "link", "silent")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    chance, ways = random.Random(given.seed), Counter[str]()
-    with tempfile.TemporaryDirectory() as place:
-        os.environ["XDG_CACHE_HOME"] = place
-        (Path(place) / "data.txt").write_text("1 2 3\n")
-        path = write_pipeline(Path(place), LINES)
-        _, first = run(path)
-        for number in range(given.count):
-            stage = chance.choice(sorted(first))
-            folder = store.artifact_path(path.parent / "out", stage).parent
-            way = damage(folder / chance.choice(["artifact.h5", "record.json"]), chance)
-            if planned(path).of(stage).state is not State.run:
-                sys.exit(f"{number}: {way} of {stage} was not found")
-            made, records = run(path)
-            if made != [stage] or digests(records) != digests(first):
-                sys.exit(f"{number}: {way} of {stage} was not mended: {made}")
-            ways[way] += 1
-    sys.stdout.write(f"{given.count} corruptions found and mended: {dict(ways)}\n")
+    given, begin = harness.arguments(__doc__, "damages").parse_args(), time.monotonic()
+    with harness.workplace() as place:
+        pipeline = harness.write_pipeline(place)
+        expected, _ = harness.undisturbed(place, pipeline)
+        stale = ["--set", "block.ties.new_points=170"]
+        for arguments in (stale, []):
+            command = ["run", pipeline, "-q", "--into", place / "base", *arguments]
+            assert harness.run(command, place / "base.txt", before=harness.without_report) == 0
+        assert harness.digests_of(place / "base") == expected
+
+        def one(number: int) -> dict[str, int]:
+            worker = place / f"worker-{os.getpid()}"
+            if not worker.exists():
+                shutil.copytree(place / "base", worker / "run", symlinks=True)
+            return _round(worker, pipeline, expected, random.Random(f"{given.seed}:{number}"))
+
+        counted = harness.carry_out(one, range(given.count), given.workers)
+    harness.conclude("corruptions", counted, begin)
+
+
+def _round(place: Path, pipeline: Path, expected: dict[str, str], chance: random.Random) -> dict[str, int]:
+    run, output = place / "run", place / "output.txt"
+    command = ["run", pipeline, "-q", "--into", run]
+    stage, file = chance.choice(sorted(expected)), chance.choice(FILES)
+    if file == "silent":
+        _let_age(run, command, output)
+    name, way = _damage(run, stage, file, chance)
+    wrong = []
+    if file == "silent":
+        reader = _reader_of(stage, expected)
+        if reader is not None:
+            code = harness.run([*command, "--force", reader], output, before=harness.without_report)
+            text = output.read_text()
+            if code != 7 or "altered since it was written" not in text:
+                wrong.append(f"{reader} read it: exit {code}: {text[-600:]}")
+        command.append("--verify")
+    code = harness.run([*command, "--json"], output, before=harness.without_report)
+    if code != 0:
+        wrong.append(f"exit {code}: {output.read_text()[-600:]}")
+    elif file in ("artifact.h5", "record.json", "silent") and stage not in _made_last(run):
+        wrong.append("not noticed")
+    wrong += harness.problems(run)
+    if code == 0 and harness.digests_of(run) != expected:
+        wrong.append("other digests")
+    if wrong:
+        sys.stderr.write(f"{way} of {name} of {stage}:\n  " + "\n  ".join(wrong) + "\n")
+        shutil.rmtree(place)  # the next round begins with a whole copy
+    return {f"{way} of {name}": 1, "WRONG rounds" if wrong else "noticed and mended": 1}
+
+
+def _damage(run: Path, stage: str, file: str, chance: random.Random) -> tuple[str, str]:
+    """Damage a file; which one, and how."""
+    pointer = run / "current" / f"{stage}.json"
+    key = json.loads(pointer.read_bytes())["key"]
+    path = {"pointer": pointer, "link": run / "current" / f"{stage}.h5"}.get(file) or run / "objects" / stage / key / (
+        "record.json" if file == "record.json" else "artifact.h5"
+    )
+    way = chance.choice(WAYS[:2] if file == "silent" else WAYS)
+    before, data = path.stat(), bytearray(path.read_bytes())
+    others = {"swap": run.glob(f"objects/*/*/{path.name}"), "stale file": path.parents[1].glob(f"*/{path.name}")}
+    if file in ("pointer", "link"):
+        others = {"swap": path.parent.glob(f"*{path.suffix}"),
+                  "stale file": run.glob(f"objects/{stage}/*/{'record.json' if file == 'pointer' else 'artifact.h5'}")}  # fmt: skip
+    if way == "removal":
+        path.unlink()
+        return file, way
+    damaged = _damaged(data, way, [p.read_bytes() for p in sorted(others.get(way, ()))], chance)
+    if file == "link":  # an editor or a copy put a file in the place of the link
+        path.unlink()
+    path.write_bytes(damaged)
+    if file == "silent":
+        _hide(path, before)
+    return file, way
+
+
+def _damaged(data: bytearray, way: str, others: list[bytes], chance: random.Random) -> bytes:
+    at = chance.randrange(len(data))
+    if way == "bit flip":
+        data[at] ^= 1 << chance.randrange(8)
+    elif way == "zeroed page":
+        page = slice(at // PAGE * PAGE, at // PAGE * PAGE + PAGE)
+        data[page] = bytes(len(data[page])) if any(data[page]) else b"\1" * len(data[page])
+    elif way == "truncation":
+        del data[at:]
+    elif way == "growth":
+        data += chance.randbytes(chance.randint(1, PAGE))
+    else:
+        return chance.choice([other for other in others if other != data])
+    return bytes(data)
+
+
+def _hide(path: Path, before: os.stat_result) -> None:
+    """Let what is remembered of a file speak of its present state, as if its size and times had not changed."""
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    now = path.stat()
+    for cache in Path(os.environ["XDG_CACHE_HOME"]).glob("aatri/files-*.json"):
+        known = json.loads(cache.read_bytes())
+        if str(path) in known:
+            known[str(path)]["stat"] = [now.st_size, now.st_mtime_ns, now.st_ctime_ns, now.st_ino]
+            known[str(path)]["seen"] = now.st_ctime_ns + 10**10
+            cache.write_text(json.dumps(known))
+
+
+def _let_age(run: Path, command: list[str | Path], output: Path) -> None:
+    """See that the digests of all files are remembered."""
+    assert harness.run(command, output, before=harness.without_report) == 0
+
+
+def _reader_of(stage: str, expected: dict[str, str]) -> str | None:
+    """A stage that reads the artifact of another."""
+    if stage == "block":
+        return "interior"
+    return {"interior": "refined", "refined": "models", "models": "strips", "strips": "absolute",
+            "absolute": "accuracy_absolute", "strip_block": "accuracy_strip_block", "bundle": "accuracy"}.get(stage)  # fmt: skip
+
+
+def _made_last(run: Path) -> list[str]:
+    """The stages that the last run made."""
+    events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+    last = max(k for k, event in enumerate(events) if event["event"] == "started")
+    return [event["stage"] for event in events[last:] if event["event"] == "stage done"]
 
 
 if __name__ == "__main__":

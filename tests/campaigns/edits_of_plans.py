@@ -1,6 +1,6 @@
-"""Random edits of options, files and code on random pipelines: exactly the dependent stages are made again.
+"""Random edits of options, files and code on random graphs of stages: the planner wants exactly the dependent ones.
 
-    python -m tests.campaigns.edits 1000
+    python -m tests.campaigns.edits_of_plans 1000
 
 Every example makes five edits.
 """
