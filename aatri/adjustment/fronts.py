@@ -2,8 +2,9 @@
 
 Each node's front receives the records and eliminated blocks that belong to it and the updates of its children; its
 own unknowns are eliminated by a dense Cholesky factorisation, and what remains goes to its parent. Subtrees are
-independent: they run in parallel, one BLAS thread each; the top of the tree, where fronts are large and few, runs one
-after the other with all BLAS threads. Sums have one fixed order whatever the number of threads.
+independent: they run in parallel, one BLAS thread each, and so do the levels above them. The top of the tree, where
+fronts are large and fewer than threads, runs one after the other with all BLAS threads, on rays taken before. Sums have
+one fixed order whatever the number of threads.
 
 Held scalars have a unit row. Levenberg-Marquardt damping adds `damping` times the diagonal of the undamped matrix.
 """
@@ -11,10 +12,10 @@ Held scalars have a unit row. Levenberg-Marquardt damping adds `damping` times t
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -38,8 +39,11 @@ CHUNK = 4096
 THREADED_FLOPS = 5e8
 """Fronts with more work than this are factorised by several BLAS threads."""
 
-RAY_FLOPS = 3000.0
+RAY_FLOPS = 10000.0
 """Work of one ray against that of the factorisation, for sharing out the subtrees."""
+
+PARALLEL_FLOPS = 1e9
+"""Problems with less work than this run in one thread: others would mostly wait."""
 
 
 @dataclass(frozen=True)
@@ -124,18 +128,28 @@ class Factored:
 def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     """Linearise at a state, form and factorise the normal equations."""
     work = _Work(problem, state, damping)
-    tasks, top = _share_out(problem)
-    control = thread_control()
-    with control.limit(limits=1, user_api="blas"):
-        if problem.threads > 1 and len(tasks) > 1:
-            with ThreadPoolExecutor(problem.threads) as pool:
-                list(pool.map(work.run, tasks))
-        else:
-            for nodes in tasks:
-                work.run(nodes)
-    with control.limit(limits=blas_threads(problem, top), user_api="blas"):
-        work.run(top)
+    subtrees, levels = _share_out(problem)
+    if len(subtrees) < 2:
+        with thread_control().limit(limits=1, user_api="blas"):
+            work.run(range(len(problem.tree.nodes)))
+        return work.result()
+    few = [k for level in levels if len(level) < problem.threads for k in level]
+    with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+        # where threads will be idle later, the rays are taken now
+        _all(pool, [partial(work.run, nodes) for nodes in subtrees] + [partial(work.assemble, k) for k in few])
+        for level in levels:
+            if len(level) >= problem.threads:
+                _all(pool, [partial(work.run, [k]) for k in level])
+                continue
+            with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
+                work.run(level)
     return work.result()
+
+
+def _all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:
+    """Run jobs, none of which waits for another."""
+    for done in [pool.submit(job) for job in jobs]:
+        done.result()
 
 
 @lru_cache(maxsize=1)
@@ -151,14 +165,14 @@ def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
 
 
 class _Work:
-    """State of one factorisation; `node` may run in any thread once its children are done."""
+    """State of one factorisation; a node may be finished in any thread once its children are."""
 
     def __init__(self, problem: Problem, state: State, damping: float) -> None:
         self.problem, self.damping = problem, damping
         n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
         self.panels: list[Float] = [np.zeros((0, 0))] * n_nodes
         self.y: list[Float] = [np.zeros(0)] * n_nodes
-        self.updates: list[tuple[Float, Float, Float] | None] = [None] * n_nodes
+        self.fronts: list[tuple[Float, Float, Float] | None] = [None] * n_nodes
         self.cost = np.zeros(n_nodes + 1)
         self.weak: list[int] = [-1] * n_nodes
         self.diagonal = np.zeros(problem.layout.n_kept)
@@ -177,16 +191,18 @@ class _Work:
             np.add.at(self.h0, block, np.einsum("nki,nk->ni", J, v))
             self.cost[-1] += float((v**2).sum())
 
-    def run(self, nodes: list[int]) -> None:
+    def run(self, nodes: Iterable[int]) -> None:
         """Work on some nodes in their order."""
         for k in nodes:
-            self.node(k)
+            self.assemble(k)
+            self.finish(k)
 
-    def node(self, k: int) -> None:
-        """Assemble, factorise and pass on one front."""
+    def assemble(self, k: int) -> None:
+        """Start a front with its records and eliminated blocks, unless that has been done."""
+        if self.fronts[k] is not None:
+            return
         node = self.problem.tree.nodes[k]
-        n, m = node.size, node.panel
-        F, g, d = np.zeros((n, n), order="F"), np.zeros(n), np.zeros(n)
+        F, g, d = np.zeros((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
         for records, v, A in self.kept:
             first, last = int(records.first[k]), int(records.first[k + 1])
             if last > first:
@@ -194,18 +210,26 @@ class _Work:
                 self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
         if self.problem.rays is not None:
             self._blocks(k, node, F, g, d)
+        self.fronts[k] = F, g, d
+
+    def finish(self, k: int) -> None:
+        """Add the updates of the children and eliminate; the front stays for its parent."""
+        node, front = self.problem.tree.nodes[k], self.fronts[k]
+        assert front is not None
+        n, m = node.size, node.panel
+        F, g, d = front
         for child in node.children:
-            update = self.updates[child]
-            assert update is not None
-            panel = self.problem.tree.nodes[child].panel
-            extend_add(*update, panel, self.problem.tree.maps[child], F, g, d)
-            self.updates[child] = None
+            update = self.fronts[child]
+            if update is not None:
+                extend_add(*update, self.problem.tree.nodes[child].panel, self.problem.tree.maps[child], F, g, d)
+            self.fronts[child] = None
         held = self.problem.layout.held[node.columns[:m]]
         i = np.arange(m)
         F[i, i] += np.where(held, 1.0, self.damping * d[:m])
         if m:
             self._eliminate(k, node, F, g, d, held)
-        self.updates[k] = (F, g, d) if n > m else None
+        if n == m:
+            self.fronts[k] = None
 
     def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: npt.NDArray[np.bool_]) -> None:
         m = node.panel
@@ -275,25 +299,26 @@ def _side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Floa
     return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])
 
 
-def _share_out(problem: Problem) -> tuple[list[list[int]], list[int]]:
-    """Subtrees to run in parallel, each a list of nodes in order, and the nodes above them."""
+def _share_out(problem: Problem) -> tuple[list[list[int]], list[list[int]]]:
+    """Subtrees to run in parallel, the largest first, and the nodes above them, level by level from below."""
     nodes, rays = problem.tree.nodes, problem.rays
     count = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])
-    own = np.array([node.flops for node in nodes]) + RAY_FLOPS * count
-    total = own.copy()
+    total = np.array([node.flops for node in nodes]) + RAY_FLOPS * count
     for k, node in enumerate(nodes):
         total[k] += sum(total[c] for c in node.children)
-    limit = total.max(initial=0.0) / (4 * problem.threads)
-    heads, top, queue = [], [], [k for k, node in enumerate(nodes) if node.parent < 0]
-    while queue:
-        k = queue.pop()
-        if nodes[k].children and total[k] > limit:
-            top.append(k)
-            queue += nodes[k].children
-        else:
-            heads.append(k)
+    roots = [k for k, node in enumerate(nodes) if node.parent < 0]
+    whole = float(total[roots].sum())
+    if problem.threads == 1 or whole < PARALLEL_FLOPS:
+        return [], []
+    heads: list[int] = []
+    levels, level = [], roots
+    while level:
+        inner = [k for k in level if nodes[k].children and total[k] > whole / (4 * problem.threads)]
+        heads += [k for k in level if k not in inner]
+        levels.append(sorted(inner))
+        level = [c for k in inner for c in nodes[k].children]
     heads.sort(key=lambda k: -total[k])
-    return [_subtree(nodes, k) for k in heads], sorted(top)
+    return [_subtree(nodes, k) for k in heads], [found for found in reversed(levels) if found]
 
 
 def _subtree(nodes: Sequence[Node], k: int) -> list[int]:
@@ -312,7 +337,7 @@ def in_parallel(problem: Problem, work: Callable[[list[int]], None]) -> None:
     count = np.diff(rays.ray_start[rays.first])
     share = (np.cumsum(count) - 1) * problem.threads // max(int(count.sum()), 1)
     parts = [np.flatnonzero((share == t) & (count > 0)).tolist() for t in range(problem.threads)]
-    if problem.threads == 1 or count.sum() < CHUNK:
+    if problem.threads == 1 or RAY_FLOPS * count.sum() < PARALLEL_FLOPS:
         for nodes in parts:
             work(nodes)
     else:
