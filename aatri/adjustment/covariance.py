@@ -10,15 +10,27 @@ and its diagonal are the redundancy numbers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
-from aatri.adjustment.fronts import Factored, Problem, blas_threads, factorise, linearised, thread_control
+from aatri.adjustment.fronts import (
+    Factored,
+    Problem,
+    blas_threads,
+    factorise,
+    linearised,
+    run_all,
+    share_out,
+    thread_control,
+)
 from aatri.adjustment.index import part_columns
-from aatri.adjustment.kernels.covariance import block_covariances
+from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.solve import Adjusted
 from aatri.adjustment.tree import Node
 from aatri.adjustment.unknowns import State
@@ -56,10 +68,11 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     problem, state = adjusted.problem, adjusted.state
     factored = factorise(problem, state)
     down = _Down(problem, state, factored, blocks)
-    every = range(len(problem.tree.nodes))
-    with thread_control().limit(limits=blas_threads(problem, every), user_api="blas"):
-        down.run()
+    down.run()
     return down.result()
+
+
+_NOTHING: Float = np.zeros((0, 0), order="F")
 
 
 class _Down:
@@ -76,19 +89,31 @@ class _Down:
         m = rays.records.rows if rays is not None else 0
         self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
         self.fill = problem.ray_lane(state) if rays is not None and blocks else None
+        self.boundary: dict[int, Float] = {}
 
     def run(self) -> None:
-        """Go down depth first, so that few fronts are in memory."""
-        nodes = self.problem.tree.nodes
-        queue: list[tuple[int, Float]] = [(k, np.zeros((0, 0), order="F")) for k, n in enumerate(nodes) if n.parent < 0]
-        while queue:
-            k, boundary = queue.pop()
-            node = nodes[k]
+        """Go down level by level, then each subtree on its own, depth first, so that few fronts are in memory."""
+        problem = self.problem
+        subtrees, levels = share_out(problem)
+        with thread_control().limit(limits=1, user_api="blas"):
+            if not subtrees:
+                self._several(range(len(problem.tree.nodes)))
+                return
+            with ThreadPoolExecutor(problem.threads) as pool:
+                for level in reversed(levels):
+                    with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
+                        self._several(level)
+                run_all(pool, [partial(self._several, nodes) for nodes in subtrees])
+
+    def _several(self, nodes: Sequence[int]) -> None:
+        """Covariances of some nodes, parents before their children."""
+        tree = self.problem.tree
+        for k in reversed(nodes):
+            node, boundary = tree.nodes[k], self.boundary.pop(k, _NOTHING)
             S = lapack.panel_covariance(self.factored.panels[k], boundary) if node.panel else boundary
             self._take(k, node, S)
             for child in node.children:
-                row = self.problem.tree.maps[child]
-                queue.append((child, np.array(S[np.ix_(row, row)], order="F")))
+                self.boundary[child] = part_of(S, tree.maps[child])
 
     def _take(self, k: int, node: Node, S: Float) -> None:
         held = self.problem.layout.held[node.columns]

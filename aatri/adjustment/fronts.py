@@ -128,7 +128,7 @@ class Factored:
 def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     """Linearise at a state, form and factorise the normal equations."""
     work = _Work(problem, state, damping)
-    subtrees, levels = _share_out(problem)
+    subtrees, levels = share_out(problem)
     if len(subtrees) < 2:
         with thread_control().limit(limits=1, user_api="blas"):
             work.run(range(len(problem.tree.nodes)))
@@ -136,17 +136,17 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     few = [k for level in levels if len(level) < problem.threads for k in level]
     with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
         # where threads will be idle later, the rays are taken now
-        _all(pool, [partial(work.run, nodes) for nodes in subtrees] + [partial(work.assemble, k) for k in few])
+        run_all(pool, [partial(work.run, nodes) for nodes in subtrees] + [partial(work.assemble, k) for k in few])
         for level in levels:
             if len(level) >= problem.threads:
-                _all(pool, [partial(work.run, [k]) for k in level])
+                run_all(pool, [partial(work.run, [k]) for k in level])
                 continue
             with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
                 work.run(level)
     return work.result()
 
 
-def _all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:
+def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:
     """Run jobs, none of which waits for another."""
     for done in [pool.submit(job) for job in jobs]:
         done.result()
@@ -299,7 +299,7 @@ def _side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Floa
     return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])
 
 
-def _share_out(problem: Problem) -> tuple[list[list[int]], list[list[int]]]:
+def share_out(problem: Problem) -> tuple[list[list[int]], list[list[int]]]:
     """Subtrees to run in parallel, the largest first, and the nodes above them, level by level from below."""
     nodes, rays = problem.tree.nodes, problem.rays
     count = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])

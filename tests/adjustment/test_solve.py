@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aatri.adjustment import fronts
 from aatri.adjustment import prepare as preparation
 from aatri.adjustment.covariance import marginal_covariances
 from aatri.adjustment.prepare import Ordering
@@ -18,7 +19,8 @@ MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_prob
 
 
 def _many_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small problems on a tree of many small fronts."""
+    """Small problems on a tree of many small fronts, shared out among threads."""
+    monkeypatch.setattr(fronts, "PARALLEL_FLOPS", 0.0)
     monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
     for name in ("nested_dissection", "chain"):
         monkeypatch.setattr(preparation, name, _with_small_nodes(getattr(preparation, name)))

@@ -36,41 +36,44 @@ def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
         Filled in: covariance of the adjusted, whitened value of each ray.
     """
     m, columns = A.shape[1], A.shape[2]
-    G = np.empty((3, 3))
+    most = 0
+    for p in range(p0, p1):
+        most = max(most, (ray_start[p + 1] - ray_start[p]) * columns)
+    Z, T, place = np.empty((most, 3)), np.empty((most, 3)), np.empty(most, dtype=np.int64)
+    G, inverse, cross, half = np.empty((3, 3)), np.zeros((3, 3)), np.empty((columns, 3)), np.empty(columns)
     for p in range(p0, p1):
         r0, r1 = ray_start[p] - base, ray_start[p + 1] - base
-        k = (r1 - r0) * columns
-        Z = np.zeros((3, k))
-        place = np.empty(k, dtype=np.int64)
         L = Ls[p]
+        k = 0
         for r in range(r0, r1):
             for a in range(columns):
-                j = (r - r0) * columns + a
-                place[j] = row[r, a]
                 s0, s1, s2 = 0.0, 0.0, 0.0
-                if place[j] >= 0:
+                place[k] = row[r, a]
+                if row[r, a] >= 0:
                     for i in range(m):
                         s0 += A[r, i, a] * B[r, i, 0]
                         s1 += A[r, i, a] * B[r, i, 1]
                         s2 += A[r, i, a] * B[r, i, 2]
                 z0 = s0 * free[p, 0] / L[0]
                 z1 = (s1 * free[p, 1] - L[1] * z0) / L[3]
-                Z[0, j], Z[1, j] = z0, z1
-                Z[2, j] = (s2 * free[p, 2] - L[2] * z0 - L[4] * z1) / L[5]
-        T = np.zeros((3, k))
+                Z[k, 0], Z[k, 1] = z0, z1
+                Z[k, 2] = (s2 * free[p, 2] - L[2] * z0 - L[4] * z1) / L[5]
+                k += 1
+        G[:, :] = np.eye(3)
         for j in range(k):
-            pj = place[j]
-            if pj < 0:
-                continue
-            t0, t1, t2 = 0.0, 0.0, 0.0
-            for i in range(k):
-                if place[i] >= 0:
-                    s = S[place[i], pj]
-                    t0 += Z[0, i] * s
-                    t1 += Z[1, i] * s
-                    t2 += Z[2, i] * s
-            T[0, j], T[1, j], T[2, j] = t0, t1, t2
-        inverse = np.zeros((3, 3))
+            t0, t1, t2, pj = 0.0, 0.0, 0.0, place[j]
+            if pj >= 0:
+                for i in range(k):
+                    if place[i] >= 0:
+                        s = S[place[i], pj]
+                        t0 += Z[i, 0] * s
+                        t1 += Z[i, 1] * s
+                        t2 += Z[i, 2] * s
+            T[j, 0], T[j, 1], T[j, 2] = t0, t1, t2
+            for b in range(3):
+                G[0, b] += t0 * Z[j, b]
+                G[1, b] += t1 * Z[j, b]
+                G[2, b] += t2 * Z[j, b]
         inverse[0, 0] = 1.0 / L[0]
         inverse[1, 0] = -L[1] / (L[0] * L[3])
         inverse[2, 0] = (L[1] * L[4] - L[2] * L[3]) / (L[0] * L[3] * L[5])
@@ -79,31 +82,46 @@ def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
         inverse[2, 2] = 1.0 / L[5]
         for a in range(3):
             for b in range(3):
-                s = 1.0 if a == b else 0.0
-                for j in range(k):
-                    s += T[a, j] * Z[b, j]
-                G[a, b] = s
-        Q[p] = inverse.T @ G @ inverse
-        for a in range(3):
-            for b in range(3):
-                Q[p, a, b] *= free[p, a] * free[p, b]
-        cross = inverse.T @ T  # minus the covariance of the block with the kept unknowns
+                s = 0.0
+                for i in range(a, 3):
+                    for j in range(b, 3):
+                        s += inverse[i, a] * G[i, j] * inverse[j, b]
+                Q[p, a, b] = s * free[p, a] * free[p, b]
         for r in range(r0, r1):
             f = (r - r0) * columns
+            for a in range(columns):  # minus the covariance of the block with the kept unknowns
+                for b in range(3):
+                    s = 0.0
+                    for i in range(b, 3):
+                        s += inverse[i, b] * T[f + a, i]
+                    cross[a, b] = s * free[p, b]
             for i in range(m):
+                for b in range(columns):
+                    s = 0.0
+                    if place[f + b] >= 0:
+                        for a in range(columns):
+                            if place[f + a] >= 0:
+                                s += A[r, i, a] * S[place[f + a], place[f + b]]
+                    half[b] = s
                 for j in range(m):
                     s = 0.0
-                    for a in range(columns):
-                        pa = place[f + a]
-                        if pa < 0:
-                            continue
-                        for b in range(columns):
-                            if place[f + b] >= 0:
-                                s += A[r, i, a] * S[pa, place[f + b]] * A[r, j, b]
-                        for b in range(3):
-                            s -= A[r, i, a] * cross[b, f + a] * free[p, b] * B[r, j, b]
-                            s -= A[r, j, a] * cross[b, f + a] * free[p, b] * B[r, i, b]
+                    for b in range(columns):
+                        if place[f + b] >= 0:
+                            s += half[b] * A[r, j, b]
+                            for e in range(3):
+                                s -= cross[b, e] * (A[r, i, b] * B[r, j, e] + A[r, j, b] * B[r, i, e])
                     for a in range(3):
                         for b in range(3):
                             s += B[r, i, a] * Q[p, a, b] * B[r, j, b]
                     R[ray_start[p] + r - r0, i, j] = s
+
+
+@njit("float64[::1,:](float64[::1,:], int32[::1])", nogil=True, cache=True)
+def part_of(S, row):
+    """Rows and columns `row` of a matrix, column-major."""
+    n = len(row)
+    part = np.empty((n, n)).T
+    for j in range(n):
+        for i in range(n):
+            part[i, j] = S[row[i], row[j]]
+    return part
