@@ -56,11 +56,15 @@ def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[i
     observations = sum(r.observations for r in problem.records)
     if observations * sum(int(u.free.sum()) for u in problem.unknowns) <= WHOLE:
         N = reduced_matrix(problem.unknowns, problem.records, layout, state)
+        free = np.flatnonzero(~layout.held)
+        N = N[np.ix_(free, free)]
         diagonal = np.diagonal(N).copy()
         diagonal[~(diagonal > 0)] = 1.0
-        values, vectors = np.linalg.eigh(N / np.sqrt(np.outer(diagonal, diagonal)))
+        values, among_free = np.linalg.eigh(N / np.sqrt(np.outer(diagonal, diagonal)))
         open_ = (values < RANK_TOLERANCE * len(values)) | (values <= values[0])
-        return int(open_.sum()), np.asarray(vectors[:, open_])
+        vectors = np.zeros((layout.n_kept, int(open_.sum())))
+        vectors[free] = among_free[:, open_]
+        return int(open_.sum()), vectors
     return len(factored.weak), _leading_null_vector(problem, factored)
 
 

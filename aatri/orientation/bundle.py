@@ -95,6 +95,7 @@ def adjust_bundle(
     *,
     datum: Datum = "given",
     max_iterations: int = 30,
+    tolerance: float = 1e-3,
     covariances: bool = True,
     ordering: Ordering = "nested_dissection",
     threads: int | None = None,
@@ -110,6 +111,8 @@ def adjust_bundle(
         `given` by control and positions, or `minimal`: the pose of the first image and one coordinate of the image
         farthest from it are held at their start, which changes no residual of a block without any datum.
     max_iterations : int
+    tolerance : float
+        Bound of the Newton decrement.
     covariances : bool
     ordering, threads, reproducible
         See `aatri.adjustment.prepare`.
@@ -136,6 +139,7 @@ def adjust_bundle(
         _records(given, rays, parameters, origin, image, point),
         start,
         max_iterations=max_iterations,
+        tolerance=tolerance,
         veto=lambda old, new: side_changes(rays, old, new),
         ordering=ordering,
         threads=threads,

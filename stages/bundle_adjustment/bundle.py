@@ -29,51 +29,34 @@ from pydantic import field_validator
 
 from aatri.artifacts import assemble
 from aatri.artifacts.block import Block
-from aatri.artifacts.bundle_problem import bundle_input, film_parameters
+from aatri.artifacts.bundle_problem import bundle_input
 from aatri.artifacts.bundle_solution import bundle_solution
 from aatri.artifacts.given import Positions, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.self_calibration import (
-    additional_parameters,
-    camera_parameters,
-    classical_table,
-    parameter_table,
-)
-from aatri.artifacts.solution import Parameters, Solution
+from aatri.artifacts.parameter_report import rank_advice, report_parameters, without_idle
+from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
-from aatri.camera.parameters.catalogue import parameter_set
-from aatri.camera.parameters.parameter_set import ParameterSet
-from aatri.camera.parameters.user import user_set
-from aatri.errors import SpecError
+from aatri.errors import GeometryError, SpecError
 from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.ids import shown
-from aatri.observations.poses import ADDITIONAL
-from aatri.orientation.bundle import AdjustedParameters, BundleResult, adjust_bundle
-from aatri.orientation.bundle_input import BundleInput, ParameterRows
+from aatri.orientation.bundle import BundleResult, adjust_bundle
+from aatri.orientation.bundle_input import BundleInput
 from aatri.orientation.readmission import readmitted
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._self_calibration import SelfCalibration, chosen_set, parameters_of, table_of
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
-
-
-class SelfCalibration(Options):
-    """A set of additional parameters."""
-
-    set: Literal["brown_conrady", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"] = Field(
-        description="set of parameters"
-    )
-    per: Literal["camera", "session", "image"] = Field("camera", description="what shares a set")
-    sigma_um: float | None = Field(
-        50.0, gt=0, description="a-priori standard deviation of each parameter at the border, um; null leaves them free"
-    )
-    user: InputPath | None = Field(None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user")
 
 
 class BundleOptions(Options):
     """Options of the bundle adjustment."""
 
     max_iterations: int = Field(30, ge=1, description="most iterations")
+    tolerance: float = Field(
+        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
+    )
     interior_unknowns: bool = Field(
         False, description="carry the affine film correction of each image as weighted unknowns"
     )
@@ -85,6 +68,9 @@ class BundleOptions(Options):
     )
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
     standard_deviations: bool = Field(True, description="compute standard deviations of all orientations and points")
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
     ordering: Literal["nested_dissection", "across_strips", "along_strips"] = Field(
         "nested_dissection", description="order of elimination of the images"
     )
@@ -112,66 +98,28 @@ def bundle(
     control = control_of(block)
     positions = positions_of(block) if options.use_positions else _no_positions(positions_of(block))
     suspects = initial.suspects if initial is not None else Suspects.empty()
-    chosen = _chosen_set(options.self_calibration)
-    parameters = _parameters(block, image_points, options, chosen)
+    calibration = options.self_calibration
+    chosen = chosen_set(calibration)
+    parameters = parameters_of(block, image_points, options.interior_unknowns, calibration, chosen)
     given = bundle_input(block, image_points, initial, control, positions, parameters)
     rejected = assemble.rejected_rows(suspects, image_points)
     given, result, suspects = _adjusted_with_readmission(given, rejected, suspects, options, context)
+    if calibration is not None and calibration.remove:
+        given, result = _adjusted_without_idle(given, result, options, context)
     _report_left_out(block, given, result, context)
     _report_misfit(result, context)
-    tables = [_table(block, p, chosen, options.self_calibration) for p in result.parameters]
-    return bundle_solution(block, control, positions, given, result, suspects, tables)
-
-
-def _chosen_set(wanted: SelfCalibration | None) -> ParameterSet | None:
-    if wanted is None:
-        return None
-    if wanted.set != "user":
-        return parameter_set(wanted.set)
-    if wanted.user is None:
-        raise SpecError("self_calibration with set: user needs a file", remedy="user: my_parameters.py")
-    return user_set(wanted.user.read_text(encoding="utf-8"), str(wanted.user))
-
-
-def _parameters(
-    block: Block, image_points: ImagePoints, options: BundleOptions, chosen: ParameterSet | None
-) -> tuple[ParameterRows, ...]:
-    groups = [film_parameters(block, image_points)] if options.interior_unknowns else []
-    wanted = options.self_calibration
-    if chosen is not None and wanted is not None:
-        sigma_mm = None if wanted.sigma_um is None else 1e-3 * wanted.sigma_um
-        groups.append(additional_parameters(block, image_points, chosen, wanted.per, sigma_mm))
-    camera = camera_parameters(block, image_points)
-    return (*groups, camera) if camera is not None else tuple(groups)
-
-
-def _table(
-    block: Block, p: AdjustedParameters, chosen: ParameterSet | None, wanted: SelfCalibration | None
-) -> Parameters:
-    if p.given.group == ADDITIONAL and chosen is not None and wanted is not None:
-        return classical_table(block, p, chosen, wanted.per)
-    return parameter_table(p)
+    report_parameters(given, result, context)
+    tables = [table_of(block, p, calibration, chosen) for p in result.parameters]
+    return bundle_solution(block, control, positions, given, result, suspects, tables, tests=options.reliability)
 
 
 def _adjusted_with_readmission(
     given: BundleInput, rejected: Bool, suspects: Suspects, options: BundleOptions, context: Context
 ) -> tuple[BundleInput, BundleResult, Suspects]:
     """Adjust without what was rejected, then once more with those of it that fit."""
-
-    def run(problem: BundleInput) -> BundleResult:
-        return adjust_bundle(
-            problem,
-            datum=options.datum,
-            max_iterations=options.max_iterations,
-            covariances=options.standard_deviations,
-            ordering=options.ordering,
-            reproducible=options.reproducible,
-            reporter=context,
-        )
-
     all_rays = given.rays
     without = replace(given, rays=replace(all_rays, active=all_rays.active & ~rejected))
-    result = run(without)
+    result = _adjusted(without, options, context)
     fits = readmitted(all_rays, rejected & all_rays.active, result)
     if not fits.any():
         return without, result, suspects
@@ -179,7 +127,37 @@ def _adjusted_with_readmission(
     again = replace(given, rays=replace(all_rays, active=all_rays.active & (~rejected | fits)))
     back = (suspects.kind == "image_point") & (suspects.row >= 0) & fits[suspects.row]
     verdict = np.where(back, "readmitted", suspects.verdict)
-    return again, run(again), replace(suspects, verdict=verdict)
+    return again, _adjusted(again, options, context), replace(suspects, verdict=verdict)
+
+
+def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> BundleResult:
+    try:
+        return adjust_bundle(
+            given,
+            datum=options.datum,
+            max_iterations=options.max_iterations,
+            tolerance=options.tolerance,
+            covariances=options.standard_deviations or options.reliability,
+            ordering=options.ordering,
+            reproducible=options.reproducible,
+            reporter=context,
+        )
+    except GeometryError as error:
+        names = tuple(name for p in given.parameters for name in p.labels)
+        advice = rank_advice(error.what, names)
+        if not advice and options.datum == "given" and not (given.control.observed | given.control.held).any():
+            advice = "give control or observed positions, or set `datum: minimal`"
+        raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
+
+
+def _adjusted_without_idle(
+    given: BundleInput, result: BundleResult, options: BundleOptions, context: Context
+) -> tuple[BundleInput, BundleResult]:
+    """Adjust once more without additional parameters that are not worth keeping."""
+    if not options.standard_deviations:
+        raise SpecError("self_calibration.remove needs standard deviations", remedy="standard_deviations: true")
+    reduced = without_idle(given, result, context)
+    return (given, result) if reduced is None else (reduced, _adjusted(reduced, options, context))
 
 
 def _no_positions(positions: Positions) -> Positions:

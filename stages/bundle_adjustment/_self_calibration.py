@@ -1,0 +1,72 @@
+"""Options of self-calibration, and the unknowns and tables that follow from them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.bundle_problem import film_parameters
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.self_calibration import (
+    additional_parameters,
+    camera_parameters,
+    classical_table,
+    parameter_table,
+)
+from aatri.artifacts.solution import Parameters
+from aatri.camera.parameters.catalogue import parameter_set
+from aatri.camera.parameters.parameter_set import ParameterSet
+from aatri.camera.parameters.user import user_set
+from aatri.errors import SpecError
+from aatri.observations.poses import ADDITIONAL
+from aatri.orientation.bundle import AdjustedParameters
+from aatri.orientation.bundle_input import ParameterRows
+from aatri.plugin import Field, InputPath, Options
+
+
+class SelfCalibration(Options):
+    """A set of additional parameters."""
+
+    set: Literal["brown_conrady", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"] = Field(
+        description="set of parameters"
+    )
+    per: Literal["camera", "session", "image"] = Field("camera", description="what shares a set")
+    sigma_um: float | None = Field(
+        50.0, gt=0, description="a-priori standard deviation of each parameter at the border, um; null leaves them free"
+    )
+    remove: bool = Field(
+        False, description="leave out what is not determined, not separable or not significant, and adjust again"
+    )
+    user: InputPath | None = Field(None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user")
+
+
+def chosen_set(wanted: SelfCalibration | None) -> ParameterSet | None:
+    """The set of the options."""
+    if wanted is None:
+        return None
+    if wanted.set != "user":
+        return parameter_set(wanted.set)
+    if wanted.user is None:
+        raise SpecError("self_calibration with set: user needs a file", remedy="user: my_parameters.py")
+    return user_set(wanted.user.read_text(encoding="utf-8"), str(wanted.user))
+
+
+def parameters_of(
+    block: Block, image_points: ImagePoints, film: bool, wanted: SelfCalibration | None, chosen: ParameterSet | None
+) -> tuple[ParameterRows, ...]:
+    """Unknowns beside poses and points: film corrections, additional parameters, parameters of camera models."""
+    groups = [film_parameters(block, image_points)] if film else []
+    if chosen is not None and wanted is not None:
+        sigma_mm = None if wanted.sigma_um is None else 1e-3 * wanted.sigma_um
+        groups.append(additional_parameters(block, image_points, chosen, wanted.per, sigma_mm))
+    camera = camera_parameters(block, image_points)
+    return (*groups, camera) if camera is not None else tuple(groups)
+
+
+def table_of(
+    block: Block, p: AdjustedParameters, wanted: SelfCalibration | None, chosen: ParameterSet | None
+) -> Parameters:
+    """Adjusted parameters as a table."""
+    if p.given.group == ADDITIONAL and chosen is not None and wanted is not None:
+        return classical_table(block, p, chosen, wanted.per)
+    return parameter_table(p)
