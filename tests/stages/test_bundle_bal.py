@@ -1,0 +1,35 @@
+"""Bundle Adjustment in the Large, problem 49-7776: the optimum that others report, from the start of the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.formats.bal import read_bal
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.film_blocks import Told
+
+PROBLEM = "bal/problem-49-7776-pre.txt"
+
+OPTIMUM = 13344.26
+"""Half the sum of squares that the best published solvers reach on this file."""
+
+
+@pytest.mark.slow
+def test_bal_49_reaches_the_optimum_and_keeps_what_is_behind_the_camera(shared_data: Path) -> None:
+    block = read_bal(shared_data / PROBLEM)
+    told = Told()
+    options = BundleOptions(datum="minimal", standard_deviations=False, max_iterations=60)
+    solution = bundle(block, calibrated(block), options=options, context=told)
+    assert 0.5 * solution.sigma0**2 * solution.redundancy <= OPTIMUM
+    assert solution.iterations <= 60
+    assert solution.observations == 2 * len(block.image_points)
+    # without a finite optimum: points that run away along parallel rays are named, and stay in the cost
+    assert any("has no finite optimum" in text for text in told.warnings)
+    measured = block.image_points
+    X0, R, X = solution.images.position_m, solution.images.ground_from_image, solution.points.xyz_m
+    depth = -np.einsum("ni,ni->n", R[measured.image][:, :, 2], X[measured.point] - X0[measured.image])
+    assert int((depth < 0).sum()) == 31
