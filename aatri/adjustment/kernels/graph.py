@@ -34,32 +34,25 @@ def neighbours(n, group_start, member, vertex_start, group_of):
     """
     stamp = np.full(n, -1, dtype=np.int64)
     start = np.zeros(n + 1, dtype=np.int64)
+    found = np.empty(64 * n + 64, dtype=np.int32)
+    at = 0
     for v in range(n):
+        if at + n > len(found):  # a vertex has at most n neighbours
+            larger = np.empty(2 * len(found) + n, dtype=np.int32)
+            larger[:at] = found[:at]
+            found = larger
         stamp[v] = v
-        count = 0
         for k in range(vertex_start[v], vertex_start[v + 1]):
             g = group_of[k]
             for j in range(group_start[g], group_start[g + 1]):
                 w = member[j]
                 if w >= 0 and stamp[w] != v:
                     stamp[w] = v
-                    count += 1
-        start[v + 1] = start[v] + count
-    neighbour = np.empty(start[n], dtype=np.int32)
-    stamp[:] = -1
-    for v in range(n):
-        stamp[v] = v
-        at = start[v]
-        for k in range(vertex_start[v], vertex_start[v + 1]):
-            g = group_of[k]
-            for j in range(group_start[g], group_start[g + 1]):
-                w = member[j]
-                if w >= 0 and stamp[w] != v:
-                    stamp[w] = v
-                    neighbour[at] = w
+                    found[at] = w
                     at += 1
-        neighbour[start[v] : at].sort()
-    return start, neighbour
+        found[start[v] : at].sort()
+        start[v + 1] = at
+    return start, found[:at].copy()
 
 
 @njit("Tuple((int64[::1], int64[::1]))(int64, int32[::1])", nogil=True, cache=True)
