@@ -15,6 +15,8 @@ nearly all rays, with loops the compiler can unroll.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -24,7 +26,7 @@ MOST_RAYS = 256
 RANK_TOLERANCE = 1e-10
 """A pivot below this share of its diagonal means that the block is not determined."""
 
-OPTIONS = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
 """Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
 
 _ARRAYS = "float64[:,::1], float64[:,:,::1], float64[:,:,::1]"
