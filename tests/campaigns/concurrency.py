@@ -28,10 +28,10 @@ def main() -> None:
     seconds: list[float] = []
     counted: dict[str, int] = {}
     with harness.workplace() as place:
-        pipeline = harness.write_pipeline(place)
-        expected, _ = harness.undisturbed(place, pipeline)
+        subject = harness.subject(place, given)
+        expected, _ = harness.undisturbed(place, subject)
         for number in range(given.count):
-            found, losers = _round(place / f"round-{number}", pipeline, expected)
+            found, losers = _round(place / f"round-{number}", subject, expected)
             seconds += losers
             for name in found:
                 counted[name] = counted.get(name, 0) + 1
@@ -40,7 +40,7 @@ def main() -> None:
     harness.conclude(f"concurrency: {given.count} rounds", counted, begin)
 
 
-def _round(folder: Path, pipeline: Path, expected: dict[str, str]) -> tuple[list[str], list[float]]:
+def _round(folder: Path, subject: harness.Subject, expected: dict[str, str]) -> tuple[list[str], list[float]]:
     """What became of each run, and the seconds after which losers left."""
     folder.mkdir()
     gate, opener = os.pipe()
@@ -50,7 +50,7 @@ def _round(folder: Path, pipeline: Path, expected: dict[str, str]) -> tuple[list
         os.close(opener)
         os.read(gate, 1)  # returns when the last writer has closed the pipe
 
-    crowd = [harness.start(["run", pipeline, "-q", "--into", folder / "run"], folder / f"{k}.txt", before=wait)
+    crowd = [harness.start(subject.into(folder / "run"), folder / f"{k}.txt", before=wait)
              for k in range(AT_ONCE)]  # fmt: skip
     time.sleep(0.2)
     os.close(opener)

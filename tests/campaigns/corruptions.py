@@ -1,14 +1,14 @@
 """Damage the files of a run in every way disks, copies and people do: all of it must be noticed.
 
-    python -m tests.campaigns.corruptions 1000 [--seed S] [--workers W]
+    python -m tests.campaigns.corruptions 1000 [--seed S] [--workers W] [--made-up]
 
-The damages: one bit flipped, a page of zeros, truncation, growth, a file in the place of another stage's, a stale one of
-an earlier result of the same stage, a file removed. They hit artifacts, records, and the pointers in `current/`.
-Afterwards `aatri run` must end with whole files and the content digests of the undisturbed run, and it must have made
-again the stage whose artifact or record was hit.
+The damages: one bit flipped, a page of zeros, truncation, growth, the file of another stage, a stale one of an earlier
+result of the same stage, removal. They hit artifacts, records, and the pointers in `current/`. Afterwards `aatri run`
+must end with whole files and the content digests of the undisturbed run, and it must have made again the stage whose
+artifact or record was hit.
 
-A part of the artifacts is hit *silently*: size and times as before, as when a disk loses bits. Then `aatri run --verify`
-must notice, and without `--verify` a stage that reads the artifact must end with exit code 7.
+A part of the artifacts is hit *silently*: size and times as before, as when a disk loses bits. Then a run with
+`--verify` must notice, and without it a stage that reads the artifact must end with exit code 7.
 """
 
 from __future__ import annotations
@@ -31,34 +31,36 @@ FILES = ("artifact.h5", "artifact.h5", "record.json", "pointer", "link", "silent
 def main() -> None:
     given, begin = harness.arguments(__doc__, "damages").parse_args(), time.monotonic()
     with harness.workplace() as place:
-        pipeline = harness.write_pipeline(place)
-        expected, _ = harness.undisturbed(place, pipeline)
-        stale = ["--set", "block.ties.new_points=170"]
+        subject = harness.subject(place, given)
+        expected, _ = harness.undisturbed(place, subject)
+        stale = ["--set", "block.offset=7" if given.made_up else "block.ties.new_points=170"]
         for arguments in (stale, []):
-            command = ["run", pipeline, "-q", "--into", place / "base", *arguments]
-            assert harness.run(command, place / "base.txt", before=harness.without_report) == 0
+            assert (
+                harness.run(subject.into(place / "base", *arguments), place / "base.txt", before=harness.without_report)
+                == 0
+            )
         assert harness.digests_of(place / "base") == expected
 
         def one(number: int) -> dict[str, int]:
             worker = place / f"worker-{os.getpid()}"
             if not worker.exists():
                 shutil.copytree(place / "base", worker / "run", symlinks=True)
-            return _round(worker, pipeline, expected, random.Random(f"{given.seed}:{number}"))
+            return _round(worker, subject, expected, random.Random(f"{given.seed}:{number}"))
 
         counted = harness.carry_out(one, range(given.count), given.workers)
     harness.conclude("corruptions", counted, begin)
 
 
-def _round(place: Path, pipeline: Path, expected: dict[str, str], chance: random.Random) -> dict[str, int]:
+def _round(place: Path, subject: harness.Subject, expected: dict[str, str], chance: random.Random) -> dict[str, int]:
     run, output = place / "run", place / "output.txt"
-    command = ["run", pipeline, "-q", "--into", run]
+    command = subject.into(run)
     stage, file = chance.choice(sorted(expected)), chance.choice(FILES)
     if file == "silent":
-        _let_age(run, command, output)
+        assert harness.run(command, output, before=harness.without_report) == 0  # all digests are remembered
     name, way = _damage(run, stage, file, chance)
     wrong = []
     if file == "silent":
-        reader = _reader_of(stage, expected)
+        reader = _reader_of(stage)
         if reader is not None:
             code = harness.run([*command, "--force", reader], output, before=harness.without_report)
             text = output.read_text()
@@ -83,15 +85,16 @@ def _damage(run: Path, stage: str, file: str, chance: random.Random) -> tuple[st
     """Damage a file; which one, and how."""
     pointer = run / "current" / f"{stage}.json"
     key = json.loads(pointer.read_bytes())["key"]
-    path = {"pointer": pointer, "link": run / "current" / f"{stage}.h5"}.get(file) or run / "objects" / stage / key / (
-        "record.json" if file == "record.json" else "artifact.h5"
-    )
+    objects = {"artifact.h5": "artifact.h5", "silent": "artifact.h5", "record.json": "record.json"}
+    if file in objects:
+        path = run / "objects" / stage / key / objects[file]
+        others = {"swap": run.glob(f"objects/*/*/{path.name}"), "stale file": path.parents[1].glob(f"*/{path.name}")}
+    else:
+        path = pointer if file == "pointer" else pointer.with_suffix(".h5")
+        older = "record.json" if file == "pointer" else "artifact.h5"
+        others = {"swap": path.parent.glob(f"*{path.suffix}"), "stale file": run.glob(f"objects/{stage}/*/{older}")}
     way = chance.choice(WAYS[:2] if file == "silent" else WAYS)
     before, data = path.stat(), bytearray(path.read_bytes())
-    others = {"swap": run.glob(f"objects/*/*/{path.name}"), "stale file": path.parents[1].glob(f"*/{path.name}")}
-    if file in ("pointer", "link"):
-        others = {"swap": path.parent.glob(f"*{path.suffix}"),
-                  "stale file": run.glob(f"objects/{stage}/*/{'record.json' if file == 'pointer' else 'artifact.h5'}")}  # fmt: skip
     if way == "removal":
         path.unlink()
         return file, way
@@ -132,17 +135,12 @@ def _hide(path: Path, before: os.stat_result) -> None:
             cache.write_text(json.dumps(known))
 
 
-def _let_age(run: Path, command: list[str | Path], output: Path) -> None:
-    """See that the digests of all files are remembered."""
-    assert harness.run(command, output, before=harness.without_report) == 0
-
-
-def _reader_of(stage: str, expected: dict[str, str]) -> str | None:
+def _reader_of(stage: str) -> str | None:
     """A stage that reads the artifact of another."""
-    if stage == "block":
-        return "interior"
-    return {"interior": "refined", "refined": "models", "models": "strips", "strips": "absolute",
-            "absolute": "accuracy_absolute", "strip_block": "accuracy_strip_block", "bundle": "accuracy"}.get(stage)  # fmt: skip
+    readers = {"block": "interior", "interior": "refined", "refined": "models", "models": "strips",
+               "strips": "absolute", "absolute": "accuracy_absolute", "strip_block": "accuracy_strip_block",
+               "bundle": "accuracy"}  # fmt: skip
+    return readers.get(stage)
 
 
 def _made_last(run: Path) -> list[str]:

@@ -29,7 +29,7 @@ def main() -> None:
     counted: dict[str, int] = {}
     with harness.workplace() as place:
         pipeline = harness.write_pipeline(place)
-        expected, _ = harness.undisturbed(place, pipeline)
+        expected, _ = harness.undisturbed(place, harness.Subject(pipeline))
         for number, way in enumerate(WAYS[: given.count]):
             folder = place / f"way-{number}"
             way(pipeline, folder)
@@ -43,8 +43,9 @@ def main() -> None:
 def own_process(pipeline: Path, folder: Path, *more: str, tree: Path = ROOT, **environment: str) -> None:
     """A process of its own; of another tree it must not see this one."""
     command = [sys.executable, "-c", f"import aatri; assert {str(tree)!r} in aatri.__file__, aatri.__file__; {MAIN}"]
-    done = subprocess.run([*command, "run", str(pipeline), "-q", "--into", str(folder), *more], cwd=pipeline.parent,
-                          env={**os.environ, "PYTHONPATH": str(tree), **environment}, capture_output=True, text=True)  # fmt: skip
+    command += ["run", str(pipeline), "-q", "--into", str(folder), *more]
+    done = subprocess.run(command, cwd=pipeline.parent, env={**os.environ, "PYTHONPATH": str(tree), **environment},
+                          capture_output=True, text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
 
 

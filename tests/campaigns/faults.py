@@ -1,6 +1,6 @@
 """Let every write, fsync, close and rename of a run fail in turn, and see that nothing half-made is taken for whole.
 
-    python -m tests.campaigns.faults all [--seed S] [--workers W]
+    python -m tests.campaigns.faults all [--seed S] [--workers W] [--made-up]
     python -m tests.campaigns.faults 20
 
 The calls of one run below its folder are counted: opening for writing, write, pwrite (HDF5), ftruncate, fsync, close,
@@ -35,14 +35,14 @@ def main() -> None:
     given, begin = parser.parse_args(), time.monotonic()
     _preload()
     with harness.workplace() as place:
-        pipeline = harness.write_pipeline(place)
-        expected, _ = harness.undisturbed(place, pipeline)
-        calls = {fault: _calls(place, pipeline, fault) for fault in FAULTS}
+        subject = harness.subject(place, given)
+        expected, _ = harness.undisturbed(place, subject)
+        calls = {fault: _calls(place, subject, fault) for fault in FAULTS}
         points = [(fault, at) for fault in FAULTS for at in range(1, len(calls[fault]) + 1)]
         chosen = points if given.count is None else random.Random(given.seed).sample(points, given.count)
 
         def one(point: tuple[str, int]) -> dict[str, int]:
-            return _round(place, pipeline, expected, point, calls[point[0]][point[1] - 1])
+            return _round(place, subject, expected, point, calls[point[0]][point[1] - 1])
 
         counted = harness.carry_out(one, chosen, given.workers)
     sys.stdout.write(f"calls of one run: {dict(sorted(Counter(c.split()[0] for c in calls['EIO']).items()))}\n")
@@ -69,22 +69,21 @@ def _arm(folder: Path, fault: str, at: int, log: int = -1) -> None:
     ctypes.CDLL(None).fault_arm(os.fsencode(folder), ctypes.c_long(at), number, int(lasting), log)
 
 
-def _calls(place: Path, pipeline: Path, fault: str) -> list[str]:
+def _calls(place: Path, subject: harness.Subject, fault: str) -> list[str]:
     """The calls of one run that the fault can hit, with their paths."""
     folder, log = place / f"calls-{fault}", os.open(place / f"calls-{fault}.txt", os.O_RDWR | os.O_CREAT)
-    command = ["run", pipeline, "-q", "--into", folder]
-    assert harness.run(command, place / "calls.out", before=lambda: _arm(folder, fault, 0, log)) == 0
+    assert harness.run(subject.into(folder), place / "calls.out", before=lambda: _arm(folder, fault, 0, log)) == 0
     os.close(log)
     return (place / f"calls-{fault}.txt").read_text().replace(f"{folder}/", "").splitlines()
 
 
 def _round(
-    place: Path, pipeline: Path, expected: dict[str, str], point: tuple[str, int], call: str
+    place: Path, subject: harness.Subject, expected: dict[str, str], point: tuple[str, int], call: str
 ) -> dict[str, int]:  # fmt: skip
     fault, at = point
     folder = place / f"{fault}-{at}"
     folder.mkdir()
-    output, command = folder / "output.txt", ["run", pipeline, "-q", "--into", folder / "run"]
+    output, command = folder / "output.txt", subject.into(folder / "run")
     code = harness.run(command, output, before=lambda: _arm(folder / "run", fault, at))
     wrong = harness.problems(folder / "run", leftovers=False)
     if code not in (0, 8):

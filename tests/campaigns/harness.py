@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeVar
 
+from tests.campaigns import made_up
+
 Item = TypeVar("Item")
 
 STAGES = 11
@@ -120,7 +122,26 @@ def write_pipeline(folder: Path, block: str = PIPELINE) -> Path:
     return path
 
 
-def undisturbed(folder: Path, pipeline: Path, *arguments: str) -> tuple[dict[str, str], float]:
+@dataclass(frozen=True)
+class Subject:
+    """What is run: a pipeline, and options that all its runs need."""
+
+    pipeline: Path
+    options: tuple[str, ...] = ()
+
+    def into(self, folder: Path, *more: str) -> list[str | Path]:
+        """The command of a run in a folder."""
+        return ["run", self.pipeline, "-q", *self.options, "--into", folder, *more]
+
+
+def subject(folder: Path, given: argparse.Namespace, *options: str) -> Subject:
+    """The small block, or the made-up stages."""
+    if given.made_up:
+        return Subject(made_up.write_project(folder), ("--local-plugins", *options))
+    return Subject(write_pipeline(folder), options)
+
+
+def undisturbed(folder: Path, subject: Subject) -> tuple[dict[str, str], float]:
     """Digests of a run that nothing disturbs, and the seconds it took; warms this process up."""
     output, about = folder / "undisturbed.txt", folder / "modules.json"
 
@@ -128,12 +149,12 @@ def undisturbed(folder: Path, pipeline: Path, *arguments: str) -> tuple[dict[str
         names = sorted(name for name in sys.modules if name.startswith("aatri."))
         about.write_text(json.dumps([names, os.environ["NUMBA_CACHE_DIR"]]))
 
-    assert run(["run", pipeline, "-q", "--into", folder / "first", *arguments], output, after=tell) == 0, output
+    assert run(subject.into(folder / "first"), output, after=tell) == 0, output
     names, os.environ["NUMBA_CACHE_DIR"] = json.loads(about.read_text())
-    for name in names:
+    for name in (name for name in names if not name.startswith("aatri_project")):
         importlib.import_module(name)
     begin = time.monotonic()
-    assert run(["run", pipeline, "-q", "--into", folder / "undisturbed", *arguments], output) == 0, output
+    assert run(subject.into(folder / "undisturbed"), output) == 0, output
     seconds = time.monotonic() - begin
     digests = {stage: record["output"]["content_digest"] for stage, record in current(folder / "undisturbed").items()}
     assert problems(folder / "undisturbed") == []
@@ -204,6 +225,7 @@ def arguments(doc: str | None, what: str, count: Callable[[str], Any] = int) -> 
     parser.add_argument("count", type=count, help=what)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1, help="rounds side by side")
+    parser.add_argument("--made-up", action="store_true", help="eleven small stages instead of a block")
     return parser
 
 

@@ -1,6 +1,6 @@
 """Kill a run at random moments, resume it, and compare with the undisturbed run.
 
-    python -m tests.campaigns.kills 100 [--jobs N] [--seed S] [--workers W]
+    python -m tests.campaigns.kills 100 [--jobs N] [--seed S] [--workers W] [--made-up]
 
 Every round begins a run in a new folder and kills it one to four times, also while it resumes: SIGKILL, now and then
 SIGTERM or SIGINT. After each kill every record must have its whole artifact. Then it runs to its end: its content
@@ -26,22 +26,22 @@ def main() -> None:
     parser.add_argument("--jobs", default="1")
     given, begin = parser.parse_args(), time.monotonic()
     with harness.workplace() as place:
-        pipeline = harness.write_pipeline(place)
-        expected, seconds = harness.undisturbed(place, pipeline, "--jobs", given.jobs)
+        subject = harness.subject(place, given, "--jobs", given.jobs)
+        expected, seconds = harness.undisturbed(place, subject)
 
         def one(number: int) -> dict[str, int]:
-            return _round(place / f"round-{number}", pipeline, expected, seconds, f"{given.seed}:{number}", given.jobs)
+            return _round(place / f"round-{number}", subject, expected, seconds, f"{given.seed}:{number}")
 
         counted = harness.carry_out(one, range(given.count), given.workers)
     harness.conclude("kills", counted, begin)
 
 
 def _round(
-    folder: Path, pipeline: Path, expected: dict[str, str], seconds: float, seed: str, jobs: str
-) -> dict[str, int]:
+    folder: Path, subject: harness.Subject, expected: dict[str, str], seconds: float, seed: str
+) -> dict[str, int]:  # fmt: skip
     chance = random.Random(seed)
     folder.mkdir()
-    command = ["run", pipeline, "-q", "--into", folder / "run", "--jobs", jobs]
+    command = subject.into(folder / "run")
     counted = {"rounds": 1, "live kills": 0}
     wrong: list[str] = []
     for _ in range(chance.randint(1, 4)):

@@ -1,0 +1,156 @@
+"""How far the start of a bundle adjustment may be from its end: a grid of start errors over random blocks.
+
+    python -m tests.campaigns.convergence_basin 20 [--first 0]
+
+Well-posed blocks: three strips of four images, 60 % overlap both ways, control, observed positions. Every image is
+turned by the given angle about a random axis, every position moved by a normal error of the given share of the flying
+height, points start below their first image on the mean height of the control; or the principal distance, free, starts
+at a multiple of its value. A start is *right* if the adjustment ends within 1e-4 standard deviations of the one started
+at the truth, *refused* if it ends with an error, *told* if it ends in another minimum and warns of its sigma0, *false*
+if it does not even warn: there must be none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.artifacts.block import Block, CameraParameters
+from aatri.artifacts.bundle_problem import rays_of
+from aatri.artifacts.given import control_of, positions_of
+from aatri.artifacts.self_calibration import camera_parameters
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.evaluation.statistics import sigma0_fits
+from aatri.geometry.rotations import exp_rotation
+from aatri.observations.poses import Poses
+from aatri.orientation.bundle import BundleResult, adjust_bundle
+from aatri.orientation.bundle_input import BundleInput, ControlRows, PositionRows
+from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.chain import simulated
+
+ANGLES_DEG = (0.0, 10.0, 30.0, 45.0, 60.0)
+SHARES = (0.0, 0.1, 0.3, 0.5)
+FACTORS = (0.5, 0.7, 1.0, 2.0, 4.0, 8.0)
+MAX_ITERATIONS = 100
+
+
+def well_posed(seed: int, free_c: bool = False) -> tuple[BundleInput, float]:
+    """A block at its truth, and its flying height; with `free_c` the principal distance is unknown."""
+    block = simulated(
+        seed,
+        camera={"kind": "digital", "format": (6000.0, 6000.0), "pixel_size_mm": 0.01, "principal_distance_mm": 60.0},
+        flight={"strips": 3, "images_per_strip": 4, "side_overlap": 60.0, "tilt_sigma_deg": 1.0},
+        terrain={"relief_m": 15.0}, ties={"per_position": 3}, known={"full": 8}, refraction="none",
+    )  # fmt: skip
+    block = _with_free_c(block) if free_c else block
+    off = SystematicOptions(distortion=False, refraction=False, earth_curvature=False)
+    image_points = systematic(block, calibrated(block), options=off)
+    camera = camera_parameters(block, image_points)
+    assert block.true_images is not None
+    assert block.true_points is not None
+    control, positions = control_of(block), positions_of(block)
+    given = BundleInput(
+        block.images.id, block.points.id, rays_of(block, image_points),
+        Poses(block.true_images.position_m.copy(), block.true_images.ground_from_image.copy()),
+        block.true_points.xyz_m.copy(),
+        ControlRows(control.point, control.xyz_m, control.covariance_m2, control.observed, control.held),
+        PositionRows(positions.image, positions.position_m, positions.covariance_m2, positions.lever_arm_m),
+        (camera,) if camera else (),
+    )  # fmt: skip
+    return given, 60.0e-3 * 2500.0
+
+
+def disturbed(given: BundleInput, rng: np.random.Generator, angle_deg: float, error_m: float) -> BundleInput:
+    """The block with a wrong start."""
+    axis = rng.normal(size=(len(given.image_ids), 3))
+    turn = exp_rotation(np.radians(angle_deg) * axis / np.linalg.norm(axis, axis=1, keepdims=True))
+    position = given.poses.position_m + error_m * rng.normal(size=axis.shape)
+    poses = Poses(position, turn @ given.poses.ground_from_image)
+    known = np.full_like(given.xyz_m, np.nan)
+    known[given.control.point] = given.control.xyz_m
+    plane = np.nanmean(known[:, 2])
+    rays, nadir = given.rays, np.full_like(known, np.nan)
+    first = np.full(len(known), -1)
+    first[rays.point[::-1]] = rays.image[::-1]
+    nadir[:, :2], nadir[:, 2] = position[first, :2], plane
+    return replace(given, poses=poses, xyz_m=np.where(np.isfinite(known), known, nadir))
+
+
+def with_start_c(given: BundleInput, factor: float) -> BundleInput:
+    """The block with a wrong principal distance at the start."""
+    (camera,) = given.parameters
+    start = camera.start.copy()
+    start[:, 0] *= factor
+    return replace(given, parameters=(replace(camera, start=start),))
+
+
+def outcome(given: BundleInput, reference: BundleResult) -> str:
+    """right, refused, told or false."""
+    try:
+        found = adjust_bundle(given, covariances=False, max_iterations=MAX_ITERATIONS, tolerance=1e-5)
+    except (ConvergenceError, GeometryError):
+        return "refused"
+    sigma = np.sqrt(np.einsum("nii->ni", reference.point_covariance_m2))
+    sigma = np.where(sigma > 0, sigma, 1e-6)
+    if found.point_adjusted.all() and np.nanmax(np.abs(found.xyz_m - reference.xyz_m) / sigma) < 1e-4:
+        return "right"
+    return "false" if sigma0_fits(found.adjusted.sigma0, found.adjusted.redundancy) else "told"
+
+
+def grid(seeds: range) -> dict[tuple[str, float, float], Counter[str]]:
+    """Outcomes by kind of error and its size."""
+    counted: dict[tuple[str, float, float], Counter[str]] = {}
+    for seed in seeds:
+        given, height = well_posed(seed)
+        reference = adjust_bundle(given, tolerance=1e-6)
+        rng = np.random.default_rng(seed)
+        for angle in ANGLES_DEG:
+            for share in SHARES:
+                result = outcome(disturbed(given, rng, angle, share * height), reference)
+                counted.setdefault(("pose", angle, share), Counter())[result] += 1
+        given, _ = well_posed(seed, free_c=True)
+        reference = adjust_bundle(given, tolerance=1e-6)
+        for factor in FACTORS:
+            result = outcome(with_start_c(given, factor), reference)
+            counted.setdefault(("c", factor, 0.0), Counter())[result] += 1
+    return counted
+
+
+def _with_free_c(block: Block) -> Block:
+    free = CameraParameters(
+        camera=np.zeros(1, np.int32), name=np.array(["principal_distance"]), value=np.array([np.nan]),
+        sigma=np.array([np.nan]), free=np.ones(1, bool),
+    )  # fmt: skip
+    return replace(block, camera_parameters=free)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("blocks", type=int)
+    parser.add_argument("--first", type=int, default=0)
+    given = parser.parse_args()
+    counted = grid(range(given.first, given.first + given.blocks))
+    lines = ["| angle | " + " | ".join(f"{share:.0%} of H" for share in SHARES) + " |", "|---|" + "---|" * len(SHARES)]
+    for angle in ANGLES_DEG:
+        cells = [_cell(counted["pose", angle, share]) for share in SHARES]
+        lines.append(f"| {angle:g}° | " + " | ".join(cells) + " |")
+    lines += ["", "| c at the start | " + " | ".join(f"{f:g} c" for f in FACTORS) + " |"]
+    lines += ["|---|" + "---|" * len(FACTORS)]
+    lines += ["| right | " + " | ".join(_cell(counted["c", f, 0.0]) for f in FACTORS) + " |", ""]
+    sys.stdout.write("\n".join(lines))
+    if any(c["false"] for c in counted.values()):
+        raise SystemExit("a false solution was claimed")
+
+
+def _cell(counts: Counter[str]) -> str:
+    text = f"{counts['right'] / counts.total():.0%}"
+    return text + "".join(f", {counts[name] / counts.total():.0%} {name}" for name in ("told", "false") if counts[name])
+
+
+if __name__ == "__main__":
+    main()
