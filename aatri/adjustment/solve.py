@@ -118,6 +118,7 @@ def adjust_large(
     damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
+        factored.panels.clear()  # no later use; the next factorisation needs the room
         decrement = _decrement(problem, factored)
         history.append(Step(factored.cost, decrement, factored.damping))
         reporter.log(
