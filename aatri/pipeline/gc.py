@@ -65,7 +65,7 @@ def remove(results: list[Garbage]) -> None:
 def _referred(base: Path) -> Iterator[tuple[str, str]]:
     for run in [base, *(base / VARIANTS).glob("*")]:
         for folder in ("current", "previous"):
-            for path in (run / folder).glob("*.json"):
+            for path in (run / folder).glob("[!.]*.json"):  # not what a killed process left half-written
                 with contextlib.suppress(ArtifactError):
                     record = read_record(path)
                     if record is not None:

@@ -164,7 +164,7 @@ def undisturbed(folder: Path, subject: Subject) -> tuple[dict[str, str], float]:
 
 def current(folder: Path) -> dict[str, dict[str, Any]]:
     """The current records by stage."""
-    return {path.stem: json.loads(path.read_bytes()) for path in sorted((folder / "current").glob("*.json"))}
+    return {path.stem: json.loads(path.read_bytes()) for path in sorted((folder / "current").glob("[!.]*.json"))}
 
 
 def digests_of(folder: Path) -> dict[str, str]:
@@ -175,7 +175,7 @@ def digests_of(folder: Path) -> dict[str, str]:
 def problems(folder: Path, *, leftovers: bool = True) -> list[str]:
     """What is wrong in a run folder: a record whose artifact is not whole, a link elsewhere, a file half-written."""
     found = []
-    for path in [*(folder / "current").glob("*.json"), *folder.glob("objects/*/*/record.json")]:
+    for path in [*(folder / "current").glob("[!.]*.json"), *folder.glob("objects/*/*/record.json")]:
         try:
             record = json.loads(path.read_bytes())
             place = folder / "objects" / record["stage"] / record["key"] / record["output"]["file"]
