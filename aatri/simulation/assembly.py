@@ -114,8 +114,12 @@ def _canonical(ids: list[str]) -> Int:
 
 def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dict[str, Any]:
     digital = camera.kind == "digital"
-    brown = [n for n in sorted(BROWN) if n in camera.brown] if camera.distortion == "brown" else []
-    table = camera.distortion == "table"
+    brown = (
+        [n for n in sorted(BROWN) if n in camera.brown]
+        if camera.distortion == "brown" and camera.distortion_known
+        else []
+    )
+    table = camera.distortion == "table" and camera.distortion_known
     radius = np.array(camera.table_radius_mm if table else (), dtype=float)
     correction = np.array(camera.table_correction_um if table else (), dtype=float) * LENGTH_MM["um"]
     return {
@@ -130,7 +134,7 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dic
             principal_distance_mm=np.array([camera.principal_distance_mm]),
             principal_point_mm=np.array([camera.principal_point_mm]),
             symmetry_point_mm=np.array([camera.symmetry_point_mm]),
-            distortion=texts(camera.distortion),
+            distortion=texts(camera.distortion if camera.distortion_known else "none"),
             lever_arm_m=np.zeros((1, 3)),
             boresight_rad=np.zeros((1, 3)),
         ),

@@ -55,6 +55,7 @@ class Camera(BaseModel):
     brown: dict[Literal["k1", "k2", "k3", "p1", "p2", "b1", "b2"], float] = Field(
         {}, description="parameters of the brown model (mm and powers); those not named are 0"
     )
+    distortion_known: bool = Field(True, description="the block knows the distortion; else it claims to have none")
     table_radius_mm: tuple[float, ...] = Field(
         (0.0, 40.0, 80.0, 120.0, 160.0), min_length=2, description="radii of the distortion table, ascending, mm"
     )

@@ -1,7 +1,11 @@
-"""Role `image_refinement`: corrections of the photo coordinates. block, image_points -> ImagePoints."""
+"""Role `image_refinement`: corrections of the photo coordinates. block, image_points -> ImagePoints.
+
+A variant that compensates what an adjustment has left over takes the solution too.
+"""
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
 from aatri.plugin import Role
 
-ROLE = Role(ports={"block": Block, "image_points": ImagePoints}, kind=ImagePoints)
+ROLE = Role(ports={"block": Block, "image_points": ImagePoints, "solution": Solution}, kind=ImagePoints)

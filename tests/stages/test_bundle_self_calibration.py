@@ -14,6 +14,7 @@ from aatri.camera.parameters.error_field import outside_span
 from aatri.camera.parameters.parameter_set import scale_of_format
 from aatri.errors import GeometryError, SpecError
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.image_refinement.collocation import collocation
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
 
@@ -158,3 +159,14 @@ def test_interior_belongs_to_sets_without_it(distorted: Chain) -> None:
     assert [n for n in ("c", "x0", "y0", "a1", "a2", "a3") if n not in names] == []
     with pytest.raises(SpecError, match="has the interior orientation already"):
         _with(distorted, set="brown21", interior=True)
+
+
+def test_collocation_takes_off_what_a_set_leaves_over() -> None:
+    strong = run_chain(_claimed_free_of_distortion({"k2": -2e-12}), FILM)
+    first = _with(strong, set="bauer3", interior=True)
+    compensated = collocation(strong.block, strong.refined, first)
+    assert compensated.corrections.name.tolist()[-1] == "collocation"
+    second = _with(replace(strong, refined=compensated), set="bauer3", interior=True)
+    assert second.sigma0 < first.sigma0 - 0.5 * (first.sigma0 - 1)
+    again = collocation(strong.block, compensated, second)
+    assert again.corrections.name.tolist()[-1] == "collocation 2"

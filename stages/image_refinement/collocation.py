@@ -1,0 +1,85 @@
+"""A-posteriori compensation: what the residuals of an adjusted block have in common is taken off its image points.
+
+The residuals of all images of a camera (or session) are laid over each other on the plate; their correlated part is
+signal with a covariance function C(d), predicted at every image point by least squares and added to the measurement:
+
+    s^ = c' (C + D)^-1 v,    v adjusted minus observed
+
+Adjust the block again afterwards; each pass compensates the part that orientations and points have not taken up, so it
+may be repeated. Residuals without correlated part correct nothing. Method and source: aatri.orientation.collocation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from aatri.artifacts import assemble
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import Corrections, ImagePoints
+from aatri.artifacts.self_calibration import units_of
+from aatri.artifacts.solution import Solution
+from aatri.orientation.collocation import collocate_groups
+from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.tables.schema import Bool, Float
+
+
+class CollocationOptions(Options):
+    """How the signal is estimated."""
+
+    per: Literal["camera", "session"] = Field("camera", description="whose residuals are laid over each other")
+    model: Literal["best", "exponential", "gaussian"] = Field("best", description="covariance function")
+    cells_per_side: int = Field(20, ge=4, le=60, description="cells along the longer side of the plate")
+
+
+@stage(version=1)
+def collocation(
+    block: Block,
+    image_points: ImagePoints,
+    solution: Solution,
+    *,
+    options: CollocationOptions = CollocationOptions(),
+    context: Context = SILENT,
+) -> ImagePoints:
+    """Image points less the common part of their residuals in a solution."""
+    assemble.check_same_block(block, solution.images.id, "solution")
+    m = image_points.measurements
+    residual_mm, used = _image_residuals(solution, len(m))
+    rows = np.flatnonzero(np.isfinite(m.xy_mm).all(axis=1))
+    units = units_of(block, options.per)
+    correction, _, found = collocate_groups(
+        units.of_image[m.image[rows]], m.xy_mm[rows], residual_mm[rows], used[rows],
+        model=options.model, cells_per_side=options.cells_per_side,
+    )  # fmt: skip
+    if not used.any():
+        context.warn("the solution has no residuals of image points: nothing is corrected")
+    for unit, one in found.items():
+        if one.function is None:
+            context.log(f"{units.id[unit]}: residuals without correlated part, nothing is corrected")
+        else:
+            context.log(f"{units.id[unit]}: signal {1e3 * np.sqrt(one.function.variance_mm2):.2f} um")
+    xy = m.xy_mm.copy()
+    xy[rows] += correction
+    largest = float(np.linalg.norm(correction, axis=1).max(initial=0.0))
+    done = image_points.corrections
+    before = sum(str(name).startswith("collocation") for name in done.name)
+    name = "collocation" if before == 0 else f"collocation {before + 1}"
+    return replace(
+        image_points,
+        measurements=replace(m, xy_mm=xy),
+        corrections=Corrections(
+            name=np.concatenate([done.name, np.array([name])]), largest_mm=np.append(done.largest_mm, largest)
+        ),
+    )
+
+
+def _image_residuals(solution: Solution, n: int) -> tuple[Float, Bool]:
+    """Residuals by row of the image points, and which of them are there and active."""
+    r = solution.residuals
+    mine = np.flatnonzero((r.kind == "image_point") & (r.row >= 0))
+    residual, used = np.zeros((n, 2)), np.zeros(n, dtype=bool)
+    residual[r.row[mine]] = r.residual[mine, :2]
+    used[r.row[mine]] = r.active[mine] & np.isfinite(r.residual[mine, :2]).all(axis=1)
+    return residual, used
