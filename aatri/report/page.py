@@ -6,7 +6,6 @@ policy forbids the rest. It is a function of the run folder: the same folder giv
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import ResourceError
+from aatri.pipeline.durable import write_bytes
 from aatri.report.charts import sigma0_chart
 from aatri.report.checks import external_lights, internal_lights
 from aatri.report.numbers import number, seconds
@@ -49,12 +49,9 @@ def write_report(run: Path) -> Path:
     """
     path = run / "report.html"
     text = render(view(run))
-    temporary = path.with_name(f".tmp-report-{os.getpid()}.html")
     try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
+        write_bytes(path, text.encode())
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise ResourceError(
             f"cannot write: {error.strerror}", where=str(path), remedy="free space or permit"
         ) from error

@@ -89,7 +89,9 @@ class Project:
         for name, stage in self.spec["stages"].items():
             inputs = {port: after[source] for port, source in stage["from"].items()}
             code = {module: self.statements.get(module) for module in sorted(self.reached[name])}
-            written = {key: value for key, value in sorted(stage.items()) if key != "from"}
+            default = dict([OPTIONS[name]]) if name in OPTIONS else {}
+            options = {key: value for key, value in stage.get("with", {}).items() if value != default.get(key)}
+            written = [stage["use"], sorted(options.items())]
             parts = json.dumps([name, written, inputs, code, _content(self.place / "block") if name == "block" else 0])
             if parts not in self.known:
                 made.append(name)

@@ -106,6 +106,8 @@ def _become_aatri(
             code = 0
         except SystemExit as end:
             code = end.code or 0
+        except KeyboardInterrupt:  # before the verb began
+            code = 130
         after()
         sys.stdout.flush()
     except BaseException:
