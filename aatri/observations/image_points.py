@@ -172,8 +172,7 @@ def _compiled(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> 
 
         def bind(state: State) -> Fill:
             poses: Poses = state[POSE]
-            X0, R = np.ascontiguousarray(poses.position_m), np.ascontiguousarray(poses.ground_from_image)
-            X = np.ascontiguousarray(state[POINT])
+            X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
 
             def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
                 linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
@@ -188,12 +187,17 @@ def _compiled(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> 
     return prepared
 
 
+def _own(values: Float) -> Float:
+    """As the compiled functions want it: contiguous, and not one of an artifact's read-only columns."""
+    return np.require(values, np.float64, ["C", "W"])
+
+
 def side_changes(rows: ImagePointRows, old: State, new: State) -> str:
     """Whether a step moves points to the other side of their camera: then the linearisation means nothing."""
     places = []
     for state in (old, new):
         poses: Poses = state[POSE]
-        places += [np.ascontiguousarray(a) for a in (poses.position_m, poses.ground_from_image, state[POINT])]
+        places += [_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT])]
     image, point = (np.ascontiguousarray(a[rows.active], dtype=np.int32) for a in (rows.image, rows.point))
     changed = count_side_changes(image, point, *places)
     return f"{changed} image points change the side of the camera" if changed else ""
