@@ -122,6 +122,8 @@ def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan) -> bool:
     """Whether the run folder shows just the results that the plan finds fresh."""
     if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
         return False
+    if any(spec.run.glob(".tmp-*")):
+        return False  # killed while its report was written
     shown = store.read_json(spec.run / "run.json") or {}
     return shown.get("status") == "done" and shown.get("stages") == overview_of(spec, nodes, {})["stages"]
 

@@ -8,8 +8,9 @@ docstrings of modules, also of modules that no stage reaches; and code is put ba
 make the stages that the model below says, no other; now and then all digests are compared with those of a clean run.
 
 The model: a stage was made before if what it is written as, the content of its inputs, of its files and of all modules
-it reaches were all together before. What a stage reaches is found by importing it and looking at `sys.modules`, and by
-importing what the compiled code of the functions in there imports: not by the syntax trees that aatri reads.
+it reaches were all together before. What a stage reaches is found by importing it, without the `__init__` files, and
+looking at `sys.modules`, and by importing what the compiled code of the functions in there imports: not by the syntax
+trees that aatri reads.
 
 With `--short` the stages end before the bundle, whose kernels would have to be compiled for the copy.
 """
@@ -307,7 +308,7 @@ def _reached(project: Project, use: str) -> frozenset[str]:
     answer = project.place / "reached.json"
 
     def look() -> None:
-        sys.path.insert(0, str(project.tree))
+        _enter_without_packages(project.tree)
         importlib.import_module("aatri.stages." + use.replace("/", "."))
         done: set[str] = set()
         while new := {name for name in sys.modules if name.startswith("aatri.")} - done:
@@ -315,9 +316,9 @@ def _reached(project: Project, use: str) -> frozenset[str]:
                 for target in _imports_in_functions(sys.modules[name]):
                     importlib.import_module(target)
             done |= new
-        files = {name: str(getattr(sys.modules[name], "__file__", "")) for name in done}
-        assert all(file.startswith(str(project.tree)) for file in files.values()), files
-        answer.write_text(json.dumps([name for name, file in files.items() if not file.endswith("__init__.py")]))
+        files = {name: getattr(sys.modules[name], "__file__", None) for name in done}
+        assert all(file is None or file.startswith(str(project.tree)) for file in files.values()), files
+        answer.write_text(json.dumps([name for name, file in files.items() if file is not None]))
 
     child = os.fork()
     if child == 0:
@@ -328,6 +329,17 @@ def _reached(project: Project, use: str) -> frozenset[str]:
             os._exit(1)
     assert os.waitpid(child, 0)[1] == 0
     return frozenset(json.loads(answer.read_text()))
+
+
+def _enter_without_packages(tree: Path) -> None:
+    """Let the copy be imported without what `__init__` files import: a role names all its ports there."""
+    folders = [tree / "aatri", *sorted(p.parent for p in (tree / "aatri").rglob("*/__init__.py"))]
+    places = {".".join(folder.relative_to(tree).parts): folder for folder in folders}
+    places["aatri.stages"] = tree / "stages"
+    places |= {f"aatri.stages.{p.parent.name}": p.parent for p in (tree / "stages").glob("*/__init__.py")}
+    for name, folder in places.items():
+        sys.modules[name] = types.ModuleType(name)
+        sys.modules[name].__path__ = [str(folder)]
 
 
 def _imports_in_functions(module: types.ModuleType) -> Iterator[str]:
