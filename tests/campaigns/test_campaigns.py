@@ -12,9 +12,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = {
-    "kills": ["10", "--made-up"], "faults": ["25", "--made-up"], "concurrency": ["2", "--made-up"],
-    "corruptions": ["30", "--made-up"], "edits": ["8", "--short"],
-    "edits_of_plans": ["100"], "kernels": ["2"], "equality": ["3"],
+    "kills": ["6", "--made-up"], "faults": ["12", "--made-up"], "concurrency": ["1", "--made-up"],
+    "corruptions": ["20", "--made-up"], "edits": ["6", "--short"],
+    "edits_of_plans": ["100"], "kernels": ["2"], "equality": ["2"],
 }  # fmt: skip
 
 
