@@ -20,6 +20,8 @@ import numpy.typing as npt
 Float = npt.NDArray[np.float64]
 
 UNCONTROLLED = 1e-6
+"""Redundancy numbers below this count as zero."""
+
 DELTA0 = 4.13
 """Non-centrality of a test at the level 0.1 % with power 80 %."""
 

@@ -18,14 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment.dense import DenseResult
+from aatri.adjustment.reliability import UNCONTROLLED
 from aatri.errors import GeometryError
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 S = TypeVar("S")
-
-UNCONTROLLED = 1e-6
-"""Redundancy numbers below this count as zero."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.snooping import UNCONTROLLED
+from aatri.adjustment.reliability import UNCONTROLLED
 from aatri.orientation.tie_elimination import Eliminated, Linearised, Observations
 
 Float = npt.NDArray[np.float64]
