@@ -27,10 +27,12 @@ from aatri.adjustment.fronts import (
     linearised,
     run_all,
     share_out,
+    side_by_side,
     thread_control,
 )
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
+from aatri.adjustment.record_covariances import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.solve import Adjusted
 from aatri.adjustment.tree import Node
 from aatri.adjustment.unknowns import State
@@ -48,12 +50,14 @@ class Covariances:
     groups : dict of str to (n, k, k) float64
         Covariance of every block of every group; zero for held scalars.
     rays : (n, m, m) float64
-        Covariance of the whitened adjusted values of the rays, by row of their records; NaN where not active or where
-        the block is retained.
+        Covariance of the whitened adjusted values of the rays, by row of their records; NaN where not active.
+    records : tuple of (n, m, m) float64
+        The same of all records, in the order of the problem's.
     """
 
     groups: dict[str, Float]
     rays: Float
+    records: tuple[Float, ...]
 
 
 def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covariances:
@@ -79,7 +83,7 @@ class _Down:
     """The way down the tree; a front's covariance lives until its children have taken their parts."""
 
     def __init__(self, problem: Problem, state: State, factored: Factored, blocks: bool) -> None:
-        self.problem, self.state, self.factored = problem, state, factored
+        self.problem, self.state, self.factored, self.blocks = problem, state, factored, blocks
         n_vertices = len(problem.layout.size)
         largest = int(problem.layout.size.max(initial=0))
         self.vertex_covariance = np.zeros((n_vertices, largest, largest))
@@ -89,6 +93,8 @@ class _Down:
         m = rays.records.rows if rays is not None else 0
         self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
         self.fill = problem.ray_lane(state) if rays is not None and blocks else None
+        self.kept = [(k, side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
+        self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.boundary: dict[int, Float] = {}
 
     def run(self) -> None:
@@ -123,12 +129,15 @@ class _Down:
         for i in range(node.own):
             a, b = int(node.offset[i]), int(node.offset[i + 1])
             self.vertex_covariance[node.vertices[i], : b - a, : b - a] = S[a:b, a:b]
+        row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)
+        row_of[node.columns] = np.arange(node.size)
+        for kept, jacobians in self.kept:
+            found = self.of_records[place_of(self.problem, kept.records)]
+            kept_covariances(self.problem, kept, jacobians, k, row_of, S, found)
         if self.fill is None:
             return
         rays = self.problem.rays
         assert rays is not None
-        row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)
-        row_of[node.columns] = np.arange(node.size)
         for p0, p1, _, A, B in linearised(self.problem, self.fill, k, node):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
             row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
@@ -150,9 +159,10 @@ class _Down:
                 blocks[self.problem.rays.block] = np.where(runaway[:, None, None], np.nan, self.block)
             groups[u.name] = blocks
         rays = self.problem.rays
+        if self.blocks:
+            direct_covariances(self.problem, self.state, self.block, self.of_records)
         if rays is None:
-            return Covariances(groups, self.ray)
-        m = rays.records.rows
-        of_rows = np.full((len(rays.records.active), m, m), np.nan)
-        of_rows[rays.rows] = self.ray
-        return Covariances(groups, of_rows)
+            return Covariances(groups, self.ray, self.of_records)
+        of_rays = self.of_records[place_of(self.problem, rays.records)]
+        of_rays[rays.rows] = self.ray
+        return Covariances(groups, of_rays, self.of_records)

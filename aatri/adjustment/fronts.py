@@ -181,7 +181,7 @@ class _Work:
         self.D0, self.h0 = problem.hold.copy(), np.zeros((n_blocks, 3))
         self._direct(state)
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
-        self.kept = [(k, *_side_by_side(k, problem.layout, state)) for k in problem.kept]
+        self.kept = [(k, *side_by_side(k, problem.layout, state)) for k in problem.kept]
 
     def _direct(self, state: State) -> None:
         for records, rows, block in self.problem.direct:
@@ -292,7 +292,7 @@ def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chu
         p0 = p1
 
 
-def _side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
+def side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
     """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held."""
     v, jacobians = whitened(kept.records, state, kept.rows)
     free = part_columns(kept.parts, layout) >= 0

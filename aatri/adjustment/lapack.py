@@ -112,6 +112,40 @@ def _vector(x: Float, first: int) -> ctypes.c_void_p:
     return ctypes.c_void_p(x.ctypes.data + 8 * first)
 
 
+def forward_columns(L: Float, G: Float) -> None:
+    """`forward` for several right-hand sides, the columns of G.
+
+    Parameters
+    ----------
+    L : (n, m) float64, column-major
+    G : (n, r) float64, column-major
+    """
+    (n, m), r = L.shape, G.shape[1]
+    lda = _int(n)
+    _trsm(ctypes.byref(_L), ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(m), _int(r), _real(1.0),
+          _at(L, 0, 0), lda, _at(G, 0, 0), lda)  # fmt: skip
+    if n > m:
+        _gemm(ctypes.byref(_N), ctypes.byref(_N), _int(n - m), _int(r), _int(m), _real(-1.0), _at(L, m, 0), lda,
+              _at(G, 0, 0), lda, _real(1.0), _at(G, m, 0), lda)  # fmt: skip
+
+
+def backward_columns(L: Float, X: Float) -> None:
+    """`backward` for several right-hand sides, the columns of X.
+
+    Parameters
+    ----------
+    L : (n, m) float64, column-major
+    X : (n, r) float64, column-major
+    """
+    (n, m), r = L.shape, X.shape[1]
+    lda = _int(n)
+    if n > m:
+        _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(r), _int(n - m), _real(-1.0), _at(L, m, 0), lda,
+              _at(X, m, 0), lda, _real(1.0), _at(X, 0, 0), lda)  # fmt: skip
+    _trsm(ctypes.byref(_L), ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(r), _real(1.0),
+          _at(L, 0, 0), lda, _at(X, 0, 0), lda)  # fmt: skip
+
+
 def panel_covariance(L: Float, covariance: Float) -> Float:
     """Covariance of a front from that of its boundary.
 

@@ -79,9 +79,7 @@ def test_redundancy_numbers_of_the_rays_are_those_of_the_dense_projector(
     J, _ = dense_jacobian(unknowns, records, result.state)
     hat = np.diag(J @ np.linalg.inv(J.T @ J) @ J.T)[: 2 * len(records[0].active)].reshape(-1, 2)
     rays = np.einsum("nii->ni", marginal_covariances(result).rays)
-    known = records[0].active.copy()
-    if maker == "shared":  # points 3 and 8 are joined by another observation, so they are not eliminated
-        known &= ~np.isin(records[0].touches[2][1], [3, 8])
+    known = records[0].active
     np.testing.assert_allclose(rays[known], hat[known], rtol=1e-8, atol=1e-12)
     assert np.isnan(rays[~known]).all()
 
