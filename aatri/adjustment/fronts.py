@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
@@ -67,6 +67,8 @@ class Problem:
     hold : (n_blocks, 3, 3) float64
         Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
         finite optimum, whose steps it shortens.
+    constraints : tuple of Records
+        What must hold exactly; see `constraints`.
     """
 
     unknowns: tuple[Unknowns, ...]
@@ -80,6 +82,7 @@ class Problem:
     threads: int
     reproducible: bool
     hold: Float
+    constraints: tuple[Records, ...] = ()
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
@@ -107,6 +110,8 @@ class Factored:
         First pivot of each front that is not positive.
     cost : float
     damping : float
+    multiplier, violation : (m,) float64
+        Of the constraints, if any.
     """
 
     panels: list[Float]
@@ -118,6 +123,8 @@ class Factored:
     weak: list[tuple[int, int]]
     cost: float
     damping: float
+    multiplier: Float = field(default_factory=lambda: np.zeros(0))
+    violation: Float = field(default_factory=lambda: np.zeros(0))
 
     @property
     def decrease(self) -> float:

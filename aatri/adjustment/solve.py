@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment.backsolve import cost_of, predicted_decrease, steps
+from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints, support
 from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
-from aatri.adjustment.fronts import Factored, Problem, factorise
+from aatri.adjustment.fronts import Factored, Problem
 from aatri.adjustment.prepare import Ordering, prepare
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
@@ -52,6 +53,7 @@ class Adjusted:
     cost : float
         v'v at the solution.
     observations, n_unknowns, redundancy : int
+        The redundancy counts the constraints.
     sigma0 : float
         sqrt(v'v / redundancy), NaN without redundancy.
     history : tuple of Step
@@ -79,6 +81,7 @@ def adjust_large(
     records: Sequence[Records],
     start: State,
     *,
+    constraints: Sequence[Records] = (),
     max_iterations: int = 30,
     tolerance: float = 1e-3,
     veto: Veto | None = None,
@@ -95,6 +98,8 @@ def adjust_large(
         The problem.
     start : mapping
         Values of all groups.
+    constraints : sequence of Records
+        What must hold exactly, given like observations; see `constraints`.
     max_iterations : int
     tolerance : float
         Bound of the Newton decrement.
@@ -110,10 +115,12 @@ def adjust_large(
     ConvergenceError
         If the iteration does not converge; the message names the worst records.
     """
-    problem = prepare(unknowns, records, ordering=ordering, threads=threads, reproducible=reproducible)
+    all_records = [*records, *support(unknowns, records, constraints, start)]
+    problem = prepare(unknowns, all_records, ordering=ordering, threads=threads, reproducible=reproducible)
+    problem = replace(problem, constraints=tuple(constraints))
     _announce(problem, reporter)
     state: dict[str, Any] = dict(start)
-    factored = factorise(problem, state)
+    factored = factorise_constrained(problem, state)
     _check(problem, state, factored)
     damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
@@ -141,21 +148,23 @@ def _next(
 ) -> tuple[dict[str, Any], Factored, Damping]:  # fmt: skip
     """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs."""
     refused = veto(state, trial) if veto else ""
+    before = factored.cost + penalty(problem, state, factored)
     following: Factored | None = None
     if not refused and damping.value == 0.0:
-        following = factorise(problem, trial)
-        refused = _worse(following.cost, factored.cost)
+        following = factorise_constrained(problem, trial)
+        refused = _worse(following.cost + penalty(problem, trial, factored), before)
     elif not refused:
-        cost = cost_of(problem, trial)
-        refused = _worse(cost, factored.cost)
+        cost = cost_of(problem, trial) + penalty(problem, trial, factored)
+        refused = _worse(cost, before)
         if not refused:
-            damping = damping.accepted(gain(factored.cost, cost, predicted_decrease(problem, factored, found)))
-            following = factorise(problem, trial, damping.value)
+            predicted = predicted_decrease(problem, factored, found) + predicted_by_constraints(factored)
+            damping = damping.accepted(gain(before, cost, predicted))
+            following = factorise_constrained(problem, trial, damping.value)
     if following is not None and not refused:
         return trial, following, damping
     reporter.log(f"step refused: {refused}")
     damping = damping.refused()
-    return state, factorise(problem, state, damping.value), damping
+    return state, factorise_constrained(problem, state, damping.value), damping
 
 
 def _with_runaways_slowed(
@@ -171,7 +180,7 @@ def _with_runaways_slowed(
     hold = problem.hold.copy()
     hold[lost] = HOLD * _size(problem, state, lost)[:, None, None] * np.eye(3)
     slowed = replace(problem, hold=hold)
-    return slowed, factorise(slowed, state, factored.damping)
+    return slowed, factorise_constrained(slowed, state, factored.damping)
 
 
 def _size(problem: Problem, state: State, blocks: npt.NDArray[np.integer]) -> Float:
@@ -195,9 +204,10 @@ def _check(problem: Problem, state: State, factored: Factored) -> None:
 
 def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]) -> Adjusted:
     cost = cost_of(problem, state)
-    observations = sum(r.observations for r in problem.records)
+    conditions = sum(r.observations for r in problem.constraints)
+    observations = sum(r.observations for r in problem.records) - conditions
     n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
-    redundancy = observations - n_unknowns
+    redundancy = observations + conditions - n_unknowns
     sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 else float("nan")
     return Adjusted(state, problem, cost, observations, n_unknowns, redundancy, sigma0, history)
 
