@@ -12,23 +12,30 @@ from aatri.adjustment.fronts import Problem, default_threads
 from aatri.adjustment.index import Parts, group_sizes, index_kept, index_rays, parts_of
 from aatri.adjustment.kernels.graph import counting_order, neighbours
 from aatri.adjustment.layout import Layout, layout_of, ray_records
-from aatri.adjustment.ordering import Graph, OrderedNode, chain, nested_dissection
+from aatri.adjustment.minimum_degree import minimum_degree
+from aatri.adjustment.ordering import Graph, OrderedNode, border_vertices, chain, nested_dissection
 from aatri.adjustment.records import Records
-from aatri.adjustment.tree import build_tree
+from aatri.adjustment.tree import Tree, build_tree
 from aatri.adjustment.unknowns import Unknowns
 
 Int = npt.NDArray[np.integer]
-Ordering = Literal["nested_dissection", "across_strips", "along_strips"]
+Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
 
 DENSE_VERTICES = 80
 """Up to this many vertices (some 500 unknowns) everything is one front."""
+
+MOST_COMPARED = 5000
+"""Beyond this many vertices with positions nested dissection has always been the better order."""
+
+COMPARED_FLOPS = 5e5
+"""Work per vertex above which a second order costs less than a better one is likely to save."""
 
 
 def prepare(
     unknowns: Sequence[Unknowns],
     records: Sequence[Records],
     *,
-    ordering: Ordering = "nested_dissection",
+    ordering: Ordering = "auto",
     threads: int | None = None,
     reproducible: bool = False,
 ) -> Problem:
@@ -38,8 +45,8 @@ def prepare(
     ----------
     unknowns, records
     ordering : str
-        `nested_dissection`, or the chains `across_strips` and `along_strips`: by the second or the first coordinate of
-        the blocks' positions.
+        `nested_dissection`, `minimum_degree`, `auto`: the better of the two; or the chains `across_strips` and
+        `along_strips`: by the second or the first coordinate of the blocks' positions.
     threads : int, optional
         Default: all processors.
     reproducible : bool
@@ -50,7 +57,7 @@ def prepare(
     rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
     kept, direct = _sorted_out(records, rays_of, layout)
     graph = _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], rays_of, sizes)
-    tree = build_tree(graph, _order(graph, layout, ordering), layout.size, layout.start)
+    tree = _better_tree(graph, layout) if ordering == "auto" else _tree(graph, layout, _order(graph, layout, ordering))
     rays = index_rays(rays_of, layout, tree, sizes) if rays_of is not None else None
     free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
     return Problem(
@@ -128,11 +135,28 @@ def _graph(layout: Layout, kept: list[Parts], rays: Records | None, sizes: dict[
     return Graph(*found)
 
 
+def _better_tree(graph: Graph, layout: Layout) -> Tree:
+    """Nested dissection, or minimum degree where that is less work and finding it out is worth the while."""
+    tree = _tree(graph, layout, _order(graph, layout, "nested_dissection"))
+    without_position = ~np.isfinite(layout.position).all(axis=1) & ~border_vertices(graph)
+    worth = graph.n <= MOST_COMPARED and tree.flops > COMPARED_FLOPS * graph.n
+    if graph.n <= DENSE_VERTICES or not (worth or without_position.any()):
+        return tree
+    other = _tree(graph, layout, _order(graph, layout, "minimum_degree"))
+    return other if other.flops < tree.flops else tree
+
+
+def _tree(graph: Graph, layout: Layout, order: list[OrderedNode]) -> Tree:
+    return build_tree(graph, order, layout.size, layout.start)
+
+
 def _order(graph: Graph, layout: Layout, ordering: Ordering) -> list[OrderedNode]:
     if graph.n <= DENSE_VERTICES:
         return [OrderedNode(np.arange(graph.n), ())]
     if ordering == "nested_dissection":
         return nested_dissection(graph, layout.position)
+    if ordering == "minimum_degree":
+        return minimum_degree(graph, layout.size)
     axis = 0 if ordering == "across_strips" else 1
     place = np.where(np.isfinite(layout.position), layout.position, np.inf)
     return chain(graph, np.lexsort((place[:, 1 - axis], place[:, axis])))

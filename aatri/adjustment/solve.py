@@ -85,7 +85,7 @@ def adjust_large(
     max_iterations: int = 30,
     tolerance: float = 1e-3,
     veto: Veto | None = None,
-    ordering: Ordering = "nested_dissection",
+    ordering: Ordering = "auto",
     threads: int | None = None,
     reproducible: bool = False,
     reporter: Reporter = SILENT,

@@ -97,7 +97,7 @@ def adjust_bundle(
     max_iterations: int = 30,
     tolerance: float = 1e-3,
     covariances: bool = True,
-    ordering: Ordering = "nested_dissection",
+    ordering: Ordering = "auto",
     threads: int | None = None,
     reproducible: bool = False,
     reporter: Reporter = SILENT,

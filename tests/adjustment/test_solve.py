@@ -14,7 +14,7 @@ from aatri.adjustment.solve import Adjusted, adjust_large
 from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
 
-ORDERINGS: tuple[Ordering, ...] = ("nested_dissection", "across_strips", "along_strips")
+ORDERINGS: tuple[Ordering, ...] = ("auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips")
 MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}
 
 
@@ -22,7 +22,7 @@ def _many_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small problems on a tree of many small fronts, shared out among threads."""
     monkeypatch.setattr(fronts, "PARALLEL_FLOPS", 0.0)
     monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
-    for name in ("nested_dissection", "chain"):
+    for name in ("nested_dissection", "minimum_degree", "chain"):
         monkeypatch.setattr(preparation, name, _with_small_nodes(getattr(preparation, name)))
 
 
