@@ -24,7 +24,8 @@ from threadpoolctl import ThreadpoolController
 from aatri.adjustment import lapack
 from aatri.adjustment.index import KeptRecords, Rays, part_columns
 from aatri.adjustment.kernels.assemble import add_records, extend_add
-from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate, eliminate_pose
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
+from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
 from aatri.adjustment.layout import Layout
 from aatri.adjustment.records import Fill, Records, in_order, whitened
 from aatri.adjustment.tree import Node, Tree

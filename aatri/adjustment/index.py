@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.kernels.graph import counting_order
+from aatri.adjustment.kernels.graph import counting_order, lexical_order
 from aatri.adjustment.layout import Layout
 from aatri.adjustment.records import Records
 from aatri.adjustment.tree import Tree
@@ -21,6 +21,10 @@ from aatri.adjustment.unknowns import Unknowns
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
+
+
+SORTED_IMAGES = 12
+"""Images by which the blocks of a node are sorted: blocks of nearly the same images are eliminated at once."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,7 @@ def index_kept(records: Records, rows: Int, layout: Layout, tree: Tree, size_of:
 
 
 def index_rays(records: Records, layout: Layout, tree: Tree, size_of: dict[str, int]) -> Rays:
-    """Sort the active rays of eliminated blocks by node, first kept vertex, block, and order of elimination."""
+    """Sort the active rays of eliminated blocks by node, images of the block, block, and order of elimination."""
     blocks = next(b for g, b in records.touches if g == layout.eliminated)
     number = layout.block[blocks]
     rows = np.flatnonzero(records.active & (number >= 0))
@@ -154,11 +158,10 @@ def index_rays(records: Records, layout: Layout, tree: Tree, size_of: dict[str, 
     node_of_block = _block_nodes(parts.vertex, of_block, n_blocks, tree)
     count = np.bincount(of_block, minlength=n_blocks)
     start = np.concatenate([[0], np.cumsum(count)])
-    # within a node by the first image, so that neighbouring blocks meet the same places of the front
-    first_ray = order[np.minimum(start[:-1], len(order) - 1)]
-    by_first = counting_order(len(tree.place) + 1, place[first_ray].astype(np.int32))[1]
-    first, block = counting_order(len(tree.nodes), node_of_block[by_first])
-    block = by_first[block]
+    # within a node by their images, so that neighbouring blocks meet nearly the same places of the front
+    by_images = lexical_order(len(tree.place) + 1, start, place[order].astype(np.int32), SORTED_IMAGES)
+    first, block = counting_order(len(tree.nodes), node_of_block[by_images])
+    block = by_images[block]
     ray_start = np.concatenate([[0], np.cumsum(count[block])]).astype(np.int64)
     within = np.arange(len(rows)) - np.repeat(ray_start[:-1], count[block])
     order = order[np.repeat(start[block], count[block]) + within]

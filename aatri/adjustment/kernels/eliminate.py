@@ -9,8 +9,8 @@ All rays of a block lie in one front. Entries are the distinct kept blocks a poi
 the same camera, share one. `loc` gives the row of each part in the front, -1 where the part is held altogether. The
 lower triangle of the front is filled; rays of a block come in ascending order of their first part.
 
-`eliminate` is the general form; `eliminate_pose` is the same for two residuals and one part of six unknowns, the case of
-nearly all rays, with loops the compiler can unroll.
+This is the general form; `eliminate_pose` is the same for two residuals and one part of six unknowns, the case of nearly
+all rays.
 """
 
 from __future__ import annotations
@@ -30,10 +30,6 @@ OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract"
 """Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
 
 _ARRAYS = "float64[:,::1], float64[:,:,::1], float64[:,:,::1]"
-POSE = (
-    f"float64(int64, int64, int64, int64[::1], {_ARRAYS}, int32[:,::1], float64[:,:,::1], float64[:,::1], "
-    "float64[:,::1], float64, float64[::1,:], float64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[::1])"
-)
 GENERAL = (
     f"float64(int64, int64, int64, int64[::1], {_ARRAYS}, int32[:,::1], int32[::1], int32[::1], float64[:,:,::1], "
     "float64[:,::1], float64[:,::1], float64, float64[::1,:], float64[::1], float64[::1], float64[:,::1], "
@@ -76,130 +72,17 @@ def block_factor(D, h, free, damping, L, y):
     return True
 
 
-@njit(POSE, **OPTIONS)
-def eliminate_pose(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest):
-    """Eliminate the blocks p0 ... p1 - 1, two residuals and six kept unknowns a ray.
-
-    Parameters
-    ----------
-    p0, p1 : int
-    base : int
-        Number of the ray in row 0 of v, A, B and loc.
-    ray_start : (n_blocks + 1,) int64
-    v : (n, 2) float64
-    A : (n, 2, 6) float64
-    B : (n, 2, 3) float64
-    loc : (n, 1) int32
-    D0, h0 : (n_blocks, 3, 3), (n_blocks, 3) float64
-        From observations of the blocks alone.
-    free : (n_blocks, 3) float64
-        0 where the scalar is held.
-    damping : float
-    F : (k, k) float64, column-major; g, diagonal : (k,) float64
-        Front, its gradient, and the diagonal of A'A.
-    Ls, ys : (n_blocks, 6), (n_blocks, 3) float64
-        Factors, for back substitution.
-    lowest : (n_blocks,) float64
-        Set to 0 where a block is not determined.
-
-    Returns
-    -------
-    float
-        Sum of squares of v.
-    """
-    D, h, L, y = np.empty((3, 3)), np.empty(3), np.empty(6), np.empty(3)
-    Y = np.empty((3, MOST_RAYS * 6))
-    at = np.empty(MOST_RAYS, dtype=np.int64)
-    cost = 0.0
-    for p in range(p0, p1):
-        r0, r1 = ray_start[p] - base, ray_start[p + 1] - base
-        d00, d10, d20, d11, d21, d22 = D0[p, 0, 0], D0[p, 1, 0], D0[p, 2, 0], D0[p, 1, 1], D0[p, 2, 1], D0[p, 2, 2]
-        b0, b1, b2 = h0[p, 0], h0[p, 1], h0[p, 2]
-        for r in range(r0, r1):
-            for i in range(2):
-                x, y_, z, e = B[r, i, 0], B[r, i, 1], B[r, i, 2], v[r, i]
-                d00 += x * x
-                d10 += x * y_
-                d20 += x * z
-                d11 += y_ * y_
-                d21 += y_ * z
-                d22 += z * z
-                b0 += x * e
-                b1 += y_ * e
-                b2 += z * e
-                cost += e * e
-        D[0, 0], D[1, 0], D[2, 0], D[1, 1], D[2, 1], D[2, 2] = d00, d10, d20, d11, d21, d22
-        h[0], h[1], h[2] = b0, b1, b2
-        if not block_factor(D, h, free[p], damping, L, y):
-            lowest[p] = 0.0
-            continue
-        for k in range(6):
-            Ls[p, k] = L[k]
-        for k in range(3):
-            ys[p, k] = y[k]
-        i0, i1, i2 = 1.0 / L[0], 1.0 / L[3], 1.0 / L[5]
-        f0, f1, f2 = free[p, 0] * i0, free[p, 1], free[p, 2]
-        l1, l2, l4 = L[1], L[2], L[4]
-        y0, y1, y2 = y[0], y[1], y[2]
-        n = 0
-        for r in range(r0, r1):
-            c = np.int64(loc[r, 0])
-            if c < 0:
-                continue
-            same = n > 0 and at[n - 1] == c
-            if not same:
-                at[n] = c
-                for a in range(6):
-                    Y[0, 6 * n + a] = 0.0
-                    Y[1, 6 * n + a] = 0.0
-                    Y[2, 6 * n + a] = 0.0
-                n += 1
-            q = 6 * n - 6
-            v0, v1 = v[r, 0], v[r, 1]
-            x0, x1, x2 = B[r, 0, 0], B[r, 0, 1], B[r, 0, 2]
-            z0, z1, z2 = B[r, 1, 0], B[r, 1, 1], B[r, 1, 2]
-            for a in range(6):
-                a0, a1 = A[r, 0, a], A[r, 1, a]
-                t0 = (a0 * x0 + a1 * z0) * f0
-                t1 = ((a0 * x1 + a1 * z1) * f1 - l1 * t0) * i1
-                t2 = ((a0 * x2 + a1 * z2) * f2 - l2 * t0 - l4 * t1) * i2
-                g[c + a] += a0 * v0 + a1 * v1 - t0 * y0 - t1 * y1 - t2 * y2
-                diagonal[c + a] += a0 * a0 + a1 * a1
-                Y[0, q + a] += t0
-                Y[1, q + a] += t1
-                Y[2, q + a] += t2
-            for b in range(6):
-                b0_, b1_ = A[r, 0, b], A[r, 1, b]
-                for a in range(b, 6):
-                    F[c + a, c + b] += A[r, 0, a] * b0_ + A[r, 1, a] * b1_
-        for k in range(n):
-            ck, e = at[k], 6 * k
-            a0, a1, a2, a3, a4, a5 = Y[0, e], Y[0, e + 1], Y[0, e + 2], Y[0, e + 3], Y[0, e + 4], Y[0, e + 5]
-            b0, b1, b2, b3, b4, b5 = Y[1, e], Y[1, e + 1], Y[1, e + 2], Y[1, e + 3], Y[1, e + 4], Y[1, e + 5]
-            c0, c1, c2, c3, c4, c5 = Y[2, e], Y[2, e + 1], Y[2, e + 2], Y[2, e + 3], Y[2, e + 4], Y[2, e + 5]
-            for q in range(k + 1):
-                for b in range(6):
-                    # all six read before the first is written: otherwise every store might change the next operand
-                    j, u0, u1, u2 = at[q] + b, Y[0, 6 * q + b], Y[1, 6 * q + b], Y[2, 6 * q + b]
-                    s0 = F[ck, j] - (a0 * u0 + b0 * u1 + c0 * u2)
-                    s1 = F[ck + 1, j] - (a1 * u0 + b1 * u1 + c1 * u2)
-                    s2 = F[ck + 2, j] - (a2 * u0 + b2 * u1 + c2 * u2)
-                    s3 = F[ck + 3, j] - (a3 * u0 + b3 * u1 + c3 * u2)
-                    s4 = F[ck + 4, j] - (a4 * u0 + b4 * u1 + c4 * u2)
-                    s5 = F[ck + 5, j] - (a5 * u0 + b5 * u1 + c5 * u2)
-                    F[ck, j], F[ck + 1, j], F[ck + 2, j] = s0, s1, s2
-                    F[ck + 3, j], F[ck + 4, j], F[ck + 5, j] = s3, s4, s5
-    return cost
-
-
 @njit(GENERAL, **OPTIONS)
 def eliminate(
     p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest
 ):
-    """As `eliminate_pose`, for any number of residuals and parts of any size.
+    """Eliminate the blocks p0 ... p1 - 1, for any number of residuals and parts of any size.
+
+    Parameters are those of `eliminate_pose`, and
 
     Parameters
     ----------
+    A : (n, m, columns) float64
     loc : (n, parts) int32
     part_size, part_start : (parts,) int32
         Unknowns of each part and its first column in A.

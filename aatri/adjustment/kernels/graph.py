@@ -75,3 +75,33 @@ def counting_order(n, key):
         order[place[key[i]]] = i
         place[key[i]] += 1
     return start, order
+
+
+@njit("int64[::1](int64, int64[::1], int32[::1], int64)", nogil=True, cache=True)
+def lexical_order(n, start, key, depth):
+    """Stable order of groups of items by their first `depth` keys, the first one first; an absent key comes last.
+
+    Parameters
+    ----------
+    n : int
+        Keys are below n.
+    start : (n_groups + 1,) int64
+    key : (.,) int32
+        Of the items, group by group.
+    """
+    groups = len(start) - 1
+    order, other, count = np.arange(groups), np.empty(groups, dtype=np.int64), np.empty(n + 2, dtype=np.int64)
+    for level in range(depth - 1, -1, -1):
+        count[:] = 0
+        for k in order:
+            at = start[k] + level
+            count[(key[at] if at < start[k + 1] else n) + 1] += 1
+        for k in range(n + 1):
+            count[k + 1] += count[k]
+        for k in order:
+            at = start[k] + level
+            own = key[at] if at < start[k + 1] else n
+            other[count[own]] = k
+            count[own] += 1
+        order, other = other, order
+    return order
