@@ -35,7 +35,7 @@ import numpy.typing as npt
 from aatri.adjustment.fronts import Factored, Problem, factorise
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.right_hand_sides import Sides, backward, forward
+from aatri.adjustment.right_hand_sides import Sides, forward
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.errors import GeometryError
 
@@ -102,7 +102,7 @@ def factorise_constrained(problem: Problem, state: State, damping: float = 0.0) 
     regular = not factored.weak and bool((factored.determined != 0).all())
     if not problem.constraints or not regular or not np.isfinite(factored.cost):
         return factored
-    c, right = _linearised(problem, state)
+    c, right = linearised_constraints(problem, state)
     if not (np.isfinite(c).all() and np.isfinite(right.kept).all() and np.isfinite(right.of_block).all()):
         return replace(factored, cost=np.inf)
     u = forward(problem, factored, state, right)
@@ -110,7 +110,7 @@ def factorise_constrained(problem: Problem, state: State, damping: float = 0.0) 
     for node, part in zip(problem.tree.nodes, factored.y):
         y[node.columns[: node.panel]] = part
     projected = u.kept.T @ y + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
-    k = np.linalg.solve(_gram(problem, u), c - projected)
+    k = np.linalg.solve(gram(problem, u), c - projected)
     y += u.kept @ k
     block_y = factored.block_y.copy()
     block_y[u.block] += u.of_block @ k
@@ -131,13 +131,55 @@ def predicted_by_constraints(factored: Factored) -> float:
     return float(PENALTY * np.abs(kc).sum() - 2 * kc.sum())
 
 
-def covariance_reduction(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:
-    """W with Q = N^-1 - W W', by group and block, (n, k, number of constraints) each."""
-    _, right = _linearised(problem, state)
-    u = forward(problem, factored, state, right)
-    R = np.linalg.cholesky(_gram(problem, u))
-    return {group: np.linalg.solve(R, z.swapaxes(1, 2)).swapaxes(1, 2)
-            for group, z in backward(problem, factored, state, u).items()}  # fmt: skip
+def linearised_constraints(problem: Problem, state: State) -> tuple[Float, Sides]:
+    """Violation c and the columns of C'."""
+    layout = problem.layout
+    used = [_used(r) for r in problem.constraints]
+    m = sum(int(u.sum()) for u in used)
+    kept, place = np.zeros((layout.n_kept, m)), _block_places(problem)
+    inner: list[tuple[Int, Int, Float]] = [(np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros((0, 3)))]
+    violation, first = [], 0
+    for r, use in zip(problem.constraints, used):
+        v, jacobians = whitened(r, state, np.arange(len(r.active)))
+        row, component = np.nonzero(use)
+        number = first + np.arange(len(row))
+        violation.append(v[use])
+        for (group, block), J in zip(r.touches, jacobians):
+            size = J.shape[2]
+            columns = layout.columns(group, size)[block[row]]
+            at, scalar = np.nonzero(columns >= 0)
+            np.add.at(kept, (columns[at, scalar], number[at]), J[row[at], component[at], scalar])
+            if group == layout.eliminated and len(place):
+                p = place[block[row]]
+                some = p >= 0
+                inner.append((p[some], number[some], J[row, component][some] * problem.block_free[p[some]]))
+        first += len(row)
+    touched, where = np.unique(np.concatenate([p for p, _, _ in inner]), return_inverse=True)
+    of_block, number = np.zeros((len(touched), 3, m)), np.concatenate([n for _, n, _ in inner])
+    np.add.at(of_block, (where[:, None], np.arange(3), number[:, None]), np.concatenate([J for _, _, J in inner]))
+    return np.concatenate(violation), Sides(kept, touched, of_block)
+
+
+def gram(problem: Problem, u: Sides) -> Float:
+    """S = C N^-1 C'.
+
+    Raises
+    ------
+    GeometryError
+        If it is singular.
+    """
+    S = u.gram()
+    diagonal = np.diagonal(S)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
+    if values[0] > RANK_TOLERANCE:
+        return S
+    names = [f"{r.name} row {row}" for r in problem.constraints for row in np.nonzero(_used(r))[0]]
+    largest = np.argsort(-np.abs(vectors[:, 0]), kind="stable")[:4]
+    members = dict.fromkeys(names[i] for i in largest if abs(vectors[i, 0]) > 0.3 * abs(vectors[largest[0], 0]))
+    raise GeometryError(
+        f"the constraints depend on each other: {' with '.join(members)}", remedy="leave one of them out"
+    )
 
 
 def _weights(
@@ -171,36 +213,6 @@ def _violation(problem: Problem, state: State) -> Float:
     return np.concatenate(parts)
 
 
-def _linearised(problem: Problem, state: State) -> tuple[Float, Sides]:
-    """Violation c and the columns of C'."""
-    layout = problem.layout
-    used = [_used(r) for r in problem.constraints]
-    m = sum(int(u.sum()) for u in used)
-    kept, place = np.zeros((layout.n_kept, m)), _block_places(problem)
-    inner: list[tuple[Int, Int, Float]] = []
-    violation, first = [], 0
-    for r, use in zip(problem.constraints, used):
-        v, jacobians = whitened(r, state, np.arange(len(r.active)))
-        row, component = np.nonzero(use)
-        number = first + np.arange(len(row))
-        violation.append(v[use])
-        for (group, block), J in zip(r.touches, jacobians):
-            size = J.shape[2]
-            columns = layout.columns(group, size)[block[row]]
-            at, scalar = np.nonzero(columns >= 0)
-            np.add.at(kept, (columns[at, scalar], number[at]), J[row[at], component[at], scalar])
-            if group == layout.eliminated and len(place):
-                p = place[block[row]]
-                some = p >= 0
-                inner.append((p[some], number[some], J[row, component][some] * problem.block_free[p[some]]))
-        first += len(row)
-    p, number, value = (np.concatenate(x) for x in zip(*inner)) if inner else (np.zeros(0, int), [], np.zeros((0, 3)))
-    touched, at = np.unique(p, return_inverse=True)
-    of_block = np.zeros((len(touched), 3, m))
-    np.add.at(of_block, (at[:, None], np.arange(3), np.asarray(number, dtype=int)[:, None]), value)
-    return np.concatenate(violation), Sides(kept, touched, of_block)
-
-
 def _block_places(problem: Problem) -> Int:
     """Place among the rays' blocks of each block of the eliminated group, -1 where retained."""
     if problem.rays is None:
@@ -208,25 +220,3 @@ def _block_places(problem: Problem) -> Int:
     place = np.full(len(problem.layout.block), -1)
     place[problem.rays.block] = np.arange(len(problem.rays.block))
     return place
-
-
-def _gram(problem: Problem, u: Sides) -> Float:
-    """S = C N^-1 C'.
-
-    Raises
-    ------
-    GeometryError
-        If it is singular.
-    """
-    S = u.gram()
-    diagonal = np.diagonal(S)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
-    if values[0] > RANK_TOLERANCE:
-        return S
-    names = [f"{r.name} row {row}" for r in problem.constraints for row in np.nonzero(_used(r))[0]]
-    largest = np.argsort(-np.abs(vectors[:, 0]), kind="stable")[:4]
-    members = dict.fromkeys(names[i] for i in largest if abs(vectors[i, 0]) > 0.3 * abs(vectors[largest[0], 0]))
-    raise GeometryError(
-        f"the constraints depend on each other: {' with '.join(members)}", remedy="leave one of them out"
-    )

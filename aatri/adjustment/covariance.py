@@ -5,7 +5,7 @@ is in memory the blocks of its own vertices, of its eliminated blocks, and of th
 off. Held scalars have zero covariance.
 
 Redundancy numbers: with the covariance R of the whitened adjusted values of a record, I - R is that of its residuals,
-and its diagonal are the redundancy numbers.
+and its diagonal are the redundancy numbers. Exact constraints reduce what was read off (`constrained_covariances`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
+from aatri.adjustment.constrained_covariances import covariance_reduction, reduce_covariances
 from aatri.adjustment.fronts import (
     Factored,
     Problem,
@@ -71,9 +72,12 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     """
     problem, state = adjusted.problem, adjusted.state
     factored = factorise(problem, state)
+    reduction = covariance_reduction(problem, factored, state)
     down = _Down(problem, state, factored, blocks)
     down.run()
-    return down.result()
+    found = down.result()
+    reduce_covariances(problem, state, reduction, found.groups, found.records)
+    return found
 
 
 _NOTHING: Float = np.zeros((0, 0), order="F")

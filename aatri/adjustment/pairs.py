@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
+from aatri.adjustment.constrained_covariances import covariance_reduction
 from aatri.adjustment.fronts import Factored, Problem, factorise
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.records import whitened
@@ -46,12 +47,15 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     """
     problem = adjusted.problem
     factored = factorise(problem, adjusted.state)
+    W = covariance_reduction(problem, factored, adjusted.state)
     found = []
     for first, second in pairs:
         if first == second:
             raise ValueError(f"{first} with itself: use marginal_covariances")
         columns = _columns_of(adjusted, factored, second)
         found.append(_rows_of(adjusted, factored, first, columns))
+        if W:
+            found[-1] -= W[first[0]][first[1]] @ W[second[0]][second[1]].T
     return found
 
 

@@ -41,6 +41,19 @@ def dense_jacobian(unknowns: Sequence[Unknowns], records: Sequence[Records], sta
     return np.concatenate([J for J, _ in parts]), np.concatenate([v for _, v in parts])
 
 
+def constrained_reference(J: Float, v: Float, C: Float, c: Float) -> tuple[Float, Float]:
+    """Step and covariance of |v + J dx|^2 least with C dx + c = 0, by the inverse of [J'J C'; C 0].
+
+    Returns
+    -------
+    dx : (u,) float64
+    Q : (u, u) float64
+    """
+    u, m = J.shape[1], len(c)
+    inverse = np.linalg.inv(np.block([[J.T @ J, C.T], [C, np.zeros((m, m))]]))
+    return -inverse[:u, :u] @ J.T @ v - inverse[:u, u:] @ c, inverse[:u, :u]
+
+
 def free_columns(unknowns: Sequence[Unknowns]) -> dict[str, Int]:
     """Column of every free scalar in `dense_jacobian`, (n, k) per group; -1 where held."""
     first, columns = 0, {}
