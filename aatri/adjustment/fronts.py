@@ -27,6 +27,7 @@ from aatri.adjustment.kernels.assemble import add_records, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
 from aatri.adjustment.layout import Layout
+from aatri.adjustment.panels import Panels, panels_of
 from aatri.adjustment.records import Fill, Records, in_order, whitened
 from aatri.adjustment.tree import Node, Tree
 from aatri.adjustment.unknowns import State, Unknowns
@@ -70,6 +71,8 @@ class Problem:
         finite optimum, whose steps it shortens.
     constraints : tuple of Records
         What must hold exactly; see `constraints`.
+    spill : bool
+        The panels of the factor go to a file.
     """
 
     unknowns: tuple[Unknowns, ...]
@@ -84,6 +87,7 @@ class Problem:
     reproducible: bool
     hold: Float
     constraints: tuple[Records, ...] = ()
+    spill: bool = False
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
@@ -98,7 +102,7 @@ class Factored:
 
     Attributes
     ----------
-    panels : list of (n, m) float64
+    panels : Panels of (n, m) float64
         L11 and L21 of each node.
     y : list of (m,) float64
         Forward-substituted gradient of each node.
@@ -115,7 +119,7 @@ class Factored:
         Of the constraints, if any.
     """
 
-    panels: list[Float]
+    panels: Panels
     y: list[Float]
     block_factor: Float
     block_y: Float
@@ -178,7 +182,7 @@ class _Work:
     def __init__(self, problem: Problem, state: State, damping: float) -> None:
         self.problem, self.damping = problem, damping
         n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
-        self.panels: list[Float] = [np.zeros((0, 0))] * n_nodes
+        self.panels = panels_of(problem.tree, problem.spill)
         self.y: list[Float] = [np.zeros(0)] * n_nodes
         self.fronts: list[tuple[Float, Float, Float] | None] = [None] * n_nodes
         self.cost = np.zeros(n_nodes + 1)
@@ -246,9 +250,9 @@ class _Work:
         weak = np.flatnonzero(~held & ~(pivot > RANK_TOLERANCE * d[:m]))
         if info or len(weak):
             self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
-        self.panels[k] = np.array(F[:, :m], order="F")
+        self.panels[k] = F[:, :m]
         self.diagonal[node.columns[:m]] = d[:m]
-        lapack.forward(self.panels[k], g)
+        lapack.forward(F[:, :m], g)
         self.y[k] = g[:m].copy()
 
     def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float) -> None:
