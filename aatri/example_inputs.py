@@ -46,8 +46,14 @@ _CHAIN: Mapping[str, tuple[str, Mapping[str, str]]] = {
         {"block": "block", "strips": "strips", "image_points": "refined"},
     ),
     "accuracy": ("accuracy/evaluation", {"block": "block", "solution": "absolute"}),
+    "calibration": (
+        "bundle_adjustment/bundle",
+        {"block": "block", "image_points": "refined", "initial": "absolute"},
+    ),
 }
 """Name -> variant, port -> name."""
+
+_OPTIONS: Mapping[str, Mapping[str, Any]] = {"calibration": {"self_calibration": {"set": "brown_conrady"}}}
 
 _BY_KIND = {
     "Block": "block", "ImagePoints": "refined", "Models": "models", "Strips": "strips", "Solution": "absolute",
@@ -71,12 +77,18 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
     """
     inputs = {}
     for port, kind in declared.ports.items():
-        name = "interior" if role == "image_refinement" and port == "image_points" else _BY_KIND.get(kind.kind)
+        name = _name_of(role, port, kind)
         if name is None:
             raise PluginError(f"no example of kind {kind.kind} for port {port} of role {role}",
                               remedy="give one: check_stage(..., inputs={PORT: ARTIFACT})")  # fmt: skip
         inputs[port] = _made(name, example)
     return inputs
+
+
+def _name_of(role: str, port: str, kind: type[Artifact]) -> str | None:
+    if role == "image_refinement" and port == "image_points":
+        return "interior"
+    return port if port in _OPTIONS else _BY_KIND.get(kind.kind)
 
 
 def example_folder(folder: Path, example: str = "film", *, shuffle_seed: int | None = None) -> Path:
@@ -115,4 +127,8 @@ def _made(name: str, example: str) -> Artifact:
         return example_block(example)
     variant, ports = _CHAIN[name]
     card = find_stages().card(variant)
-    return card.function(**{port: _made(source, example) for port, source in ports.items()})
+    given: dict[str, Any] = {port: _made(source, example) for port, source in ports.items()}
+    if name in _OPTIONS:
+        assert card.options is not None
+        given["options"] = card.options.model_validate(_OPTIONS[name])
+    return card.function(**given)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from aatri.adjustment.reliability import Reliability, reliability
 from aatri.artifacts import assemble
 from aatri.artifacts.block import Block
+from aatri.artifacts.calibration_tables import CalibrationTables
 from aatri.artifacts.given import Control, Positions
 from aatri.artifacts.solution import (
     Iterations,
@@ -32,7 +33,8 @@ Float = npt.NDArray[np.float64]
 
 def bundle_solution(
     block: Block, control: Control, positions: Positions, given: BundleInput, result: BundleResult,
-    suspects: Suspects, parameters: Sequence[Parameters], *, tests: bool = False,
+    suspects: Suspects, parameters: Sequence[Parameters], calibration: CalibrationTables | None = None,
+    *, tests: bool = False,
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted, used = result.adjusted, result.ray_used
@@ -62,6 +64,9 @@ def bundle_solution(
         ),
         suspects=suspects,
         tests=_tests(control, positions, given, result) if tests else None,
+        calibrated_sets=calibration.sets if calibration else None,
+        parameter_covariances=calibration.covariances if calibration else None,
+        error_fields=calibration.fields if calibration else None,
     )
 
 

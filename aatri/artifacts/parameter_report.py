@@ -21,6 +21,7 @@ from aatri.adjustment.significance import (
     correlated_pairs,
     correlated_with_others,
     estimates,
+    joint_test,
     parameter_tests,
 )
 from aatri.camera import calibration
@@ -32,6 +33,9 @@ from aatri.orientation.bundle_input import BundleInput, ParameterRows
 from aatri.progress import Reporter
 
 Float = npt.NDArray[np.float64]
+
+CHANGED = 1e-3
+"""Probability below which a difference to a calibration is told as a warning."""
 
 MOST_UNITS = 4
 """More units than this are summed up in one line."""
@@ -52,6 +56,9 @@ def report_parameters(given: BundleInput, result: BundleResult, reporter: Report
     """
     for group in result.parameters:
         if group.given.group not in (ADDITIONAL, CAMERA):
+            continue
+        if group.given.group == ADDITIONAL and group.given.prior.any():
+            _report_calibrated(group, reporter)
             continue
         found = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
         if len(found) > MOST_UNITS:
@@ -123,6 +130,27 @@ def rank_advice(what: str, names: tuple[str, ...]) -> str:
 def _tell_removals(unit: str, removals: tuple[Removal, ...], reporter: Reporter) -> None:
     for removal in removals:
         reporter.log(f"{unit}: {removal.name} left out, {removal.reason}")
+
+
+def _report_calibrated(group: AdjustedParameters, reporter: Reporter) -> None:
+    """Whether parameters agree with the calibration that weights them: their difference has covariance P - C."""
+    g = group.given
+    for k, name in enumerate(g.ids):
+        columns = np.flatnonzero(g.free[k])
+        prior = g.covariance[k][np.ix_(columns, columns)]
+        spread = prior - group.covariance[k][np.ix_(columns, columns)]
+        if not np.isfinite(spread).all():
+            continue
+        told = np.flatnonzero(np.diag(spread) > 1e-6 * np.diag(prior))  # less is rounding: the block adds nothing
+        columns, prior, spread = columns[told], prior[np.ix_(told, told)], spread[np.ix_(told, told)]
+        scale = np.sqrt(np.diag(prior))
+        difference = (group.value[k] - g.prior[k])[columns] / scale
+        test = joint_test(estimates([g.labels[c] for c in columns], difference, spread / np.outer(scale, scale)))
+        text = f"{name}: difference to the calibration, chi-square over {test.parameters}: {test.statistic:.2f}"
+        if test.p_value < CHANGED:
+            reporter.warn(f"{text}: the camera has changed since, or the calibration has other corrections before it")
+        else:
+            reporter.log(text)
 
 
 def _report_unit(

@@ -70,6 +70,41 @@ class Parameters(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class CalibratedSets(Table):
+    """Sets of additional parameters that a self-calibration has estimated, and what their terms are scaled with."""
+
+    object: Text = column("str", doc="id of the camera, session or image, as in parameters")
+    camera: Text = column("str", doc="id of the camera")
+    per: Text = column("str", doc="camera, session or image: what shares a set")
+    set: Text = column("str", doc="name of the set")
+    interior: Bool = column("bool", doc="c, x0 and y0 stand before the parameters of the set")
+    principal_distance_mm: Float = column("f8", unit="mm", doc="nominal: what the parameters correct")
+    principal_point_mm: Float = column("f8", 2, unit="mm", doc="nominal, as subtracted")
+    half_format_mm: Float = column("f8", 2, unit="mm", doc="half width and height of the format")
+    base_mm: Float = column("f8", unit="mm", doc="photo base b")
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterCovariances(Table):
+    """Covariances of the additional parameters of one camera or session, each pair once, with the variances."""
+
+    first: Int = column("i4", doc="row in parameters", refers="parameters")
+    second: Int = column("i4", doc="row in parameters, not before first", refers="parameters")
+    covariance: Float = column("f8", doc="in the product of the units of both values", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorFields(Table):
+    """Image error of each camera or session: all additional parameters together, on a grid over the format."""
+
+    object: Text = column("str", doc="id of the camera or session, as in parameters")
+    xy_mm: Float = column("f8", 2, unit="mm", doc="from the nominal principal point")
+    error_um: Float = column("f8", 2, unit="um", doc="dx, dy: measured minus ideal coordinates")
+    sigma_um: Float = column("f8", 2, unit="um", doc="standard deviation of dx, dy", optional=True)
+    shape_um: Float = column("f8", 2, unit="um", doc="dx, dy without what the orientation of an image would take up")
+
+
+@dataclass(frozen=True, eq=False)
 class Residuals(Table):
     """Residuals: adjusted minus observed."""
 
@@ -126,6 +161,9 @@ class Solution(Artifact):
     history: Iterations = table()
     suspects: Suspects = table()
     tests: Tests | None = table(default=None)
+    calibrated_sets: CalibratedSets | None = table(default=None)
+    parameter_covariances: ParameterCovariances | None = table(default=None)
+    error_fields: ErrorFields | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""
@@ -141,4 +179,15 @@ class Solution(Artifact):
             **known,
             "iterations": self.iterations,
             "suspects": len(self.suspects),
+            **_image_errors(self.error_fields),
         }
+
+
+def _image_errors(fields: ErrorFields | None) -> dict[str, float]:
+    """Root mean square and largest length over the format; the worst camera or session."""
+    if fields is None or not len(fields):
+        return {}
+    length = np.linalg.norm(fields.error_um, axis=1)
+    mine = [length[fields.object == name] for name in np.unique(fields.object)]
+    return {"image_error_rms_um": max(float(np.sqrt((e**2).mean())) for e in mine),
+            "image_error_max_um": float(length.max())}  # fmt: skip

@@ -1,4 +1,4 @@
-"""Pictures of residuals: plan vectors and height bars at ground points, mean vectors over the image format.
+"""Pictures of differences at ground points (plan vectors, height bars) and of residuals and errors over the format.
 
 A vector starts at its dot and points in the direction of the difference (solution minus given). The exaggeration is a
 round number and is printed, with a vector of round length beside it.
@@ -12,12 +12,14 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from aatri.artifacts.solution import ErrorFields
 from aatri.report import svg
 from aatri.report.plan import furniture
 from aatri.report.scales import Plan, length_text, plan_of, round_below, thinned
 from aatri.report.svg import Float
 
 MOST_VECTORS = 1500
+MOST_FIELDS = 4
 COLOURS = {"control": "red", "check": "green"}
 CELLS = 12
 """Cells of the image format along each side."""
@@ -63,22 +65,55 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     filled = count > 0
     mean = _cell_means(number, residual_mm, count)[filled]
     place = _cell_means(number, xy_mm, count)[filled]
-    plan = plan_of(np.stack([low, high]), width=360.0, margin=24.0, most_height=360.0)
-    size = float(np.percentile(np.hypot(*mean.T), 95))
-    exaggeration = round_below(22.0 / max(size, 1e-12) / plan.px_per_m)
-    px_per_mm = exaggeration * plan.px_per_m
-    start = plan.px(place)
-    marks = [
-        svg.area(plan.px(np.array([low, [high[0], low[1]], high, [low[0], high[1]]])), "frame"),
-        svg.segments(start, start + mean * px_per_mm * [1.0, -1.0], "vector image"),
-        svg.dots(start, "image"),
-        *_key(plan, px_per_mm * 1e3),
-    ]
+    picture, exaggeration = _over_format("Mean image residuals", np.stack([low, high]), place, mean, 95.0)
     caption = (
         f"Mean image residuals in {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell (median); "
         f"the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um. Exaggerated {_times(exaggeration)}."
     )
-    return svg.drawing(plan.width_px, plan.height_px + 34, "Mean image residuals", *marks), caption
+    return picture, caption
+
+
+def error_field_pictures(fields: ErrorFields) -> list[tuple[Markup, str]]:
+    """Image errors of the cameras or sessions of a self-calibration, and what is left of them without orientation."""
+    pictures = []
+    for name in np.unique(fields.object)[:MOST_FIELDS]:
+        mine = fields.take(fields.object == name)
+        sigma = np.sqrt((mine.sigma_um**2).sum(axis=1).mean())
+        known = "" if np.isnan(sigma) else f", standard deviation {sigma:.2f} um"
+        fits = f"; {len(np.unique(fields.object)) - MOST_FIELDS} more are not drawn"
+        more = fits if len(np.unique(fields.object)) > MOST_FIELDS else ""
+        for title, what, error_um in (
+            ("Image errors", f"all additional parameters together (measured minus ideal){known}", mine.error_um),
+            ("Shape of the image errors", "without shift, scale, rotation and tilt of the image", mine.shape_um),
+        ):
+            length = np.hypot(*error_um.T)
+            outline = np.stack([mine.xy_mm.min(axis=0), mine.xy_mm.max(axis=0)])
+            picture, exaggeration = _over_format(title, outline, mine.xy_mm, 1e-3 * error_um, 98.0)
+            caption = (
+                f"{title}, {name}: {what}. RMS {np.sqrt((length**2).mean()):.2f} um, the largest "
+                f"{length.max():.2f} um. Exaggerated {_times(exaggeration)}{more}."
+            )
+            pictures.append((picture, caption))
+    return pictures
+
+
+def _over_format(
+    title: str, outline_mm: Float, place_mm: Float, vector_mm: Float, percentile: float
+) -> tuple[Markup, float]:
+    """Vectors over the image format, and their exaggeration; the percentile of their lengths is some 22 pixels."""
+    low, high = outline_mm
+    plan = plan_of(outline_mm, width=360.0, margin=24.0, most_height=360.0)
+    size = float(np.percentile(np.hypot(*vector_mm.T), percentile))
+    exaggeration = round_below(22.0 / max(size, 1e-12) / plan.px_per_m)
+    px_per_mm = exaggeration * plan.px_per_m
+    start = plan.px(place_mm)
+    marks = [
+        svg.area(plan.px(np.array([low, [high[0], low[1]], high, [low[0], high[1]]])), "frame"),
+        svg.segments(start, start + vector_mm * px_per_mm * [1.0, -1.0], "vector image"),
+        svg.dots(start, "image"),
+        *_key(plan, px_per_mm * 1e3),
+    ]
+    return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), exaggeration
 
 
 def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: object) -> tuple[Markup, str] | None:

@@ -21,7 +21,7 @@ from aatri.report import tables
 from aatri.report.charts import convergence_chart, residual_histogram
 from aatri.report.numbers import number, seconds
 from aatri.report.plan import ground_positions
-from aatri.report.residual_plots import height_bars, image_vectors, plan_vectors
+from aatri.report.residual_plots import error_field_pictures, height_bars, image_vectors, plan_vectors
 from aatri.report.run_view import RunView, StageView
 from aatri.report.tables import PageTable
 
@@ -142,6 +142,8 @@ def _solution(made: Section, solution: Solution, around: Surroundings) -> None:
             _folded(tables.first_rows("Transformations", transformations, _transformation_columns(transformations), 3)),
         )
     )
+    if solution.error_fields is not None and len(solution.error_fields):
+        made.pictures.extend(error_field_pictures(solution.error_fields))
     made.pictures.extend(image_residual_pictures(solution, around))
     made.pictures.extend(_present(convergence_chart(solution.history.cost, solution.history.decrement)))
 

@@ -9,8 +9,9 @@ below 1e-3. Standard deviations follow from the exact inverse, a priori (sigma0 
 
 `interior_unknowns`: each film image carries six more unknowns, the affine film correction that its fiducials leave
 open, weighted by the covariance of its interior orientation. `self_calibration`: a set of additional parameters, a
-correction K(x, y) p added to the measurement, per camera, session or image. Camera models whose parameters the block
-leaves open (`sigmas`) are adjusted as such.
+correction K(x, y) p added to the measurement, per camera, session or image. `calibration`, a finished bundle of the
+same cameras (a test field), gives the parameters of its set as observations here, with their covariance. Camera models
+whose parameters the block leaves open (`sigmas`) are adjusted as such.
 
 Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
 resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
@@ -44,7 +45,7 @@ from aatri.orientation.bundle_input import BundleInput
 from aatri.orientation.readmission import readmitted
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
-from ._self_calibration import SelfCalibration, chosen_set, parameters_of, table_of
+from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -82,11 +83,12 @@ class BundleOptions(Options):
         return {"set": value} if isinstance(value, str) else value
 
 
-@stage(version=2)
+@stage(version=3)
 def bundle(
     block: Block,
     image_points: ImagePoints,
     initial: Solution | None = None,
+    calibration: Solution | None = None,
     *,
     options: BundleOptions = BundleOptions(),
     context: Context = SILENT,
@@ -98,19 +100,20 @@ def bundle(
     control = control_of(block)
     positions = positions_of(block) if options.use_positions else _no_positions(positions_of(block))
     suspects = initial.suspects if initial is not None else Suspects.empty()
-    calibration = options.self_calibration
-    chosen = chosen_set(calibration)
-    parameters = parameters_of(block, image_points, options.interior_unknowns, calibration, chosen)
+    chosen = chosen_set(block, options.self_calibration, len(positions.row) > 0, calibration)
+    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen)
     given = bundle_input(block, image_points, initial, control, positions, parameters)
     rejected = assemble.rejected_rows(suspects, image_points)
     given, result, suspects = _adjusted_with_readmission(given, rejected, suspects, options, context)
-    if calibration is not None and calibration.remove:
+    if options.self_calibration is not None and options.self_calibration.remove:
         given, result = _adjusted_without_idle(given, result, options, context)
     _report_left_out(block, given, result, context)
     _report_misfit(result, context)
     report_parameters(given, result, context)
-    tables = [table_of(block, p, calibration, chosen) for p in result.parameters]
-    return bundle_solution(block, control, positions, given, result, suspects, tables, tests=options.reliability)
+    tables, calibrated = tables_of(block, result.parameters, chosen)
+    return bundle_solution(
+        block, control, positions, given, result, suspects, tables, calibrated, tests=options.reliability
+    )
 
 
 def _adjusted_with_readmission(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY
 from aatri.camera.parameters.ebner import EBNER12, bauer3
+from aatri.camera.parameters.exterior_effects import format_grid, share_in_span
 from aatri.camera.parameters.fourier import fourier
 from aatri.camera.parameters.orthogonal import GRUEN44, legendre
-from aatri.camera.parameters.parameter_set import ParameterSet
+from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, chosen
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 
@@ -50,3 +53,28 @@ def parameter_set(
         return _FIXED[name]
     m, n = orders or _DEFAULT_ORDERS[name]
     return fourier(m, n) if name == "fourier" else legendre(m, n)
+
+
+INTERIOR = chosen(BROWN_CONRADY, ("c", "x0", "y0"))
+"""Principal distance and point alone."""
+
+
+def holds_interior(parameters: ParameterSet, scale: SetScale) -> bool:
+    """Whether the set can describe a change of c, x0 or y0 by itself."""
+    xy = format_grid(scale)
+    return bool((share_in_span(INTERIOR.basis(xy, scale), parameters.basis(xy, scale)) > 1 - 1e-9).any())
+
+
+def with_interior(parameters: ParameterSet) -> ParameterSet:
+    """The set with c, x0 and y0 before its own parameters.
+
+    Sets that are free of the exterior orientation leave to Z0, X0, Y0 what a lens error has in common with them. Where
+    observed projection centres hold these, c, x0 and y0 must take it up.
+    """
+    return ParameterSet(
+        parameters.name,
+        INTERIOR.parameters + parameters.parameters,
+        INTERIOR.units + parameters.units,
+        lambda xy, scale: np.concatenate([INTERIOR.basis(xy, scale), parameters.basis(xy, scale)], axis=2),
+        lambda scale: np.concatenate([INTERIOR.classical_factors(scale), parameters.classical_factors(scale)]),
+    )

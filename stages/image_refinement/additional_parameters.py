@@ -1,0 +1,67 @@
+"""Additional parameters that another block has determined: what a test field says of the camera is corrected here.
+
+    (x, y) <- (x, y) + K(x, y) p       p the parameters of the finished bundle `calibration`, as they are
+
+K is evaluated at the coordinates that the corrections before have left, as in the adjustment of the test field: give
+both blocks the same refinement before. p corrects the nominal camera, so principal distance and point, format and id of
+the camera must be the same in both blocks. The correction counts as exact; to keep the covariance of p in the
+adjustment, give the finished bundle to `bundle_adjustment/bundle` as `calibration` instead.
+
+Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aatri.camera.parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.calibration import calibrated_correction, calibration_of
+from aatri.artifacts.image_points import Corrections, ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.camera.parameters.catalogue import parameter_set, with_interior
+from aatri.camera.parameters.user import user_set
+from aatri.errors import SpecError
+from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+
+
+class AdditionalParametersOptions(Options):
+    """Where the terms of a user's set come from."""
+
+    user: InputPath | None = Field(None, description="file of the set, where the calibration has set: user")
+
+
+@stage(version=1)
+def additional_parameters(
+    block: Block,
+    image_points: ImagePoints,
+    calibration: Solution,
+    *,
+    options: AdditionalParametersOptions = AdditionalParametersOptions(),
+    context: Context = SILENT,
+) -> ImagePoints:
+    """Image points corrected by the additional parameters of another block."""
+    done = image_points.corrections
+    if "additional parameters" in done.name:
+        raise SpecError("the additional parameters have been corrected already", remedy="correct them once")
+    found = calibration_of(calibration)
+    if found.set != "user":
+        parameters = parameter_set(found.set)
+    elif options.user is None:
+        raise SpecError("the calibration has a set of the user's own", remedy="user: my_parameters.py")
+    else:
+        parameters = user_set(options.user.read_text(encoding="utf-8"), str(options.user))
+    parameters = with_interior(parameters) if found.interior else parameters
+    correction_mm = calibrated_correction(block, image_points, parameters, found)
+    m = image_points.measurements
+    length = np.linalg.norm(correction_mm[m.active & np.isfinite(correction_mm).all(axis=1)], axis=1)
+    largest = float(length.max(initial=0.0))
+    context.log(f"{found.set} of {', '.join(found.ids[:4])}: at most {1e3 * largest:.2f} um")
+    return replace(
+        image_points,
+        measurements=replace(m, xy_mm=m.xy_mm + correction_mm),
+        corrections=Corrections(
+            name=np.append(done.name, "additional parameters"), largest_mm=np.append(done.largest_mm, largest)
+        ),
+    )

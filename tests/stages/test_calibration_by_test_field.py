@@ -1,0 +1,146 @@
+"""Calibration over a test field: the parameters of one block in another one, and the image errors they make."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.camera.brown import brown_correction
+from aatri.errors import InputError, SpecError
+from aatri.report.residual_plots import error_field_pictures
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.image_refinement.additional_parameters import additional_parameters
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+LENS = {"k1": 5e-9, "k2": -2.2e-13, "b1": 1e-4}
+CAMERA = {"distortion": "brown", "brown": LENS, "distortion_known": False}
+PROJECT = {"flight": {"strips": 3, "images_per_strip": 6, "cross_strips": 1}, "known": {"full": 12}}
+FIELD = {"flight": {"strips": 2, "images_per_strip": 5, "cross_strips": 2}, "known": {"full": 40}}
+FILM = BundleOptions(interior_unknowns=True)
+
+
+def _flown(seed: int, camera: dict[str, object], **options: object) -> Block:
+    return simulated(seed, preset="rc30", camera=camera, ties={"new_points": 300}, **options)
+
+
+def _bundle(chain: Chain, calibration: Solution | None = None, told: Told | None = None, **options: object) -> Solution:
+    given = BundleOptions(interior_unknowns=True, **options)  # type: ignore[arg-type]
+    return bundle(chain.block, chain.refined, chain.strip_block, calibration, options=given, context=told or Told())
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Solution:
+    field = run_chain(_flown(5, CAMERA, **FIELD), FILM)
+    return _bundle(field, self_calibration="brown_conrady")
+
+
+@pytest.fixture(scope="module")
+def project() -> Chain:
+    return run_chain(_flown(1, CAMERA, **PROJECT), FILM)
+
+
+@pytest.fixture(scope="module")
+def error_free() -> Chain:
+    return run_chain(_flown(1, {"distortion": "none"}, **PROJECT), FILM)
+
+
+def _rmse_m(block: Block, solution: Solution) -> np.ndarray:
+    assert block.true_points is not None
+    return np.sqrt(np.nanmean((solution.points.xyz_m - block.true_points.xyz_m) ** 2, axis=0))
+
+
+def test_the_image_errors_are_those_of_the_lens_that_was_put_in(calibration: Solution) -> None:
+    """Measured minus ideal is the negative of Brown's correction; a film affinity of the images averages out."""
+    fields = calibration.error_fields
+    assert fields is not None
+    inside = np.linalg.norm(fields.xy_mm, axis=1) < 110.0
+    put_in = -1e3 * brown_correction(fields.xy_mm, LENS)
+    off = (fields.error_um - put_in)[inside] / fields.sigma_um[inside]
+    assert np.abs(put_in[inside]).max() > 10.0
+    assert np.abs(off).max() < 4.0
+    assert calibration.metrics()["image_error_max_um"] == pytest.approx(
+        np.linalg.norm(fields.error_um, axis=1).max(), rel=1e-12
+    )
+
+
+def test_the_report_draws_the_image_errors_and_their_shape(calibration: Solution) -> None:
+    assert calibration.error_fields is not None
+    (_, errors), (_, shape) = error_field_pictures(calibration.error_fields)
+    rms = float(np.sqrt((calibration.error_fields.error_um**2).sum(axis=1).mean()))
+    assert f"RMS {rms:.2f} um" in errors
+    assert "standard deviation" in errors
+    assert "without shift, scale, rotation and tilt" in shape
+
+
+def test_the_covariances_hold_the_standard_deviations_of_the_parameters(calibration: Solution) -> None:
+    c, p = calibration.parameter_covariances, calibration.parameters
+    assert c is not None
+    own = c.first == c.second
+    np.testing.assert_allclose(np.sqrt(c.covariance[own]), p.sigma[c.first[own]], rtol=1e-12)
+    assert (p.group[c.first] == "additional").all()
+    assert len(c) == 10 * 11 // 2
+
+
+def test_parameters_of_a_test_field_bring_back_the_accuracy(
+    calibration: Solution, project: Chain, error_free: Chain
+) -> None:
+    reference = _rmse_m(error_free.block, error_free.bundle)
+    corrected = additional_parameters(project.block, project.refined, calibration)
+    assert corrected.corrections.name.tolist()[-1] == "additional parameters"
+    fixed = _bundle(replace(project, refined=corrected))
+    loss, gain = (_rmse_m(project.block, s) / reference for s in (project.bundle, fixed))
+    assert loss.max() > 1.3
+    assert gain.max() < 1.15
+
+
+def test_a_calibration_weights_the_parameters_with_its_covariance(calibration: Solution, project: Chain) -> None:
+    told = Told()
+    weighted = _bundle(project, calibration, told)
+    mine, theirs = (s.parameters.take(s.parameters.group == "additional") for s in (weighted, calibration))
+    assert (mine.sigma < theirs.sigma).all()
+    assert (np.abs(mine.value - theirs.value) < 4 * np.sqrt(theirs.sigma**2 - mine.sigma**2)).all()
+    assert any("difference to the calibration" in line for line in told.lines)
+
+
+def test_a_block_that_adds_next_to_nothing_keeps_the_calibration_and_its_covariances(calibration: Solution) -> None:
+    tiny = run_chain(_flown(3, CAMERA, flight={"strips": 2, "images_per_strip": 3}, known={"full": 10}), FILM)
+    vague = replace(tiny.refined.measurements, sigma_mm=1e4 * tiny.refined.measurements.sigma_mm)
+    chain = replace(tiny, refined=replace(tiny.refined, measurements=vague))
+    found = bundle(chain.block, chain.refined, chain.strip_block, calibration, options=BundleOptions())
+    mine = found.parameters.take(found.parameters.group == "additional")
+    theirs = calibration.parameters.take(calibration.parameters.group == "additional")
+    assert (np.abs(mine.value - theirs.value) < 1e-3 * theirs.sigma).all()
+    assert found.parameter_covariances is not None
+    assert calibration.parameter_covariances is not None
+    np.testing.assert_allclose(
+        found.parameter_covariances.covariance, calibration.parameter_covariances.covariance, rtol=1e-3
+    )
+
+
+def test_a_camera_that_has_changed_since_its_calibration_is_told(calibration: Solution) -> None:
+    other = {**CAMERA, "brown": {"k1": -1e-8, "b1": -1e-4}}
+    told = Told()
+    _bundle(run_chain(_flown(1, other, **PROJECT), FILM), calibration, told)
+    assert any("the camera has changed since" in text for text in told.warnings)
+
+
+def test_what_does_not_fit_the_block_is_refused(calibration: Solution, project: Chain) -> None:
+    with pytest.raises(InputError, match="no additional parameters"):
+        _bundle(project, project.bundle)
+    with pytest.raises(SpecError, match="self_calibration is ebner12 per camera, the calibration brown_conrady"):
+        _bundle(project, calibration, self_calibration="ebner12")
+    cameras = project.block.cameras
+    longer = replace(cameras, principal_distance_mm=cameras.principal_distance_mm + 0.01)
+    with pytest.raises(InputError, match="other nominal values"):
+        additional_parameters(replace(project.block, cameras=longer), project.refined, calibration)
+    named = replace(cameras, id=np.array(["other"]))
+    with pytest.raises(InputError, match="the calibration does not have other"):
+        additional_parameters(replace(project.block, cameras=named), project.refined, calibration)
+    corrected = additional_parameters(project.block, project.refined, calibration)
+    with pytest.raises(SpecError, match="already"):
+        additional_parameters(project.block, corrected, calibration)
