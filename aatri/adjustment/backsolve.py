@@ -11,7 +11,7 @@ import numpy.typing as npt
 from aatri.adjustment import lapack
 from aatri.adjustment.fronts import Factored, Problem, in_parallel, linearised
 from aatri.adjustment.kernels.eliminate import substitute
-from aatri.adjustment.records import whitened
+from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]
@@ -47,8 +47,7 @@ def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) 
     assert rays is not None
     dy = np.zeros((len(rays.block), 3))
     fill = problem.ray_lane(state)
-    parts, start = rays.parts, problem.layout.start
-    column = np.where(parts.vertex >= 0, start[np.maximum(parts.vertex, 0)] + parts.shift, -1)
+    parts, column = rays.parts, problem.ray_columns
 
     def one(nodes: list[int]) -> None:
         for k in nodes:
@@ -62,19 +61,21 @@ def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) 
 
 
 def cost_of(problem: Problem, state: State) -> float:
-    """Sum of squares of the whitened residuals of all active records."""
+    """Cost of all active records: the sum of squares of the whitened residuals, unless there is a loss."""
     total = np.zeros(len(problem.tree.nodes) + 1)
     for kept in problem.kept:
-        total[-1] += float((whitened(kept.records, state, kept.rows)[0] ** 2).sum())
+        v, _ = whitened(kept.records, state, kept.rows)
+        total[-1] += float((v**2).sum()) + excess(kept.records, v)
     for records, rows, _ in problem.direct:
-        total[-1] += float((whitened(records, state, rows)[0] ** 2).sum())
+        v, _ = whitened(records, state, rows)
+        total[-1] += float((v**2).sum()) + excess(records, v)
     if problem.rays is not None:
-        fill = problem.ray_lane(state)
+        fill, ray_records = problem.ray_lane(state), problem.rays.records
 
         def one(nodes: list[int]) -> None:
             for k in nodes:
                 for _, _, v, _, _ in linearised(problem, fill, k, problem.tree.nodes[k]):
-                    total[k] += float((v**2).sum())
+                    total[k] += float((v**2).sum()) + excess(ray_records, v)
 
         in_parallel(problem, one)
     return float(total.sum())

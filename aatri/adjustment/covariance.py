@@ -26,15 +26,14 @@ from aatri.adjustment.fronts import (
     blas_threads,
     factorise,
     linearised,
-    run_all,
     share_out,
     side_by_side,
-    thread_control,
 )
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.record_covariances import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.solve import Adjusted
+from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.tree import Node
 from aatri.adjustment.unknowns import State
 

@@ -11,15 +11,13 @@ Held scalars have a unit row. Levenberg-Marquardt damping adds `damping` times t
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import ThreadpoolController
 
 from aatri.adjustment import lapack
 from aatri.adjustment.index import KeptRecords, Rays, part_columns
@@ -28,7 +26,8 @@ from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
 from aatri.adjustment.layout import Layout
 from aatri.adjustment.panels import Panels, panels_of
-from aatri.adjustment.records import Fill, Records, in_order, whitened
+from aatri.adjustment.records import Fill, Records, excess, in_order, whitened
+from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.tree import Node, Tree
 from aatri.adjustment.unknowns import State, Unknowns
 
@@ -95,6 +94,13 @@ class Problem:
         assert self.rays is not None
         return in_order(self.rays.records, self.rays.rows)
 
+    @cached_property
+    def ray_columns(self) -> Int:
+        """First kept column of each part of each ray, (n, parts); -1 where it is held."""
+        assert self.rays is not None
+        parts = self.rays.parts
+        return np.append(self.layout.start[:-1], -1)[parts.vertex] + np.where(parts.vertex >= 0, parts.shift, 0)
+
 
 @dataclass
 class Factored:
@@ -139,7 +145,7 @@ class Factored:
 
 def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     """Linearise at a state, form and factorise the normal equations."""
-    work = _Work(problem, state, damping)
+    work = Work(problem, state, damping)
     subtrees, levels = share_out(problem)
     if len(subtrees) < 2:
         with thread_control().limit(limits=1, user_api="blas"):
@@ -158,25 +164,13 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     return work.result()
 
 
-def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:
-    """Run jobs, none of which waits for another."""
-    for done in [pool.submit(job) for job in jobs]:
-        done.result()
-
-
-@lru_cache(maxsize=1)
-def thread_control() -> ThreadpoolController:
-    """The BLAS libraries that are loaded."""
-    return ThreadpoolController()
-
-
 def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
     """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
     largest = max((problem.tree.nodes[k].flops for k in nodes), default=0.0)
     return problem.threads if largest > THREADED_FLOPS and not problem.reproducible else 1
 
 
-class _Work:
+class Work:
     """State of one factorisation; a node may be finished in any thread once its children are."""
 
     def __init__(self, problem: Problem, state: State, damping: float) -> None:
@@ -194,6 +188,7 @@ class _Work:
         self._direct(state)
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
         self.kept = [(k, *side_by_side(k, problem.layout, state)) for k in problem.kept]
+        self.cost[-1] += sum(excess(k.records, v) for k, v, _ in self.kept)
 
     def _direct(self, state: State) -> None:
         for records, rows, block in self.problem.direct:
@@ -201,7 +196,7 @@ class _Work:
             J = J * self.problem.block_free[block][:, None, :]
             np.add.at(self.D0, block, np.einsum("nki,nkj->nij", J, J))
             np.add.at(self.h0, block, np.einsum("nki,nk->ni", J, v))
-            self.cost[-1] += float((v**2).sum())
+            self.cost[-1] += float((v**2).sum()) + excess(records, v)
 
     def run(self, nodes: Iterable[int]) -> None:
         """Work on some nodes in their order."""
@@ -262,6 +257,7 @@ class _Work:
         common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
                   self.block_factor, self.block_y, self.determined)  # fmt: skip
         for p0, p1, v, A, B in linearised(self.problem, self.fill, k, node):
+            self.cost[k] += excess(rays.records, v)
             base = int(rays.ray_start[p0])
             loc = rays.loc[base : int(rays.ray_start[p1])]
             if len(rays.parts.size) == 1 and A.shape[1:] == (2, 6):
@@ -355,8 +351,3 @@ def in_parallel(problem: Problem, work: Callable[[list[int]], None]) -> None:
     else:
         with ThreadPoolExecutor(problem.threads) as pool:
             list(pool.map(work, parts))
-
-
-def default_threads() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

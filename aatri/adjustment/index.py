@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.kernels.graph import counting_order, lexical_order
+from aatri.adjustment.kernels.graph import counting_order, lexical_order, sort_within
 from aatri.adjustment.layout import Layout
 from aatri.adjustment.records import Records
 from aatri.adjustment.tree import Tree
@@ -143,32 +143,35 @@ def index_kept(records: Records, rows: Int, layout: Layout, tree: Tree, size_of:
     return KeptRecords(records, rows[order], first, ordered, _places(ordered, node[order], tree))
 
 
-def index_rays(records: Records, layout: Layout, tree: Tree, size_of: dict[str, int]) -> Rays:
-    """Sort the active rays of eliminated blocks by node, images of the block, block, and order of elimination."""
-    blocks = next(b for g, b in records.touches if g == layout.eliminated)
-    number = layout.block[blocks]
-    rows = np.flatnonzero(records.active & (number >= 0))
-    parts = parts_of(records, rows, layout, size_of)
+def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout: Layout, tree: Tree) -> Rays:
+    """Sort the active rays of eliminated blocks by node, images of the block, block, and order of elimination.
+
+    Parameters
+    ----------
+    records
+    rows, of_block : (n,) int
+        Rows of the rays, and the number of the eliminated block of each.
+    parts : Parts
+        What they touch.
+    """
     n_blocks = int(layout.block.max(initial=-1)) + 1
     lead = parts.vertex[:, 0] if parts.vertex.shape[1] else np.full(len(rows), -1)
-    place = np.where(lead >= 0, tree.place[np.maximum(lead, 0)] if len(tree.place) else 0, len(tree.place))
-    by_place = counting_order(len(tree.place) + 1, place.astype(np.int32))[1]
-    of_block = number[rows]
-    order = by_place[counting_order(n_blocks, of_block[by_place])[1]]
+    place = np.take(np.append(tree.place, len(tree.place)).astype(np.int32), lead)  # held, -1, comes last
+    start, order = counting_order(n_blocks, of_block)
+    sort_within(start, order, place)
     node_of_block = _block_nodes(parts.vertex, of_block, n_blocks, tree)
-    count = np.bincount(of_block, minlength=n_blocks)
-    start = np.concatenate([[0], np.cumsum(count)])
+    count = np.diff(start)
     # within a node by their images, so that neighbouring blocks meet nearly the same places of the front
-    by_images = lexical_order(len(tree.place) + 1, start, place[order].astype(np.int32), SORTED_IMAGES)
+    by_images = lexical_order(len(tree.place) + 1, start, np.take(place, order), SORTED_IMAGES)
     first, block = counting_order(len(tree.nodes), node_of_block[by_images])
     block = by_images[block]
     ray_start = np.concatenate([[0], np.cumsum(count[block])]).astype(np.int64)
     within = np.arange(len(rows)) - np.repeat(ray_start[:-1], count[block])
-    order = order[np.repeat(start[block], count[block]) + within]
-    ordered = Parts(np.ascontiguousarray(parts.vertex[order]), parts.shift, parts.size, parts.start)
+    order = np.take(order, np.repeat(start[block], count[block]) + within)
+    ordered = Parts(np.take(parts.vertex, order, 0), parts.shift, parts.size, parts.start)
     loc = _places(ordered, np.repeat(node_of_block[block], count[block]), tree)
     original = np.flatnonzero(layout.block >= 0)[block]
-    return Rays(records, rows[order], ray_start, original, first, ordered, loc)
+    return Rays(records, np.take(rows, order), ray_start, original, first, ordered, loc)
 
 
 def _first_node(vertex: Int, tree: Tree) -> Int:

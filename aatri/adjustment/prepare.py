@@ -8,13 +8,14 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Problem, default_threads
+from aatri.adjustment.fronts import Problem
 from aatri.adjustment.index import Parts, group_sizes, index_kept, index_rays, parts_of
 from aatri.adjustment.kernels.graph import counting_order, neighbours
 from aatri.adjustment.layout import Layout, layout_of, ray_records
 from aatri.adjustment.minimum_degree import minimum_degree
 from aatri.adjustment.ordering import Graph, OrderedNode, border_vertices, chain, nested_dissection
 from aatri.adjustment.records import Records
+from aatri.adjustment.threads import default_threads
 from aatri.adjustment.tree import Tree, build_tree
 from aatri.adjustment.unknowns import Unknowns
 
@@ -56,9 +57,10 @@ def prepare(
     sizes = group_sizes(unknowns)
     rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
     kept, direct = _sorted_out(records, rays_of, layout)
-    graph = _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], rays_of, sizes)
-    tree = _better_tree(graph, layout) if ordering == "auto" else _tree(graph, layout, _order(graph, layout, ordering))
-    rays = index_rays(rays_of, layout, tree, sizes) if rays_of is not None else None
+    ray_parts = _ray_parts(rays_of, layout, sizes) if rays_of is not None else None
+    graph = _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], ray_parts)
+    tree = tree_of(graph, layout, ordering)
+    rays = index_rays(rays_of, *ray_parts, layout, tree) if rays_of is not None and ray_parts is not None else None
     free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
     return Problem(
         tuple(unknowns),
@@ -73,6 +75,22 @@ def prepare(
         reproducible,
         np.zeros((len(free), 3, 3)),
     )
+
+
+def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout) -> Graph:
+    """Which vertices are observed together."""
+    sizes = group_sizes(unknowns)
+    rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
+    kept, _ = _sorted_out(records, rays_of, layout)
+    ray_parts = _ray_parts(rays_of, layout, sizes) if rays_of is not None else None
+    return _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], ray_parts)
+
+
+def tree_of(graph: Graph, layout: Layout, ordering: Ordering, one_front: int | None = None) -> Tree:
+    """The tree of an order of elimination; up to `one_front` vertices (DENSE_VERTICES) it is one front."""
+    if ordering == "auto":
+        return _better_tree(graph, layout)
+    return _tree(graph, layout, _order(graph, layout, ordering, one_front))
 
 
 def _sorted_out(
@@ -106,16 +124,21 @@ def _block_status(unknowns: Sequence[Unknowns], layout: Layout, block: Int | Non
     return np.ascontiguousarray(group.free[original], dtype=np.float64), position
 
 
-def _graph(layout: Layout, kept: list[Parts], rays: Records | None, sizes: dict[str, int]) -> Graph:
+def _ray_parts(rays: Records, layout: Layout, sizes: dict[str, int]) -> tuple[Int, Int, Parts]:
+    """Rows of the active rays of eliminated blocks, the number of the block of each, and the parts they touch."""
+    block = np.take(layout.block, next(b for g, b in rays.touches if g == layout.eliminated))
+    rows = np.flatnonzero(rays.active & (block >= 0))
+    return rows, np.take(block, rows), parts_of(rays, rows, layout, sizes)
+
+
+def _graph(layout: Layout, kept: list[Parts], rays: tuple[Int, Int, Parts] | None) -> Graph:
     """Vertices that some record or eliminated block meets together."""
     n = len(layout.size)
     member, group, first = [], [], 0
     if rays is not None:
-        blocks = next(b for g, b in rays.touches if g == layout.eliminated)
-        rows = np.flatnonzero(rays.active & (layout.block[blocks] >= 0))
-        vertex = parts_of(rays, rows, layout, sizes).vertex
-        member.append(vertex.ravel())
-        group.append(np.repeat(layout.block[blocks[rows]], vertex.shape[1]))
+        _, block, parts = rays
+        member.append(parts.vertex.ravel())
+        group.append(np.repeat(block, parts.vertex.shape[1]))
         first = int(layout.block.max(initial=-1)) + 1
     for parts in kept:
         count, width = parts.vertex.shape
@@ -128,10 +151,11 @@ def _graph(layout: Layout, kept: list[Parts], rays: Records | None, sizes: dict[
         return Graph(np.zeros(n + 1, dtype=np.int64), np.zeros(0, dtype=np.int32))
     members, groups = np.concatenate(member).astype(np.int32), np.concatenate(group).astype(np.int32)
     known = members >= 0
-    members, groups = members[known], groups[known]
+    if not known.all():
+        members, groups = members[known], groups[known]
     start, order = counting_order(first, groups)
     vertex_start, vertex_order = counting_order(n, members)
-    found = neighbours(n, start, members[order], vertex_start, groups[vertex_order])
+    found = neighbours(n, start, np.take(members, order), vertex_start, np.take(groups, vertex_order))
     return Graph(*found)
 
 
@@ -150,8 +174,8 @@ def _tree(graph: Graph, layout: Layout, order: list[OrderedNode]) -> Tree:
     return build_tree(graph, order, layout.size, layout.start)
 
 
-def _order(graph: Graph, layout: Layout, ordering: Ordering) -> list[OrderedNode]:
-    if graph.n <= DENSE_VERTICES:
+def _order(graph: Graph, layout: Layout, ordering: Ordering, one_front: int | None = None) -> list[OrderedNode]:
+    if graph.n <= (DENSE_VERTICES if one_front is None else one_front):
         return [OrderedNode(np.arange(graph.n), ())]
     if ordering == "nested_dissection":
         return nested_dissection(graph, layout.position)

@@ -2,7 +2,8 @@
 
 An observation type gives `evaluate(state, rows) -> v, (J, ...)`: residuals computed minus observed (n, m) and one
 Jacobian (n, m, k) per touched group, both in units of the observation, for the chosen rows. The covariance enters by
-its inverse Cholesky factor: `whitener @ v` has unit covariance. Rejection changes `active`.
+its inverse Cholesky factor: `whitener @ v` has unit covariance. Rejection changes `active`. A robust `loss` weighs each
+record as a whole: v and J are scaled so that J'v is the gradient of half the cost.
 
 `compiled` is a second, faster lane an observation type may offer: `compiled(order)` prepares the records in a given
 order and returns `bind`, `bind(state)` returns `fill(first, last, v, J)`, which writes whitened residuals and Jacobians
@@ -12,11 +13,12 @@ of the records first ... last - 1 into v (n, m) and one array (n, m, k) per touc
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.loss import Huber
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]
@@ -44,6 +46,8 @@ class Records:
         row switches off a component that was not observed.
     active : (n,) bool
     compiled : callable, optional
+    loss : Huber, optional
+        What the cost of a record is if not its square.
     """
 
     name: str
@@ -52,6 +56,7 @@ class Records:
     whitener: Float
     active: Bool
     compiled: Compiled | None = None
+    loss: Huber | None = None
 
     @property
     def rows(self) -> int:
@@ -66,7 +71,7 @@ class Records:
 
     def standardised(self, state: State) -> Float:
         """Size of each record's largest whitened residual, (n,); 0 where inactive."""
-        v, _ = whitened(self, state, np.arange(len(self.active)))
+        v, _ = whitened(replace(self, loss=None), state, np.arange(len(self.active)))
         return np.asarray(np.abs(v).max(axis=1))
 
     def residuals(self, state: State) -> Float:
@@ -75,7 +80,7 @@ class Records:
 
 
 def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-    """Whitened residuals and Jacobians of some records; zero where inactive.
+    """Whitened residuals and Jacobians of some records, weighted by their loss; zero where inactive.
 
     Returns
     -------
@@ -88,14 +93,24 @@ def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Fl
     jacobians = tuple(np.where(active[:, None, None], J, 0.0) for J in jacobians)
     L = records.whitener[rows]
     if L.ndim == 2:
-        return L * v, tuple(L[:, :, None] * J for J in jacobians)
-    return np.einsum("nij,nj->ni", L, v), tuple(L @ J for J in jacobians)
+        v, jacobians = L * v, tuple(L[:, :, None] * J for J in jacobians)
+    else:
+        v, jacobians = np.einsum("nij,nj->ni", L, v), tuple(L @ J for J in jacobians)
+    if records.loss is not None:
+        records.loss.weigh(v, jacobians)
+    return v, jacobians
+
+
+def excess(records: Records, v: Float) -> float:
+    """By how much the cost of some records exceeds the sum of squares of their weighted residuals."""
+    return 0.0 if records.loss is None else float((records.loss.costs(v) - (v**2).sum(axis=1)).sum())
 
 
 def in_order(records: Records, order: Int) -> Callable[[State], Fill]:
     """The compiled lane of the records in this order, or the same by `evaluate`."""
     if records.compiled is not None:
-        return records.compiled(order)
+        bind_compiled = records.compiled(order)
+        return bind_compiled if records.loss is None else _weighted(bind_compiled, records.loss)
 
     def bind(state: State) -> Fill:
         def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
@@ -107,6 +122,19 @@ def in_order(records: Records, order: Int) -> Callable[[State], Fill]:
         return fill
 
     return bind
+
+
+def _weighted(bind: Callable[[State], Fill], loss: Huber) -> Callable[[State], Fill]:
+    def bind_weighted(state: State) -> Fill:
+        fill = bind(state)
+
+        def fill_weighted(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+            fill(first, last, v, J)
+            loss.weigh(v, J)
+
+        return fill_weighted
+
+    return bind_weighted
 
 
 def whitener_of_sigmas(sigma: Float) -> Float:

@@ -21,11 +21,12 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
+from aatri.adjustment.threads import in_threads
 from aatri.adjustment.unknowns import State
 from aatri.camera import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.rotations import skew
-from aatri.observations.kernels.collinearity import count_side_changes, linearise
+from aatri.observations.kernels.collinearity import in_front, linearise
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
 
 Float = npt.NDArray[np.float64]
@@ -165,9 +166,9 @@ def _compiled(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> 
     """The compiled lane, equal to the NumPy form to 1e-12."""
 
     def prepared(order: Int) -> Callable[[State], Fill]:
-        image, point = rows.image[order].astype(np.int32), rows.point[order].astype(np.int32)
-        xy, c = np.ascontiguousarray(rows.xy_mm[order]), np.ascontiguousarray(rows.c_mm[order])
-        weight = np.where(rows.active[order, None], 1.0 / rows.sigma_mm[order], 0.0)
+        image, point = (np.take(_int32(a), order) for a in (rows.image, rows.point))
+        xy, weight, c = np.take(rows.xy_mm, order, 0), 1.0 / np.take(rows.sigma_mm, order, 0), np.take(rows.c_mm, order)
+        weight[~np.take(rows.active, order)] = 0.0
         terms = [(k.group, k.block[order], -k.basis[order] * weight[:, :, None]) for k in corrections]
 
         def bind(state: State) -> Fill:
@@ -192,12 +193,34 @@ def _own(values: Float) -> Float:
     return np.require(values, np.float64, ["C", "W"])
 
 
-def side_changes(rows: ImagePointRows, old: State, new: State) -> str:
-    """Whether a step moves points to the other side of their camera: then the linearisation means nothing."""
-    places = []
-    for state in (old, new):
+def _int32(values: Int) -> Int:
+    return np.ascontiguousarray(values, dtype=np.int32)
+
+
+def side_veto(rows: ImagePointRows) -> Callable[[State, State], str]:
+    """Refuses steps that move points to the other side of their camera: then the linearisation means nothing.
+
+    Returns
+    -------
+    callable
+        (old, new) -> why the new state is refused, or an empty text. The sides of the last accepted state are kept.
+    """
+    image, point = (_int32(a if rows.active.all() else a[rows.active]) for a in (rows.image, rows.point))
+    known: list[tuple[State, Bool]] = []
+
+    def sides(state: State) -> Bool:
+        for seen, found in known:
+            if seen is state:
+                return found
         poses: Poses = state[POSE]
-        places += [_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT])]
-    image, point = (np.ascontiguousarray(a[rows.active], dtype=np.int32) for a in (rows.image, rows.point))
-    changed = count_side_changes(image, point, *places)
-    return f"{changed} image points change the side of the camera" if changed else ""
+        X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
+        found = np.empty(len(image), dtype=np.bool_)
+        in_threads(len(image), lambda first, last: in_front(first, last, image, point, X0, R, X, found))
+        known[:] = [*known[-1:], (state, found)]
+        return found
+
+    def veto(old: State, new: State) -> str:
+        changed = int(np.count_nonzero(sides(old) != sides(new)))
+        return f"{changed} image points change the side of the camera" if changed else ""
+
+    return veto

@@ -15,7 +15,7 @@ from aatri.observations.image_points import (
     LinearCorrection,
     film_correction,
     image_point_records,
-    side_changes,
+    side_veto,
 )
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses
 from aatri.observations.positions import position_records
@@ -125,5 +125,7 @@ def test_only_observed_components_of_a_value_count() -> None:
 def test_a_point_that_passes_through_the_camera_is_seen() -> None:
     rows, state, _, X0, X, *_ = _ray(0)
     behind = {**state, POINT: (2 * X0 - X)[None]}
-    assert "1 image points" in side_changes(rows, state, behind)
-    assert side_changes(rows, state, state) == ""
+    veto = side_veto(rows)
+    assert "1 image points" in veto(state, behind)
+    assert veto(state, state) == ""
+    assert "1 image points" in veto(behind, state)

@@ -16,7 +16,7 @@ from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS, block_factor
 GROUP = 16
 """Most blocks of a group."""
 
-SPARE = 1
+SPARE = 3
 """Places a group may have beyond those of a block that joins it: with more, groups grow and so do the zeros."""
 
 _RAYS = "float64[:,::1], float64[:,:,::1], float64[:,:,::1]"
@@ -31,7 +31,7 @@ def group_of(p0, p1, base, ray_start, loc, at, spare):
     """End of the group that starts with block p0, and the number of places it meets, ascending in `at`."""
     n = 0
     for p in range(p0, min(p1, p0 + GROUP)):
-        i, m, own, previous = 0, 0, 0, -1
+        i, m, own, previous = 0, 0, 0, np.int64(-1)
         for r in range(ray_start[p] - base, ray_start[p + 1] - base):
             c = np.int64(loc[r, 0])
             if c < 0 or c == previous:

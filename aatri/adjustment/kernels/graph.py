@@ -77,6 +77,27 @@ def counting_order(n, key):
     return start, order
 
 
+@njit("void(int64[::1], int64[::1], int32[::1])", nogil=True, cache=True)
+def sort_within(start, order, key):
+    """Sort the items of each group by their key, stably and in place: short lists.
+
+    Parameters
+    ----------
+    start : (n_groups + 1,) int64
+    order : (n,) int64
+        Items, group by group.
+    key : (n,) int32
+        Of each item.
+    """
+    for g in range(len(start) - 1):
+        for i in range(start[g] + 1, start[g + 1]):
+            item, j = order[i], i
+            while j > start[g] and key[order[j - 1]] > key[item]:
+                order[j] = order[j - 1]
+                j -= 1
+            order[j] = item
+
+
 @njit("int64[::1](int64, int64[::1], int32[::1], int64)", nogil=True, cache=True)
 def lexical_order(n, start, key, depth):
     """Stable order of groups of items by their first `depth` keys, the first one first; an absent key comes last.

@@ -57,20 +57,15 @@ def linearise(first, last, image, point, xy, weight, c, X0, R, X, v, by_pose, by
 
 
 @njit(
-    "int64(int32[::1], int32[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], float64[:,::1], "
-    "float64[:,:,::1], float64[:,::1])",
+    "void(int64, int64, int32[::1], int32[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], boolean[::1])",
     nogil=True,
     cache=True,
 )
-def count_side_changes(image, point, old_X0, old_R, old_X, X0, R, X):
-    """Number of rays whose point is on another side of the camera than before."""
-    changed = 0
-    for k in range(len(image)):
+def in_front(first, last, image, point, X0, R, X, found):
+    """Whether the points of the rays first ... last - 1 lie in front of their cameras; written into `found`."""
+    for k in range(first, last):
         i, p = image[k], point[k]
-        before, after = 0.0, 0.0
+        depth = 0.0
         for a in range(3):
-            before += old_R[i, a, 2] * (old_X[p, a] - old_X0[i, a])
-            after += R[i, a, 2] * (X[p, a] - X0[i, a])
-        if (before < 0.0) != (after < 0.0):
-            changed += 1
-    return changed
+            depth += R[i, a, 2] * (X[p, a] - X0[i, a])
+        found[k] = depth < 0.0

@@ -1,0 +1,42 @@
+"""Threads: how many, and work that is shared out among them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, partial
+from itertools import pairwise
+
+from threadpoolctl import ThreadpoolController
+
+WORTH_A_THREAD = 100_000
+"""Items of light work for which a thread of their own pays."""
+
+
+def default_threads() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@lru_cache(maxsize=1)
+def thread_control() -> ThreadpoolController:
+    """The BLAS libraries that are loaded."""
+    return ThreadpoolController()
+
+
+def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:
+    """Run jobs, none of which waits for another."""
+    for done in [pool.submit(job) for job in jobs]:
+        done.result()
+
+
+def in_threads(n: int, work: Callable[[int, int], None], threads: int | None = None) -> None:
+    """Work on n items that do not depend on each other: `work(first, last)` for parts of them, in several threads."""
+    parts = max(min(threads or default_threads(), n // WORTH_A_THREAD), 1)
+    bounds = [n * k // parts for k in range(parts + 1)]
+    if parts == 1:
+        work(0, n)
+        return
+    with ThreadPoolExecutor(parts) as pool:
+        run_all(pool, [partial(work, first, last) for first, last in pairwise(bounds)])
