@@ -22,8 +22,10 @@ from aatri.adjustment.constraints import factorise_constrained, penalty, predict
 from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.fronts import Factored, Problem
+from aatri.adjustment.open_blocks import steadied
 from aatri.adjustment.prepare import Ordering, prepare
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.robust import NEAR, down_weighted, settled, turned, with_curvature
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.errors import ConvergenceError
 from aatri.ids import shown
@@ -51,12 +53,15 @@ class Adjusted:
         Adjusted values of all groups.
     problem : Problem
     cost : float
-        v'v at the solution.
+        v'v at the solution, or what a robust loss makes of it.
     observations, n_unknowns, redundancy : int
         The redundancy counts the constraints.
     sigma0 : float
-        sqrt(v'v / redundancy), NaN without redundancy.
+        sqrt(v'v / redundancy), NaN without redundancy and where observations are down-weighted.
     history : tuple of Step
+    down_weighted : int
+        Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
+        no covariances.
     """
 
     state: dict[str, Any]
@@ -67,6 +72,7 @@ class Adjusted:
     redundancy: int
     sigma0: float
     history: tuple[Step, ...]
+    down_weighted: int = 0
 
 
 HOLD = 1e-9
@@ -122,7 +128,7 @@ def adjust_large(
     state: dict[str, Any] = dict(start)
     factored = factorise_constrained(problem, state)
     _check(problem, state, factored)
-    damping, history = Damping(), []
+    damping, near, history = Damping(), NEAR, []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
         factored.panels.clear()  # no later use; the next factorisation needs the room
@@ -131,12 +137,13 @@ def adjust_large(
         reporter.log(
             f"iteration {iteration}: cost {factored.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
         )
-        trial = retract_state(problem.unknowns, state, found)
-        if factored.damping == 0.0 and decrement <= tolerance:
+        trial = steadied(problem, retract_state(problem.unknowns, state, found), veto)
+        if factored.damping == 0.0 and decrement <= tolerance and settled(problem, state):
             return _finished(problem, trial, tuple(history))
         if iteration == max_iterations:
             break
         state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
+        problem, factored, damping, near = turned(problem, state, factored, damping, decrement, near)
         problem, factored = _with_runaways_slowed(problem, state, factored, reporter)
         _check(problem, state, factored)
     raise ConvergenceError(_failure(records, state, max_iterations, history[-1]), remedy=_ADVICE)
@@ -203,13 +210,14 @@ def _check(problem: Problem, state: State, factored: Factored) -> None:
 
 
 def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]) -> Adjusted:
-    cost = cost_of(problem, state)
+    problem = with_curvature(problem, 0.0)
+    cost, weighted = cost_of(problem, state), down_weighted(problem, state)
     conditions = sum(r.observations for r in problem.constraints)
     observations = sum(r.observations for r in problem.records) - conditions
     n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
     redundancy = observations + conditions - n_unknowns
-    sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 else float("nan")
-    return Adjusted(state, problem, cost, observations, n_unknowns, redundancy, sigma0, history)
+    sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 and not weighted else float("nan")
+    return Adjusted(state, problem, cost, observations, n_unknowns, redundancy, sigma0, history, weighted)
 
 
 _ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"
