@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from aatri.adjustment import lapack
 from aatri.adjustment.index import KeptRecords, Rays, part_columns
-from aatri.adjustment.kernels.assemble import add_records, extend_add
+from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
 from aatri.adjustment.layout import Layout
@@ -30,6 +30,7 @@ from aatri.adjustment.records import Fill, Records, excess, in_order, whitened
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.tree import Node, Tree
 from aatri.adjustment.unknowns import State, Unknowns
+from aatri.errors import ResourceError
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
@@ -72,6 +73,8 @@ class Problem:
         What must hold exactly; see `constraints`.
     spill : bool
         The panels of the factor go to a file.
+    subtrees : tuple of tuple of int, optional
+        Solve by conjugate gradients, with these subtrees factorised (`preconditioner`).
     """
 
     unknowns: tuple[Unknowns, ...]
@@ -87,6 +90,7 @@ class Problem:
     hold: Float
     constraints: tuple[Records, ...] = ()
     spill: bool = False
+    subtrees: tuple[tuple[int, ...], ...] | None = None
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
@@ -123,6 +127,8 @@ class Factored:
     damping : float
     multiplier, violation : (m,) float64
         Of the constraints, if any.
+    solution : (n_kept,) float64, optional
+        Of the kept unknowns, where it was found without a factor.
     """
 
     panels: Panels
@@ -136,6 +142,7 @@ class Factored:
     damping: float
     multiplier: Float = field(default_factory=lambda: np.zeros(0))
     violation: Float = field(default_factory=lambda: np.zeros(0))
+    solution: Float | None = None
 
     @property
     def decrease(self) -> float:
@@ -144,7 +151,19 @@ class Factored:
 
 
 def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
-    """Linearise at a state, form and factorise the normal equations."""
+    """Linearise at a state, form and factorise the normal equations.
+
+    Raises
+    ------
+    ResourceError
+        If the problem is solved by conjugate gradients: there is no factor.
+    """
+    if problem.subtrees is not None:
+        raise ResourceError(
+            f"exact covariances need the factor of the normal equations, {problem.tree.factor_bytes / 1e9:.3g} GB, and "
+            "this block is solved by conjugate gradients, without it",
+            remedy="raise memory_gb, or give more disk to TMPDIR",
+        )
     work = Work(problem, state, damping)
     subtrees, levels = share_out(problem)
     if len(subtrees) < 2:
@@ -209,7 +228,8 @@ class Work:
         if self.fronts[k] is not None:
             return
         node = self.problem.tree.nodes[k]
-        F, g, d = np.zeros((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
+        F, g, d = np.empty((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
+        clear_lower(F)
         for records, v, A in self.kept:
             first, last = int(records.first[k]), int(records.first[k + 1])
             if last > first:

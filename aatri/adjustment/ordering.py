@@ -1,13 +1,14 @@
 """Orders of elimination: nested dissection, and the textbook's chains.
 
-Nested dissection cuts the vertices in two halves by position, takes those of the smaller side that touch the other half
-as separator, and does the same to both halves; separators are eliminated after their halves, so that little fills in.
+Nested dissection cuts the vertices in two halves by position, takes the fewest vertices that touch all edges between
+them as separator, and does the same to both halves; separators are eliminated after their halves, so that little fills
+in.
 Vertices of unknown position, and those with very many neighbours (shared cameras), go to the border, eliminated last.
 
 A chain takes the vertices in a given order, some forty to a node, each node followed by the next: numbered across the
 strips it is the band of the textbook, with a border the bordered band.
 
-Source: George 1973; photogrammetry.md A1002-A1006.
+Source: George 1973; Koenig 1931; photogrammetry.md A1002-A1006.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
@@ -75,7 +78,7 @@ def nested_dissection(graph: Graph, position: Float, leaf: int = LEAF) -> list[O
     """
     last = border_vertices(graph) | ~np.isfinite(position).all(axis=1)
     nodes: list[OrderedNode] = []
-    side = np.zeros(graph.n, dtype=np.int8)
+    side = np.full(graph.n, -1, dtype=np.int32)
 
     def cut(vertices: Int) -> int:
         if len(vertices) <= leaf:
@@ -93,8 +96,8 @@ def nested_dissection(graph: Graph, position: Float, leaf: int = LEAF) -> list[O
     return nodes
 
 
-def _halves(graph: Graph, position: Float, vertices: Int, side: npt.NDArray[np.int8]) -> tuple[Int, Int, Int]:
-    """Left half, separator, right half; the better of the two directions and sides."""
+def _halves(graph: Graph, position: Float, vertices: Int, side: npt.NDArray[np.int32]) -> tuple[Int, Int, Int]:
+    """Left half, separator, right half; the better of the two directions."""
     best: tuple[Int, Int, Int] | None = None
     extent = np.ptp(position[vertices], axis=0)
     for axis in np.argsort(-extent)[:2]:
@@ -102,22 +105,47 @@ def _halves(graph: Graph, position: Float, vertices: Int, side: npt.NDArray[np.i
             continue
         order = vertices[np.argsort(position[vertices, axis], kind="stable")]
         half = len(order) // 2
-        left, right = order[:half], order[half:]
-        side[left], side[right] = 1, 2
-        for first, second, other in ((left, right, 2), (right, left, 1)):
-            touching = _touching(graph, first, side, other)
-            candidate = (first[~touching], first[touching], second)
-            if best is None or len(candidate[1]) < len(best[1]):
-                best = candidate
-        side[vertices] = 0
+        candidate = _separated(graph, order[:half], order[half:], side)
+        if best is None or len(candidate[1]) < len(best[1]):
+            best = candidate
     assert best is not None
     return best
 
 
-def _touching(graph: Graph, vertices: Int, side: npt.NDArray[np.int8], other: int) -> npt.NDArray[np.bool_]:
-    neighbours, counts = graph.of(vertices)
-    owner = np.repeat(np.arange(len(vertices)), counts)
-    return np.asarray(np.bincount(owner, side[neighbours] == other, minlength=len(vertices)) > 0)
+def _separated(graph: Graph, left: Int, right: Int, side: npt.NDArray[np.int32]) -> tuple[Int, Int, Int]:
+    """Two halves and the fewest vertices that touch every edge between them.
+
+    By Koenig's theorem they follow from a largest matching of the edges: with Z the vertices reached by alternating paths
+    from unmatched ones of the left, they are those of the left outside Z and those of the right within.
+
+    Parameters
+    ----------
+    side : (n,) int32
+        Work space; -1, and left so.
+    """
+    neighbours, counts = graph.of(left)
+    side[right] = np.arange(len(right))
+    cut = np.flatnonzero(side[neighbours] >= 0)
+    row, column = np.repeat(np.arange(len(left)), counts)[cut], side[neighbours[cut]]
+    side[right] = -1
+    edges = csr_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(len(left), len(right)))
+    column_of = maximum_bipartite_matching(edges, perm_type="column")
+    row_of = np.full(len(right), -1)
+    row_of[column_of[column_of >= 0]] = np.flatnonzero(column_of >= 0)
+    touching = np.diff(edges.indptr) > 0
+    in_left, in_right = np.zeros(len(left), dtype=bool), np.zeros(len(right), dtype=bool)
+    new = touching & (column_of < 0)
+    while new.any():
+        in_left |= new
+        reached = np.zeros(len(right), dtype=bool)
+        reached[column[new[row]]] = True
+        reached &= ~in_right
+        in_right |= reached
+        new = np.zeros(len(left), dtype=bool)
+        new[row_of[reached]] = True  # each is matched: otherwise the matching could grow
+        new &= ~in_left
+    separator = touching & ~in_left
+    return left[~separator], np.concatenate([left[separator], right[in_right]]), right[~in_right]
 
 
 def chain(graph: Graph, order: Int, width: int = LEAF) -> list[OrderedNode]:
@@ -139,11 +167,3 @@ def chain(graph: Graph, order: Int, width: int = LEAF) -> list[OrderedNode]:
     if last.any() or not nodes:
         nodes.append(OrderedNode(order[last[order]], (len(nodes) - 1,) if nodes else ()))
     return nodes
-
-
-def bandwidth(graph: Graph, order: Int) -> int:
-    """Half bandwidth, in vertices and with the diagonal, of the matrix whose rows come in this order."""
-    place = np.empty(graph.n, dtype=np.int64)
-    place[order] = np.arange(graph.n)
-    owner = np.repeat(np.arange(graph.n), np.diff(graph.start))
-    return int(np.abs(place[owner] - place[graph.neighbour]).max(initial=0)) + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 
@@ -24,13 +25,32 @@ def extend_add(child, child_g, child_d, panel, row, F, g, d):
     F, g, d
         Front, gradient and diagonal of the parent.
     """
-    n = len(row)
+    n, runs = len(row), 0
+    first = np.empty(n + 1, dtype=np.int64)  # rows that follow each other in both fronts are added as one run
     for j in range(n):
-        column = row[j]
-        g[column] += child_g[panel + j]
-        d[column] += child_d[panel + j]
+        if j == 0 or row[j] != row[j - 1] + 1:
+            first[runs] = j
+            runs += 1
+    first[runs] = n
+    for own in range(runs):
+        for j in range(first[own], first[own + 1]):
+            column = row[j]
+            g[column] += child_g[panel + j]
+            d[column] += child_d[panel + j]
+            for run in range(own, runs):
+                i0 = max(first[run], j)
+                count, a, b = first[run + 1] - i0, row[i0], panel + i0
+                for i in range(count):
+                    F[a + i, column] += child[b + i, panel + j]
+
+
+@njit("void(float64[::1,:])", nogil=True, cache=True)
+def clear_lower(F):
+    """Set the lower triangle of a front to zero; nothing else of it is ever read."""
+    n = F.shape[0]
+    for j in range(n):
         for i in range(j, n):
-            F[row[i], column] += child[panel + i, panel + j]
+            F[i, j] = 0.0
 
 
 @njit("float64(int64, int64, float64[:,::1], float64[:,:,::1], int32[:,::1], int32[::1], int32[::1], float64[::1,:], float64[::1], float64[::1])", nogil=True, cache=True)  # fmt: skip
