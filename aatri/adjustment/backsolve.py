@@ -19,6 +19,8 @@ Float = npt.NDArray[np.float64]
 
 def kept_step(problem: Problem, factored: Factored) -> Float:
     """Step of the kept unknowns, (n_kept,)."""
+    if factored.solution is not None:
+        return np.where(problem.layout.held, 0.0, -factored.solution)
     x = np.zeros(problem.layout.n_kept)
     for k in range(len(problem.tree.nodes) - 1, -1, -1):
         node = problem.tree.nodes[k]

@@ -93,11 +93,17 @@ def support(
 def factorise_constrained(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     """`factorise`, then the forward-substituted gradient of the constrained step in place of the free one.
 
+    A problem whose factor has no room is solved by conjugate gradients.
+
     Raises
     ------
     GeometryError
         If the constraints depend on each other; the message names them.
     """
+    if problem.subtrees is not None:
+        from aatri.adjustment.conjugate import solve_by_conjugate_gradients  # compiled only where it is needed
+
+        return solve_by_conjugate_gradients(problem, state, damping)
     factored = factorise(problem, state, damping)
     regular = not factored.weak and bool((factored.determined != 0).all())
     if not problem.constraints or not regular or not np.isfinite(factored.cost):

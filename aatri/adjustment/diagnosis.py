@@ -32,7 +32,7 @@ def refuse_undetermined(problem: Problem, state: State, factored: Factored) -> N
     """
     _refuse_blocks(problem, factored)
     defect, vectors = _null_vectors(problem, state, factored)
-    texts = [_described(problem, vector) for vector in vectors.T[:7]]
+    texts = [described(problem, vector) for vector in vectors.T[:7]]
     more = f" and {defect - len(texts)} more" if defect > len(texts) else ""
     raise GeometryError(f"the observations leave {defect} unknown(s) open: {'; '.join(texts)}{more}")
 
@@ -65,7 +65,17 @@ def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[i
         vectors = np.zeros((layout.n_kept, int(open_.sum())))
         vectors[free] = among_free[:, open_]
         return int(open_.sum()), vectors
+    if problem.subtrees is not None:
+        return len(factored.weak), _weak_columns(problem, factored)
     return len(factored.weak), _leading_null_vector(problem, factored)
+
+
+def _weak_columns(problem: Problem, factored: Factored) -> Float:
+    """Unit vectors of the unknowns with vanishing pivots, where there is no factor for more."""
+    vectors = np.zeros((problem.layout.n_kept, len(factored.weak)))
+    for i, (k, row) in enumerate(factored.weak):
+        vectors[problem.tree.nodes[k].columns[row], i] = 1.0
+    return vectors
 
 
 def _leading_null_vector(problem: Problem, factored: Factored) -> Float:
@@ -89,7 +99,7 @@ def _leading_null_vector(problem: Problem, factored: Factored) -> Float:
     return np.asarray((x * scale)[:, None])
 
 
-def _described(problem: Problem, vector: Float) -> str:
+def described(problem: Problem, vector: Float) -> str:
     """The unknowns with the largest share in a null vector."""
     largest = np.argsort(-np.abs(vector), kind="stable")[:4]
     members = [c for c in largest if abs(vector[c]) > 0.3 * abs(vector[largest[0]])]

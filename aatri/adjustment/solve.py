@@ -21,6 +21,7 @@ from aatri.adjustment.backsolve import cost_of, predicted_decrease, steps
 from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints, support
 from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
+from aatri.adjustment.forecast import Solver, within_limit
 from aatri.adjustment.fronts import Factored, Problem
 from aatri.adjustment.open_blocks import steadied
 from aatri.adjustment.prepare import Ordering, prepare
@@ -94,6 +95,8 @@ def adjust_large(
     ordering: Ordering = "auto",
     threads: int | None = None,
     reproducible: bool = False,
+    memory_gb: float | None = None,
+    solver: Solver = "auto",
     reporter: Reporter = SILENT,
 ) -> Adjusted:
     """Adjust a problem.
@@ -112,6 +115,8 @@ def adjust_large(
     veto : callable, optional
     ordering, threads, reproducible
         See `prepare`.
+    memory_gb, solver
+        See `forecast`: limit of the memory, and what to do beyond it.
     reporter : Reporter
 
     Raises
@@ -123,11 +128,14 @@ def adjust_large(
     """
     all_records = [*records, *support(unknowns, records, constraints, start)]
     problem = prepare(unknowns, all_records, ordering=ordering, threads=threads, reproducible=reproducible)
-    problem = replace(problem, constraints=tuple(constraints))
-    _announce(problem, reporter)
+    problem = within_limit(replace(problem, constraints=tuple(constraints)), memory_gb, solver, reporter)
     state: dict[str, Any] = dict(start)
     factored = factorise_constrained(problem, state)
     _check(problem, state, factored)
+    if problem.subtrees is not None:
+        from aatri.adjustment.conjugate import refuse_singular  # compiled only where it is needed
+
+        refuse_singular(problem, state)
     damping, near, history = Damping(), NEAR, []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
@@ -221,14 +229,6 @@ def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]
 
 
 _ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"
-
-
-def _announce(problem: Problem, reporter: Reporter) -> None:
-    tree = problem.tree
-    reporter.log(
-        f"{problem.layout.n_kept} unknowns beside the eliminated ones in {len(tree.nodes)} fronts of at most "
-        f"{tree.largest_front}; factorisation {tree.flops / 1e9:.3g} Gflop, {tree.factor_bytes / 1e6:.0f} MB"
-    )
 
 
 def _decrement(problem: Problem, factored: Factored) -> float:

@@ -1,0 +1,166 @@
+"""What a problem will take, before the first iteration, and what to do if it is more than there is.
+
+Flops and factor follow from the elimination tree; the fronts in memory at a time from the order in which they are
+worked on; rays and eliminated blocks count with what an iteration keeps of them. Python, the observations, and the
+arrays of the result come on top.
+
+| predicted memory | what is done |
+|---|---|
+| within the limit | factor in memory |
+| within the limit without the factor, which the disk has room for | panels of the factor in a file |
+| more | conjugate gradients, preconditioned by as many subtrees as half the limit holds |
+
+The limit is `memory_gb`, or a share of the machine's memory.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from aatri.adjustment.fronts import Problem, share_out
+from aatri.adjustment.preconditioner import subtrees_within
+from aatri.adjustment.tree import Node
+from aatri.errors import ResourceError, SpecError
+from aatri.progress import Reporter
+
+Solver = Literal["auto", "direct", "conjugate_gradients"]
+
+SHARE = 0.8
+"""Share of the machine's memory, and of the free disk, that may be used."""
+
+BLOCK_BYTES = 350
+"""Of an eliminated block: factor, right-hand side, own normal matrix, and its values before and after a step."""
+
+RAY_BYTES = 50
+"""Of a ray: its measurement and camera in the order of the rays, beside the index."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Predicted work and memory.
+
+    Attributes
+    ----------
+    flops : float
+        Of one factorisation.
+    factor_bytes, fronts_bytes, rays_bytes : float
+        Factor; fronts in memory at a time, at most; rays and eliminated blocks with their index.
+    """
+
+    flops: float
+    factor_bytes: float
+    fronts_bytes: float
+    rays_bytes: float
+
+    def memory_bytes(self, spill: bool = False) -> float:
+        """Memory of an iteration, with the factor or without."""
+        return self.fronts_bytes + self.rays_bytes + (0 if spill else self.factor_bytes)
+
+
+def forecast(problem: Problem) -> Forecast:
+    """Predict work and memory of one iteration."""
+    rays = problem.rays
+    rays_bytes = BLOCK_BYTES * len(problem.block_free)
+    if rays is not None:
+        arrays = (rays.rows, rays.ray_start, rays.block, rays.parts.vertex, rays.loc)
+        rays_bytes += sum(a.nbytes for a in arrays) + RAY_BYTES * len(rays.rows)
+    return Forecast(problem.tree.flops, problem.tree.factor_bytes, _fronts_bytes(problem), rays_bytes)
+
+
+def _fronts_bytes(problem: Problem) -> float:
+    """Most that fronts take at a time; of subtrees worked on in parallel, that of the largest at once."""
+    nodes = problem.tree.nodes
+    subtrees, levels = share_out(problem)
+    if len(subtrees) < 2:
+        return _most(nodes, range(len(nodes)))[0]
+    of_subtrees = [_most(nodes, members) for members in subtrees]
+    waiting = sum(left for _, left in of_subtrees)
+    early = [k for level in levels if len(level) < problem.threads for k in level]
+    below = waiting + sum(8.0 * nodes[k].size ** 2 for k in early)
+    largest = sorted((most - left for most, left in of_subtrees), reverse=True)[: problem.threads]
+    above = waiting + _most(nodes, [k for level in levels for k in level])[0]
+    return max(below + sum(largest), above)
+
+
+def _most(nodes: Sequence[Node], members: Sequence[int]) -> tuple[float, float]:
+    """Most bytes of the fronts while some nodes are worked on in their order, and what is left in the end."""
+    most = held = 0.0
+    inside = set(members)
+    for k in members:
+        held += 8.0 * nodes[k].size ** 2
+        most = max(most, held)
+        held -= sum(8.0 * nodes[c].size ** 2 for c in nodes[k].children if c in inside)
+        if nodes[k].size == nodes[k].panel:
+            held -= 8.0 * nodes[k].size ** 2
+    return most, held
+
+
+def memory_limit(memory_gb: float | None) -> float:
+    """Limit in bytes: as given, or a share of the machine's memory; infinite where that is not known."""
+    if memory_gb is not None:
+        return 1e9 * memory_gb
+    try:
+        return SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return float("inf")
+
+
+def within_limit(problem: Problem, memory_gb: float | None, solver: Solver, reporter: Reporter) -> Problem:
+    """Choose how to solve a problem, and announce what it will take.
+
+    Parameters
+    ----------
+    problem : Problem
+    memory_gb : float or None
+        Limit; None: a share of the machine's memory.
+    solver : str
+        `auto`, or one of `direct` and `conjugate_gradients` whatever the forecast.
+    reporter : Reporter
+
+    Raises
+    ------
+    ResourceError
+        If the problem is beyond the limit and exact constraints need its factor.
+    """
+    expected, limit = forecast(problem), memory_limit(memory_gb)
+    _announce(problem, expected, reporter)
+    fits = expected.memory_bytes() <= limit
+    disk = SHARE * shutil.disk_usage(tempfile.gettempdir()).free
+    fits_on_disk = expected.memory_bytes(spill=True) <= limit and expected.factor_bytes <= disk
+    if solver == "direct" or (solver == "auto" and (fits or fits_on_disk)):
+        if not fits:
+            reporter.log(f"above the limit of {limit / 1e9:.3g} GB: the factor goes to {tempfile.gettempdir()}")
+        return replace(problem, spill=not fits)
+    if problem.constraints:
+        _refuse_constraints(expected, limit, solver)
+    why = "" if solver != "auto" else f"above the limit of {limit / 1e9:.3g} GB even with the factor on disk: "
+    reporter.log(f"{why}conjugate gradients; there will be no standard deviations")
+    return replace(problem, subtrees=subtrees_within(problem.tree, limit / 2))
+
+
+def _announce(problem: Problem, expected: Forecast, reporter: Reporter) -> None:
+    tree = problem.tree
+    reporter.log(
+        f"{problem.layout.n_kept} unknowns beside the eliminated ones in {len(tree.nodes)} fronts of at most "
+        f"{tree.largest_front}; factorisation {expected.flops / 1e9:.3g} Gflop"
+    )
+    factor, fronts, rays = expected.factor_bytes / 1e6, expected.fronts_bytes / 1e6, expected.rays_bytes / 1e6
+    reporter.log(
+        f"memory predicted: {expected.memory_bytes() / 1e6:.0f} MB (factor {factor:.0f}, fronts {fronts:.0f}, "
+        f"rays {rays:.0f})"
+    )
+
+
+def _refuse_constraints(expected: Forecast, limit: float, solver: Solver) -> None:
+    if solver == "conjugate_gradients":
+        raise SpecError("exact constraints need a factor: not by conjugate gradients", remedy="solver: auto")
+    raise ResourceError(
+        f"exact constraints need a factor: {expected.memory_bytes(spill=True) / 1e9:.3g} GB and "
+        f"{expected.factor_bytes / 1e9:.3g} GB on disk; the limit is {limit / 1e9:.3g} GB",
+        remedy="observe them with small standard deviations, or raise memory_gb",
+    )
