@@ -32,6 +32,7 @@ from aatri.adjustment.fronts import (
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.record_covariances import direct_covariances, kept_covariances, place_of
+from aatri.adjustment.robust import refuse_covariances
 from aatri.adjustment.solve import Adjusted
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.tree import Node
@@ -69,6 +70,7 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     blocks : bool
         Also those of the eliminated blocks and of the rays.
     """
+    refuse_covariances(adjusted.down_weighted)
     problem, state = adjusted.problem, adjusted.state
     factored = factorise(problem, state)
     reduction = covariance_reduction(problem, factored, state)

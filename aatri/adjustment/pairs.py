@@ -18,6 +18,7 @@ from aatri.adjustment.constrained_covariances import covariance_reduction
 from aatri.adjustment.fronts import Factored, Problem, factorise
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.records import whitened
+from aatri.adjustment.robust import refuse_covariances
 from aatri.adjustment.solve import Adjusted
 
 Float = npt.NDArray[np.float64]
@@ -45,6 +46,7 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     ValueError
         If the two blocks of a pair are the same: that is a marginal covariance.
     """
+    refuse_covariances(adjusted.down_weighted)
     problem = adjusted.problem
     factored = factorise(problem, adjusted.state)
     W = covariance_reduction(problem, factored, adjusted.state)

@@ -77,17 +77,28 @@ def with_curvature(problem: Problem, curvature: float) -> Problem:
     """The problem with another curvature of its losses."""
     if not _losses(problem):
         return problem
-
-    def changed(records: Records) -> Records:
-        return records if records.loss is None else replace(records, loss=replace(records.loss, curvature=curvature))
-
+    changed = {
+        id(r): r if r.loss is None else replace(r, loss=replace(r.loss, curvature=curvature)) for r in problem.records
+    }
+    rays = problem.rays
     return replace(
         problem,
-        records=tuple(changed(r) for r in problem.records),
-        rays=None if problem.rays is None else replace(problem.rays, records=changed(problem.rays.records)),
-        kept=tuple(replace(k, records=changed(k.records)) for k in problem.kept),
-        direct=tuple((changed(r), rows, blocks) for r, rows, blocks in problem.direct),
+        records=tuple(changed.values()),
+        rays=None if rays is None else replace(rays, records=changed[id(rays.records)]),
+        kept=tuple(replace(k, records=changed[id(k.records)]) for k in problem.kept),
+        direct=tuple((changed[id(r)], rows, blocks) for r, rows, blocks in problem.direct),
     )
+
+
+def refuse_covariances(records_beyond: int) -> None:
+    """Raise if a solution is not one of least squares: its weighted normal equations are not its covariance.
+
+    Raises
+    ------
+    ValueError
+    """
+    if records_beyond:
+        raise ValueError(f"no covariances: {records_beyond} records are down-weighted; adjust once more without loss")
 
 
 def _losses(problem: Problem) -> list[Huber]:
