@@ -194,7 +194,7 @@ def _own(values: Float) -> Float:
 
 
 def _int32(values: Int) -> Int:
-    return np.ascontiguousarray(values, dtype=np.int32)
+    return np.require(values, np.int32, ["C", "W"])
 
 
 def side_veto(rows: ImagePointRows) -> Callable[[State, State], str]:
