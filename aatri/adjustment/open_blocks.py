@@ -33,8 +33,8 @@ STEPS = 20
 SETTLED = 1e-8
 """A block is left alone when its Newton decrement squared is below."""
 
-FIRST, LESS, MORE = 1e-3, 0.2, 8.0
-"""Damping at first, and its factors after a step that was taken or refused."""
+FIRST, LESS, MORE, LEAST = 1e-3, 0.2, 8.0, 1e-9
+"""Damping at first, its factors after a step that was taken or refused, and its lower bound."""
 
 Veto = Callable[[State, State], str]
 
@@ -111,7 +111,7 @@ def _moved(problem: Problem, state: dict[str, Any], blocks: Int, loss: Huber) ->
         better = new_cost < cost
         step[rays.block[blocks[~better]]] = 0.0
         state = {**state, group: unknowns.retract(state[group], step)}
-        cost, damping = np.where(better, new_cost, cost), damping * np.where(better, LESS, MORE)
+        cost, damping = np.where(better, new_cost, cost), np.maximum(damping * np.where(better, LESS, MORE), LEAST)
         D, h = np.where(better[:, None, None], new_D, D), np.where(better[:, None], new_h, h)
     return state
 
