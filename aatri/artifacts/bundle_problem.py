@@ -15,6 +15,7 @@ from aatri.observations.image_points import ImagePointRows, film_correction
 from aatri.observations.poses import FILM, Poses
 from aatri.orientation.bundle_input import BundleInput, ControlRows, ParameterRows, PositionRows
 from aatri.orientation.bundle_start import complete_start
+from aatri.orientation.strip_numbering import strip_numbering
 
 Float = npt.NDArray[np.float64]
 
@@ -47,6 +48,7 @@ def bundle_input(
     """
     rays = rays_of(block, image_points)
     poses, xyz = complete_start(rays, _start_poses(block, initial), _start_points(block, initial))
+    numbering = strip_numbering(poses.position_m, block.images.strip, block.images.sequence)
     return BundleInput(
         block.images.id,
         block.points.id,
@@ -56,6 +58,7 @@ def bundle_input(
         ControlRows(control.point, control.xyz_m, control.covariance_m2, control.observed, control.held),
         PositionRows(positions.image, positions.position_m, positions.covariance_m2, positions.lever_arm_m),
         parameters,
+        numbering=numbering,
     )
 
 

@@ -15,6 +15,7 @@ from aatri.artifacts.calibration_tables import CalibrationTables
 from aatri.artifacts.given import Control, Positions
 from aatri.artifacts.solution import (
     Iterations,
+    Orderings,
     Parameters,
     Residuals,
     Solution,
@@ -34,7 +35,7 @@ Float = npt.NDArray[np.float64]
 def bundle_solution(
     block: Block, control: Control, positions: Positions, given: BundleInput, result: BundleResult,
     suspects: Suspects, parameters: Sequence[Parameters], calibration: CalibrationTables | None = None,
-    *, tests: bool = False,
+    orderings: Orderings | None = None, *, tests: bool = False,
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted, used = result.adjusted, result.ray_used
@@ -67,6 +68,7 @@ def bundle_solution(
         calibrated_sets=calibration.sets if calibration else None,
         parameter_covariances=calibration.covariances if calibration else None,
         error_fields=calibration.fields if calibration else None,
+        orderings=orderings,
     )
 
 

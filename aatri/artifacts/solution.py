@@ -130,6 +130,20 @@ class Tests(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Orderings(Table):
+    """Orders of elimination of the images: the one in use, and the textbook's across and along the strips."""
+
+    ordering: Text = column("str", doc="nested_dissection, minimum_degree, auto, across_strips or along_strips")
+    used: Bool = column("bool", doc="this adjustment was made in it")
+    textbook_images: Int = column("i4", doc="half bandwidth 2N+2 or n+3 of N strips of n images; -1 none")
+    images: Int = column("i4", doc="half bandwidth found, with the diagonal, without the border")
+    unknowns: Int = column("i8", doc="the same in unknowns")
+    border: Int = column("i8", doc="unknowns of the border: those that very many images meet")
+    stored: Int = column("i8", doc="elements of the factor")
+    gflop: Float = column("f8", doc="1e9 multiplications and additions of one factorisation, predicted")
+
+
+@dataclass(frozen=True, eq=False)
 class Iterations(Table):
     """History of the adjustment."""
 
@@ -164,6 +178,7 @@ class Solution(Artifact):
     calibrated_sets: CalibratedSets | None = table(default=None)
     parameter_covariances: ParameterCovariances | None = table(default=None)
     error_fields: ErrorFields | None = table(default=None)
+    orderings: Orderings | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""

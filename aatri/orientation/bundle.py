@@ -11,6 +11,7 @@ Source: Kraus, Photogrammetry; photogrammetry.md A901-A910, A1101-A1107.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from aatri.observations.image_points import (
     ImagePointRows,
     LinearCorrection,
     image_point_records,
-    side_changes,
+    side_veto,
 )
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses, pose_unknowns
 from aatri.observations.positions import position_records
@@ -127,26 +128,33 @@ def adjust_bundle(
     """
     ray, image, point = determinable(given)
     origin = np.round(given.xyz_m[point].mean(axis=0)) if point.any() else np.zeros(3)
-    rays = given.rays.take(ray)
-    parameters = tuple(p.take(ray) for p in given.parameters)
+    rays = given.rays if ray.all() else given.rays.take(ray)
+    parameters = given.parameters if ray.all() else tuple(p.take(ray) for p in given.parameters)
     start = {
         POSE: Poses(given.poses.position_m - origin, given.poses.ground_from_image),
         POINT: _start_points(given, origin),
         **{p.group: p.start for p in parameters},
     }
     adjusted = adjust_large(
-        _unknowns(given, parameters, _free_poses(given, image, datum), point),
+        _unknowns(given, parameters, _free_poses(given, image, datum), point, _places(given, ordering)),
         _records(given, rays, parameters, origin, image, point),
         start,
         max_iterations=max_iterations,
         tolerance=tolerance,
-        veto=lambda old, new: side_changes(rays, old, new),
+        veto=side_veto(rays),
         ordering=ordering,
         threads=threads,
         reproducible=reproducible,
         reporter=reporter,
     )
-    return _result(given, adjusted, origin, (ray, image, point), covariances)
+    started = perf_counter()
+    result = _result(given, adjusted, origin, (ray, image, point), covariances)
+    if covariances:
+        reporter.log(
+            f"standard deviations of {int(image.sum())} orientations and {int(point.sum())} points: "
+            f"{perf_counter() - started:.2f} s"
+        )
+    return result
 
 
 def _start_points(given: BundleInput, origin: Float) -> Float:
@@ -168,11 +176,20 @@ def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
     return free
 
 
-def _unknowns(given: BundleInput, parameters: tuple[ParameterRows, ...], poses: Bool, point: Bool) -> list[Unknowns]:
+def _places(given: BundleInput, ordering: Ordering) -> Float:
+    """Where the images lie, for the order of elimination: textbooks number them by strips."""
+    if ordering in ("across_strips", "along_strips") and given.numbering is not None:
+        return given.numbering.place
+    return given.poses.position_m
+
+
+def _unknowns(
+    given: BundleInput, parameters: tuple[ParameterRows, ...], poses: Bool, point: Bool, places: Float
+) -> list[Unknowns]:
     free = np.repeat(point[:, None], 3, axis=1)
     row, coordinate = np.nonzero(given.control.held)
     free[given.control.point[row], coordinate] = False
-    groups = [pose_unknowns(given.image_ids, poses, given.poses.position_m)]
+    groups = [pose_unknowns(given.image_ids, poses, places)]
     for p in parameters:
         used = np.bincount(p.block, minlength=len(p.free)) > 0
         groups.append(

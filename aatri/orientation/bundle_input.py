@@ -14,6 +14,7 @@ from aatri.adjustment.unknowns import Ids
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
+from aatri.orientation.strip_numbering import StripNumbering
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
@@ -106,6 +107,8 @@ class BundleInput:
     positions : PositionRows
     parameters : tuple of ParameterRows
         In the order FILM, ADDITIONAL, CAMERA.
+    numbering : StripNumbering, optional
+        Places of the images for the textbook's orders of elimination; else their positions.
     """
 
     image_ids: Ids
@@ -116,6 +119,7 @@ class BundleInput:
     control: ControlRows
     positions: PositionRows
     parameters: tuple[ParameterRows, ...] = ()
+    numbering: StripNumbering | None = None
 
 
 def determinable(given: BundleInput) -> tuple[Bool, Bool, Bool]:

@@ -19,7 +19,7 @@ from aatri.errors import AatriError
 from aatri.ids import rows_of
 from aatri.report import tables
 from aatri.report.charts import convergence_chart, residual_histogram
-from aatri.report.numbers import number, seconds
+from aatri.report.numbers import DASH, number, seconds
 from aatri.report.plan import ground_positions
 from aatri.report.residual_plots import error_field_pictures, height_bars, image_vectors, plan_vectors
 from aatri.report.run_view import RunView, StageView
@@ -139,6 +139,7 @@ def _solution(made: Section, solution: Solution, around: Surroundings) -> None:
         _present(
             tables.residual_classes(solution),
             tables.first_rows("Parameters", parameters, _parameter_columns(parameters), 3),
+            _orderings(solution),
             _folded(tables.first_rows("Transformations", transformations, _transformation_columns(transformations), 3)),
         )
     )
@@ -174,6 +175,22 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
     if weighted.any() and share > 0:
         pictures += _present(residual_histogram(v[weighted] / sigma[weighted] / share**0.5))
     return pictures
+
+
+def _orderings(solution: Solution) -> PageTable | None:
+    o = solution.orderings
+    if o is None:
+        return None
+    columns = {
+        "order": lambda k: f"{o.ordering[k]}{' (used)' if o.used[k] else ''}",
+        "textbook, images": lambda k: number(int(o.textbook_images[k])) if o.textbook_images[k] >= 0 else DASH,
+        "found, images": lambda k: number(int(o.images[k])),
+        "unknowns": lambda k: number(int(o.unknowns[k])),
+        "border": lambda k: number(int(o.border[k])),
+        "elements stored": lambda k: number(int(o.stored[k])),
+        "Gflop": lambda k: number(float(o.gflop[k])),
+    }
+    return tables.first_rows("Half bandwidth of the reduced normal equations", o, columns, 1)
 
 
 def _parameter_columns(p: Any) -> dict[str, Callable[[int], str]]:

@@ -22,18 +22,21 @@ Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with 
 from __future__ import annotations
 
 from dataclasses import replace
+from time import perf_counter
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import field_validator
 
+from aatri.adjustment.prepare import Ordering
 from aatri.artifacts import assemble
 from aatri.artifacts.block import Block
 from aatri.artifacts.bundle_problem import bundle_input
 from aatri.artifacts.bundle_solution import bundle_solution
 from aatri.artifacts.given import Positions, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.ordering_report import report_orderings
 from aatri.artifacts.parameter_report import rank_advice, report_parameters, without_idle
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
@@ -72,8 +75,9 @@ class BundleOptions(Options):
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
     )
-    ordering: Literal["nested_dissection", "across_strips", "along_strips"] = Field(
-        "nested_dissection", description="order of elimination of the images"
+    ordering: Ordering = Field(
+        "auto",
+        description="order of elimination of the images; auto: the better of nested_dissection and minimum_degree",
     )
     reproducible: bool = Field(False, description="the same bits for any number of threads")
 
@@ -111,9 +115,14 @@ def bundle(
     _report_misfit(result, context)
     report_parameters(given, result, context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
-    return bundle_solution(
-        block, control, positions, given, result, suspects, tables, calibrated, tests=options.reliability
+    orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
+    started = perf_counter()
+    solution = bundle_solution(
+        block, control, positions, given, result, suspects, tables, calibrated, orderings, tests=options.reliability
     )
+    if options.reliability:
+        context.log(f"reliability of {len(solution.residuals)} observations: {perf_counter() - started:.2f} s")
+    return solution
 
 
 def _adjusted_with_readmission(
