@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from threading import Lock
 
 import numpy as np
 import numpy.typing as npt
@@ -189,6 +190,28 @@ def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
     return problem.threads if largest > THREADED_FLOPS and not problem.reproducible else 1
 
 
+class _Room:
+    """Memory of fronts that are done, for those to come: fresh memory costs as much as the arithmetic of a small front."""
+
+    def __init__(self) -> None:
+        self._spare: list[Float] = []
+        self._turn = Lock()
+
+    def take(self, n: int) -> Float:
+        """A front of n rows, with anything in it, in the smallest memory that is large enough."""
+        with self._turn:
+            fitting = [k for k, spare in enumerate(self._spare) if len(spare) >= n * n]
+            memory = self._spare.pop(min(fitting, key=lambda k: len(self._spare[k]))) if fitting else np.empty(n * n)
+        return memory[: n * n].reshape((n, n), order="F")
+
+    def give(self, front: Float) -> None:
+        """Give back the memory of a front."""
+        memory = front.base
+        assert memory is not None
+        with self._turn:
+            self._spare.append(memory)
+
+
 class Work:
     """State of one factorisation; a node may be finished in any thread once its children are."""
 
@@ -198,6 +221,7 @@ class Work:
         self.panels = panels_of(problem.tree, problem.spill)
         self.y: list[Float] = [np.zeros(0)] * n_nodes
         self.fronts: list[tuple[Float, Float, Float] | None] = [None] * n_nodes
+        self.room = _Room()
         self.cost = np.zeros(n_nodes + 1)
         self.weak: list[int] = [-1] * n_nodes
         self.diagonal = np.zeros(problem.layout.n_kept)
@@ -228,7 +252,7 @@ class Work:
         if self.fronts[k] is not None:
             return
         node = self.problem.tree.nodes[k]
-        F, g, d = np.empty((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
+        F, g, d = self.room.take(node.size), np.zeros(node.size), np.zeros(node.size)
         clear_lower(F)
         for records, v, A in self.kept:
             first, last = int(records.first[k]), int(records.first[k + 1])
@@ -249,6 +273,7 @@ class Work:
             update = self.fronts[child]
             if update is not None:
                 extend_add(*update, self.problem.tree.nodes[child].panel, self.problem.tree.maps[child], F, g, d)
+                self.room.give(update[0])
             self.fronts[child] = None
         held = self.problem.layout.held[node.columns[:m]]
         i = np.arange(m)
@@ -256,6 +281,7 @@ class Work:
         if m:
             self._eliminate(k, node, F, g, d, held)
         if n == m:
+            self.room.give(F)
             self.fronts[k] = None
 
     def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: npt.NDArray[np.bool_]) -> None:

@@ -112,17 +112,17 @@ def lexical_order(n, start, key, depth):
     """
     groups = len(start) - 1
     order, other, count = np.arange(groups), np.empty(groups, dtype=np.int64), np.empty(n + 2, dtype=np.int64)
+    own = np.empty(groups, dtype=np.int32)
     for level in range(depth - 1, -1, -1):
         count[:] = 0
-        for k in order:
+        for k in range(groups):
             at = start[k] + level
-            count[(key[at] if at < start[k + 1] else n) + 1] += 1
+            own[k] = key[at] if at < start[k + 1] else n
+            count[own[k] + 1] += 1
         for k in range(n + 1):
             count[k + 1] += count[k]
         for k in order:
-            at = start[k] + level
-            own = key[at] if at < start[k + 1] else n
-            other[count[own]] = k
-            count[own] += 1
+            other[count[own[k]]] = k
+            count[own[k]] += 1
         order, other = other, order
     return order
