@@ -1,0 +1,116 @@
+"""What a problem will take is told before, and keeps within the limit."""
+
+from __future__ import annotations
+
+import shutil
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.forecast import forecast, memory_limit
+from aatri.adjustment.fronts import factorise
+from aatri.adjustment.prepare import prepare
+from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.solve import adjust_large
+from tests.adjustment.block_problem import _along, _group, _observed, _prior
+
+N_KEPT, N_POINTS, RAYS = 300, 900, 3
+
+
+def _tangled(n_kept: int = N_KEPT, n_points: int = N_POINTS):
+    """Points that meet any three kept blocks: no good separators, large fronts."""
+    rng = np.random.default_rng(0)
+    kept = np.argsort(rng.random((n_points, n_kept)), axis=1)[:, :RAYS].ravel().astype(np.int32)
+    point = np.repeat(np.arange(n_points), RAYS).astype(np.int32)
+    evaluate = _observed(rng, (("a", 6), ("p", 3)), (kept, point))
+    ones = np.ones(len(kept), dtype=bool)
+    records = (
+        Records("ray", (("a", kept), ("p", point)), evaluate, whitener_of_sigmas(np.ones((len(kept), 2))), ones),
+        _prior("a", n_kept, 6),
+    )
+    unknowns = (
+        _group("p", np.ones((n_points, 3), bool), eliminated=True),
+        _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
+    )
+    return unknowns, records, {"a": np.zeros((n_kept, 6)), "p": np.zeros((n_points, 3))}
+
+
+class _Log:
+    """A reporter that keeps what is said."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def log(self, text: str) -> None:
+        self.lines.append(text)
+
+    warn = log
+
+
+def test_the_factor_is_as_large_as_predicted() -> None:
+    unknowns, records, start = _tangled()
+    problem = prepare(unknowns, records)
+    panels = factorise(problem, start).panels
+    kept = sum(panels[k].nbytes for k, node in enumerate(problem.tree.nodes) if node.panel)
+    assert forecast(problem).factor_bytes == kept
+
+
+@pytest.mark.parametrize("spill", [False, True])
+def test_the_peak_of_memory_is_near_the_prediction(spill: bool) -> None:
+    unknowns, records, start = _tangled()
+    problem = prepare(unknowns, records, threads=1)
+    index = forecast(problem).rays_bytes
+    tracemalloc.start()
+    try:
+        limit = 0.001 if spill else None
+        adjusted = adjust_large(unknowns, records, start, threads=1, solver="direct", memory_gb=limit)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert adjusted.problem.spill == spill
+    predicted = forecast(adjusted.problem).memory_bytes(spill)
+    assert index < 0.1 * predicted
+    assert 0.7 * peak < predicted < 1.3 * peak
+
+
+def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up() -> None:
+    unknowns, records, start = _tangled()
+    expected = forecast(prepare(unknowns, records))
+    spilled, whole = expected.memory_bytes(spill=True), expected.memory_bytes()
+    found = {}
+    for name, limit in {"fits": 1.01 * whole, "on disk": 1.01 * spilled, "neither": 0.99 * spilled}.items():
+        log = _Log()
+        problem = adjust_large(unknowns, records, start, memory_gb=limit / 1e9, reporter=log).problem
+        found[name] = (problem.spill, problem.subtrees is not None)
+        assert log.lines[1].startswith(f"memory predicted: {whole / 1e6:.0f} MB (factor ")
+        assert ("the factor goes to" in log.lines[2]) == (name == "on disk")
+        assert ("conjugate gradients" in log.lines[2]) == (name == "neither")
+    assert found == {"fits": (False, False), "on disk": (True, False), "neither": (False, True)}
+
+
+def test_a_disk_without_room_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    unknowns, records, start = _tangled()
+    expected = forecast(prepare(unknowns, records))
+    usage = shutil.disk_usage("/")._replace(free=int(expected.factor_bytes))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    limit = 1.01 * expected.memory_bytes(spill=True) / 1e9
+    assert adjust_large(unknowns, records, start, memory_gb=limit).problem.subtrees is not None
+
+
+def test_without_a_limit_a_share_of_the_machine_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 1000}.__getitem__)
+    assert memory_limit(None) == pytest.approx(0.8 * 4096 * 1000)
+    assert memory_limit(2.5) == 2.5e9
+
+
+def test_blocks_without_positions_are_not_one_front() -> None:
+    unknowns, records, start = _tangled(200, 120)
+    placeless = tuple(_group(u.name, u.free, eliminated=u.eliminated) for u in unknowns)
+    tree = prepare(placeless, records).tree
+    assert tree.largest_front < 0.6 * 6 * 200
+    assert tree.flops < 0.3 * (6 * 200) ** 3 / 3
+    with_positions = adjust_large(unknowns, records, start)
+    np.testing.assert_allclose(
+        adjust_large(placeless, records, start).state["a"], with_positions.state["a"], atol=1e-9
+    )  # fmt: skip
