@@ -10,7 +10,7 @@ Source: Kraus, Photogrammetry; photogrammetry.md A901-A910, A1101-A1107.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
 
@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment.covariance import marginal_covariances
+from aatri.adjustment.loss import Huber
 from aatri.adjustment.prepare import Ordering
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Adjusted, adjust_large
@@ -98,6 +99,7 @@ def adjust_bundle(
     max_iterations: int = 30,
     tolerance: float = 1e-3,
     covariances: bool = True,
+    huber: float | None = None,
     ordering: Ordering = "auto",
     threads: int | None = None,
     reproducible: bool = False,
@@ -115,6 +117,9 @@ def adjust_bundle(
     tolerance : float
         Bound of the Newton decrement.
     covariances : bool
+        There are none where image points are down-weighted.
+    huber : float, optional
+        Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
     ordering, threads, reproducible
         See `aatri.adjustment.prepare`.
     reporter : Reporter
@@ -137,7 +142,7 @@ def adjust_bundle(
     }
     adjusted = adjust_large(
         _unknowns(given, parameters, _free_poses(given, image, datum), point, _places(given, ordering)),
-        _records(given, rays, parameters, origin, image, point),
+        _records(given, rays, parameters, origin, image, point, huber),
         start,
         max_iterations=max_iterations,
         tolerance=tolerance,
@@ -147,6 +152,7 @@ def adjust_bundle(
         reproducible=reproducible,
         reporter=reporter,
     )
+    covariances = covariances and not adjusted.down_weighted
     started = perf_counter()
     result = _result(given, adjusted, origin, (ray, image, point), covariances)
     if covariances:
@@ -200,11 +206,12 @@ def _unknowns(
 
 def _records(
     given: BundleInput, rays: ImagePointRows, parameters: tuple[ParameterRows, ...], origin: Float,
-    image: Bool, point: Bool,
+    image: Bool, point: Bool, huber: float | None,
 ) -> list[Records]:  # fmt: skip
     corrections = [LinearCorrection(p.group, p.block, p.basis) for p in parameters if p.basis is not None]
     cameras = next((CameraRows(p.block, p.model) for p in parameters if p.group == CAMERA), None)
-    records = [image_point_records(rays, corrections, cameras)]
+    loss = None if huber is None else Huber(huber)
+    records = [replace(image_point_records(rays, corrections, cameras), loss=loss)]
     control = given.control
     use = np.flatnonzero(point[control.point] & control.observed.any(axis=1))
     if len(use):
