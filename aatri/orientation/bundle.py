@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from aatri.adjustment.covariance import marginal_covariances
 from aatri.adjustment.loss import Huber
+from aatri.adjustment.forecast import Solver, forecast
 from aatri.adjustment.prepare import Ordering
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Adjusted, adjust_large
@@ -103,6 +104,8 @@ def adjust_bundle(
     ordering: Ordering = "auto",
     threads: int | None = None,
     reproducible: bool = False,
+    memory_gb: float | None = None,
+    solver: Solver = "auto",
     reporter: Reporter = SILENT,
 ) -> BundleResult:
     """Adjust a block.
@@ -122,6 +125,8 @@ def adjust_bundle(
         Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
     ordering, threads, reproducible
         See `aatri.adjustment.prepare`.
+    memory_gb, solver
+        See `aatri.adjustment.forecast`.
     reporter : Reporter
 
     Raises
@@ -150,9 +155,14 @@ def adjust_bundle(
         ordering=ordering,
         threads=threads,
         reproducible=reproducible,
+        memory_gb=memory_gb,
+        solver=solver,
         reporter=reporter,
     )
     covariances = covariances and not adjusted.down_weighted
+    if covariances and adjusted.problem.subtrees is not None:
+        reporter.warn(_WITHOUT_FACTOR.format(forecast(adjusted.problem).memory_bytes() / 1e9))
+        covariances = False
     started = perf_counter()
     result = _result(given, adjusted, origin, (ray, image, point), covariances)
     if covariances:
@@ -161,6 +171,12 @@ def adjust_bundle(
             f"{perf_counter() - started:.2f} s"
         )
     return result
+
+
+_WITHOUT_FACTOR = (
+    "no standard deviations and redundancy numbers: exact covariances need the factor of the normal equations, and this "
+    "block was solved by conjugate gradients, without it; with memory_gb of {:.3g} they are computed"
+)
 
 
 def _start_points(given: BundleInput, origin: Float) -> Float:

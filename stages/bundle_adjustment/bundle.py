@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import field_validator
 
+from aatri.adjustment.forecast import Solver
 from aatri.adjustment.prepare import Ordering
 from aatri.artifacts import assemble
 from aatri.artifacts.block import Block
@@ -40,7 +41,7 @@ from aatri.artifacts.ordering_report import report_orderings
 from aatri.artifacts.parameter_report import rank_advice, report_parameters, without_idle
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
-from aatri.errors import GeometryError, SpecError
+from aatri.errors import GeometryError, ResourceError, SpecError
 from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.ids import shown
 from aatri.orientation.bundle import BundleResult, adjust_bundle
@@ -80,6 +81,12 @@ class BundleOptions(Options):
         description="order of elimination of the images; auto: the better of nested_dissection and minimum_degree",
     )
     reproducible: bool = Field(False, description="the same bits for any number of threads")
+    memory_gb: float | None = Field(
+        None, gt=0, description="limit of the memory, GB; beyond it the factor goes to disk; null: 80 % of the machine's"
+    )
+    solver: Solver = Field(
+        "auto", description="direct, or conjugate_gradients without standard deviations; auto: by the memory needed"
+    )
 
     @field_validator("self_calibration", mode="before")
     @classmethod
@@ -152,6 +159,8 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
             covariances=options.standard_deviations or options.reliability,
             ordering=options.ordering,
             reproducible=options.reproducible,
+            memory_gb=options.memory_gb,
+            solver=options.solver,
             reporter=context,
         )
     except GeometryError as error:
@@ -168,6 +177,11 @@ def _adjusted_without_idle(
     """Adjust once more without additional parameters that are not worth keeping."""
     if not options.standard_deviations:
         raise SpecError("self_calibration.remove needs standard deviations", remedy="standard_deviations: true")
+    if result.adjusted.problem.subtrees is not None:
+        raise ResourceError(
+            "self_calibration.remove needs standard deviations, and conjugate gradients give none",
+            remedy="raise memory_gb, or leave out remove",
+        )
     reduced = without_idle(given, result, context)
     return (given, result) if reduced is None else (reduced, _adjusted(reduced, options, context))
 
