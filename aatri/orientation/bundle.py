@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment.covariance import marginal_covariances
-from aatri.adjustment.loss import Huber
 from aatri.adjustment.forecast import Solver, forecast
+from aatri.adjustment.loss import Huber
 from aatri.adjustment.prepare import Ordering
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Adjusted, adjust_large
@@ -174,8 +174,8 @@ def adjust_bundle(
 
 
 _WITHOUT_FACTOR = (
-    "no standard deviations and redundancy numbers: exact covariances need the factor of the normal equations, and this "
-    "block was solved by conjugate gradients, without it; with memory_gb of {:.3g} they are computed"
+    "no standard deviations: exact covariances need the factor of the normal equations, and this block was solved by "
+    "conjugate gradients, without it; memory_gb of {:.3g} gives them"
 )
 
 

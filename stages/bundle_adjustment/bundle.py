@@ -82,7 +82,7 @@ class BundleOptions(Options):
     )
     reproducible: bool = Field(False, description="the same bits for any number of threads")
     memory_gb: float | None = Field(
-        None, gt=0, description="limit of the memory, GB; beyond it the factor goes to disk; null: 80 % of the machine's"
+        None, gt=0, description="limit of the memory; beyond it the factor goes to disk; null: 80 % of the machine's"
     )
     solver: Solver = Field(
         "auto", description="direct, or conjugate_gradients without standard deviations; auto: by the memory needed"
