@@ -191,7 +191,7 @@ def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
 
 
 class _Room:
-    """Memory of fronts that are done, for those to come: fresh memory costs as much as the arithmetic of a small front."""
+    """Memory of fronts that are done, for those to come: fresh memory costs as much as the work on a small front."""
 
     def __init__(self) -> None:
         self._spare: list[Float] = []

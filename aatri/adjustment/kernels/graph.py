@@ -117,7 +117,9 @@ def lexical_order(n, start, key, depth):
         count[:] = 0
         for k in range(groups):
             at = start[k] + level
-            own[k] = key[at] if at < start[k + 1] else n
+            own[k] = n
+            if at < start[k + 1]:
+                own[k] = key[at]
             count[own[k] + 1] += 1
         for k in range(n + 1):
             count[k + 1] += count[k]
