@@ -161,7 +161,8 @@ def adjust_bundle(
     )
     covariances = covariances and not adjusted.down_weighted
     if covariances and adjusted.problem.subtrees is not None:
-        reporter.warn(_WITHOUT_FACTOR.format(forecast(adjusted.problem).memory_bytes() / 1e9))
+        needed = forecast(adjusted.problem)
+        reporter.warn(_WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9))
         covariances = False
     started = perf_counter()
     result = _result(given, adjusted, origin, (ray, image, point), covariances)
@@ -175,7 +176,7 @@ def adjust_bundle(
 
 _WITHOUT_FACTOR = (
     "no standard deviations: exact covariances need the factor of the normal equations, and this block was solved by "
-    "conjugate gradients, without it; memory_gb of {:.3g} gives them"
+    "conjugate gradients, without it; `solver: direct` gives them, in {:.2g} GB of memory and {:.2g} GB on disk"
 )
 
 
