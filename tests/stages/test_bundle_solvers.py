@@ -1,0 +1,68 @@
+"""The same block with the factor in memory, in a file, and by conjugate gradients."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import ResourceError
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+SIZES = {"small": (2, 5), "medium": (4, 16)}
+
+
+@pytest.fixture(scope="module", params=SIZES)
+def chain(request: pytest.FixtureRequest) -> Chain:
+    strips, images = SIZES[request.param]
+    return run_chain(
+        simulated(preset="rc30", flight={"strips": strips, "images_per_strip": images, "cross_strips": 1},
+                  ties={"per_position": 2}, known={"full": 12}),
+    )  # fmt: skip
+
+
+def _adjusted(chain: Chain, told: Told | None = None, **options: object) -> Solution:
+    """With film corrections of every image, and a set of parameters in the border."""
+    chosen = BundleOptions(interior_unknowns=True, self_calibration="ebner12", **options)  # type: ignore[arg-type]
+    # none rejected: which of them fit the block again depends on standard deviations
+    initial = replace(chain.strip_block, suspects=Suspects.empty())
+    return bundle(chain.block, chain.refined, initial, options=chosen, context=told or Told())
+
+
+def test_conjugate_gradients_give_the_direct_solution(chain: Chain) -> None:
+    reference = _adjusted(chain)
+    told = Told()
+    found = _adjusted(chain, told, solver="conjugate_gradients", memory_gb=1e-3)
+    sigma = np.sqrt(np.einsum("nii->ni", reference.points.covariance_m2))
+    assert np.nanmax(np.abs(found.points.xyz_m - reference.points.xyz_m) / sigma) < 1e-6
+    sigma = np.sqrt(np.einsum("nii->ni", reference.images.covariance))[:, :3]
+    off = np.abs(found.images.position_m - reference.images.position_m)
+    assert np.nanmax(off / sigma) < 1e-6
+    off = np.abs(found.parameters.value - reference.parameters.value) / reference.parameters.sigma
+    assert np.nanmax(off) < 1e-6
+    assert found.sigma0 == pytest.approx(reference.sigma0, rel=1e-9)
+    assert np.isnan(found.points.covariance_m2).all()
+    assert np.isnan(found.images.covariance).all()
+    assert any("no standard deviations: exact covariances need the factor" in warning for warning in told.warnings)
+
+
+def test_a_factor_in_a_file_changes_no_bit(chain: Chain) -> None:
+    reference = _adjusted(chain)
+    told = Told()
+    found = _adjusted(chain, told, solver="direct", memory_gb=1e-3)
+    assert any("above the limit of 0.001 GB: the factor goes to" in line for line in told.lines)
+    assert np.array_equal(found.points.xyz_m, reference.points.xyz_m, equal_nan=True)
+    assert np.array_equal(found.points.covariance_m2, reference.points.covariance_m2, equal_nan=True)
+    assert np.array_equal(found.images.covariance, reference.images.covariance, equal_nan=True)
+
+
+def test_removing_parameters_needs_standard_deviations(chain: Chain) -> None:
+    calibration = {"set": "ebner12", "remove": True}
+    options = BundleOptions(self_calibration=calibration, solver="conjugate_gradients")
+    with pytest.raises(ResourceError, match="conjugate gradients give none"):
+        bundle(chain.block, chain.refined, chain.strip_block, options=options, context=Told())
