@@ -44,8 +44,9 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError, ResourceError, SpecError
 from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.ids import shown
-from aatri.orientation.bundle import BundleResult, adjust_bundle
+from aatri.orientation.bundle import BundleResult
 from aatri.orientation.bundle_input import BundleInput
+from aatri.orientation.bundle_restart import adjust_bundle_from_afar
 from aatri.orientation.readmission import readmitted
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -151,7 +152,7 @@ def _adjusted_with_readmission(
 
 def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> BundleResult:
     try:
-        return adjust_bundle(
+        return adjust_bundle_from_afar(
             given,
             datum=options.datum,
             max_iterations=options.max_iterations,

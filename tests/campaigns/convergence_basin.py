@@ -1,13 +1,13 @@
 """How far the start of a bundle adjustment may be from its end: a grid of start errors over random blocks.
 
-    python -m tests.campaigns.convergence_basin 20 [--first 0]
+    python -m tests.campaigns.convergence_basin 20 [--first 0] [--without-positions]
 
 Well-posed blocks: three strips of four images, 60 % overlap both ways, control, observed positions. Every image is
 turned by the given angle about a random axis, every position moved by a normal error of the given share of the flying
 height, points start below their first image on the mean height of the control; or the principal distance, free, starts
-at a multiple of its value. A start is *right* if the adjustment ends within 1e-4 standard deviations of the one started
-at the truth, *refused* if it ends with an error, *told* if it ends in another minimum and warns of its sigma0, *false*
-if it does not even warn: there must be none.
+at a multiple of its value, and every image is turned by 0 or 30 degrees. A start is *right* if the adjustment ends
+within 1e-4 standard deviations of the one started at the truth, *refused* if it ends with an error, *told* if it ends
+in another minimum and warns of its sigma0, *false* if it does not even warn: there must be none.
 """
 
 from __future__ import annotations
@@ -29,13 +29,15 @@ from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle import BundleResult, adjust_bundle
 from aatri.orientation.bundle_input import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle_restart import adjust_bundle_from_afar
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import simulated
 
 ANGLES_DEG = (0.0, 10.0, 30.0, 45.0, 60.0)
 SHARES = (0.0, 0.1, 0.3, 0.5)
-FACTORS = (0.5, 0.7, 1.0, 2.0, 4.0, 8.0)
+FACTORS = (0.5, 0.7, 1.0, 2.0, 4.0, 8.0, 32.0)
+TURNED_DEG = (0.0, 30.0)
 MAX_ITERATIONS = 100
 
 
@@ -92,7 +94,7 @@ def with_start_c(given: BundleInput, factor: float) -> BundleInput:
 def outcome(given: BundleInput, reference: BundleResult) -> str:
     """right, refused, told or false."""
     try:
-        found = adjust_bundle(given, covariances=False, max_iterations=MAX_ITERATIONS, tolerance=1e-5)
+        found = adjust_bundle_from_afar(given, covariances=False, max_iterations=MAX_ITERATIONS, tolerance=1e-5)
     except (ConvergenceError, GeometryError):
         return "refused"
     sigma = np.sqrt(np.einsum("nii->ni", reference.point_covariance_m2))
@@ -102,22 +104,34 @@ def outcome(given: BundleInput, reference: BundleResult) -> str:
     return "false" if sigma0_fits(found.adjusted.sigma0, found.adjusted.redundancy) else "told"
 
 
-def grid(seeds: range) -> dict[tuple[str, float, float], Counter[str]]:
+def without_positions(given: BundleInput) -> BundleInput:
+    """The block with control alone."""
+    p, none = given.positions, np.zeros(0, dtype=np.int64)
+    return replace(given, positions=PositionRows(p.image[none], p.position_m[none], p.covariance_m2[none],
+                                                 p.lever_arm_m[none]))  # fmt: skip
+
+
+def grid(seeds: range, positions: bool = True) -> dict[tuple[str, float, float], Counter[str]]:
     """Outcomes by kind of error and its size."""
     counted: dict[tuple[str, float, float], Counter[str]] = {}
     for seed in seeds:
         given, height = well_posed(seed)
+        given = given if positions else without_positions(given)
         reference = adjust_bundle(given, tolerance=1e-6)
         rng = np.random.default_rng(seed)
         for angle in ANGLES_DEG:
             for share in SHARES:
                 result = outcome(disturbed(given, rng, angle, share * height), reference)
                 counted.setdefault(("pose", angle, share), Counter())[result] += 1
+        if not positions:
+            continue  # c and the heights of vertical images over flat ground are not well posed then
         given, _ = well_posed(seed, free_c=True)
         reference = adjust_bundle(given, tolerance=1e-6)
         for factor in FACTORS:
-            result = outcome(with_start_c(given, factor), reference)
-            counted.setdefault(("c", factor, 0.0), Counter())[result] += 1
+            for angle in TURNED_DEG:
+                start = disturbed(given, rng, angle, 0.0) if angle else given
+                result = outcome(with_start_c(start, factor), reference)
+                counted.setdefault(("c", factor, angle), Counter())[result] += 1
     return counted
 
 
@@ -133,21 +147,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("blocks", type=int)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--without-positions", action="store_true")
     given = parser.parse_args()
-    counted = grid(range(given.first, given.first + given.blocks))
+    counted = grid(range(given.first, given.first + given.blocks), not given.without_positions)
     lines = ["| angle | " + " | ".join(f"{share:.0%} of H" for share in SHARES) + " |", "|---|" + "---|" * len(SHARES)]
     for angle in ANGLES_DEG:
         cells = [_cell(counted["pose", angle, share]) for share in SHARES]
         lines.append(f"| {angle:g}° | " + " | ".join(cells) + " |")
+    if given.without_positions:
+        counted |= {("c", f, a): Counter() for f in FACTORS for a in TURNED_DEG}
     lines += ["", "| c at the start | " + " | ".join(f"{f:g} c" for f in FACTORS) + " |"]
     lines += ["|---|" + "---|" * len(FACTORS)]
-    lines += ["| right | " + " | ".join(_cell(counted["c", f, 0.0]) for f in FACTORS) + " |", ""]
+    for angle in TURNED_DEG:
+        lines.append(f"| {angle:g}° | " + " | ".join(_cell(counted["c", f, angle]) for f in FACTORS) + " |")
+    lines.append("")
     sys.stdout.write("\n".join(lines))
     if any(c["false"] for c in counted.values()):
         raise SystemExit("a false solution was claimed")
 
 
 def _cell(counts: Counter[str]) -> str:
+    if not counts:
+        return "-"
     text = f"{counts['right'] / counts.total():.0%}"
     return text + "".join(f", {counts[name] / counts.total():.0%} {name}" for name in ("told", "false") if counts[name])
 
