@@ -115,8 +115,8 @@ def _halves(graph: Graph, position: Float, vertices: Int, side: npt.NDArray[np.i
 def _separated(graph: Graph, left: Int, right: Int, side: npt.NDArray[np.int32]) -> tuple[Int, Int, Int]:
     """Two halves and the fewest vertices that touch every edge between them.
 
-    By Koenig's theorem they follow from a largest matching of the edges: with Z the vertices reached by alternating paths
-    from unmatched ones of the left, they are those of the left outside Z and those of the right within.
+    By Koenig's theorem they follow from a largest matching of the edges: with Z all that alternating paths reach from
+    unmatched vertices of the left, they are the left ones outside Z and the right ones within.
 
     Parameters
     ----------

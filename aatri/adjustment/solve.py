@@ -1,8 +1,9 @@
 """Non-linear least squares of any size: Gauss-Newton with Levenberg-Marquardt fall-back, front by front.
 
 Converged when the Newton decrement of an undamped step is at most `tolerance`, which bounds the step of every unknown
-by `tolerance` times its own standard deviation; the step is applied. A step that raises the cost, or that a veto
-refuses (a point changes its side of the camera), is repeated with damping. What does not converge is a failure.
+by `tolerance` times its own standard deviation, and the step keeps to the linear model (`linearity`); it is applied. A
+step that raises the cost, or that a veto refuses (a point changes its side of the camera), is repeated with damping.
+What does not converge is a failure.
 
 An eliminated block that is determined at the start but no longer at a later step has no finite optimum (a point that
 runs away along nearly parallel rays): its steps are shortened from then on, it is reported, and it has no covariance.
@@ -23,6 +24,7 @@ from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.forecast import Solver, within_limit
 from aatri.adjustment.fronts import Factored, Problem
+from aatri.adjustment.linearity import LINEAR, departure
 from aatri.adjustment.open_blocks import steadied
 from aatri.adjustment.prepare import Ordering, prepare
 from aatri.adjustment.records import Records, whitened
@@ -147,7 +149,10 @@ def adjust_large(
         )
         trial = steadied(problem, retract_state(problem.unknowns, state, found), veto)
         if factored.damping == 0.0 and decrement <= tolerance and settled(problem, state):
-            return _finished(problem, trial, tuple(history))
+            bent = departure(problem, state, trial, found)
+            if bent <= LINEAR:
+                return _finished(problem, trial, tuple(history))
+            reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:
             break
         state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)

@@ -123,8 +123,8 @@ def lexical_order(n, start, key, depth):
             count[own[k] + 1] += 1
         for k in range(n + 1):
             count[k + 1] += count[k]
-        for k in order:
-            other[count[own[k]]] = k
-            count[own[k]] += 1
+        for group in order:
+            other[count[own[group]]] = group
+            count[own[group]] += 1
         order, other = other, order
     return order
