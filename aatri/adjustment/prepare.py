@@ -25,7 +25,7 @@ Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips
 DENSE_VERTICES = 80
 """Up to this many vertices (some 500 unknowns) everything is one front."""
 
-MOST_COMPARED = 5000
+MOST_COMPARED = 3000
 """Beyond this many vertices with positions nested dissection has always been the better order."""
 
 COMPARED_FLOPS = 5e5
