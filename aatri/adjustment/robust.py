@@ -1,10 +1,11 @@
-"""Step control under a robust loss: reweighted least squares, then Newton's method.
+"""Step control under a robust loss: from reweighted least squares to Newton's method.
 
 Far from the optimum each step is one of reweighted least squares, which lowers the cost surely but converges linearly.
-Once the Newton decrement is below `NEAR` the curvature of the loss is taken into account, see `loss`: convergence is
-then quadratic, and the decrement bounds the way that is left. Where that step is refused it came too soon.
+Once the Newton decrement is below `NEAR`, the curvature of the loss is taken into account (see `loss`), more after each
+step that was taken, less after one that was refused or that gained little: on its way it has carried records across the
+bound, where the cost bends again. Steps then grow to those of Newton's method, whose decrement bounds the way left.
 
-What a loss leaves open is steadied block by block, see `open_blocks`.
+Blocks that a loss leaves open are steadied one by one, see `open_blocks`.
 """
 
 from __future__ import annotations
@@ -14,9 +15,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.constraints import factorise_constrained
-from aatri.adjustment.damping import Damping
-from aatri.adjustment.fronts import Factored, Problem
+from aatri.adjustment.fronts import Problem
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.open_blocks import rays_beyond
 from aatri.adjustment.records import Records, whitened
@@ -25,8 +24,14 @@ from aatri.adjustment.unknowns import State
 NEAR = 0.3
 """Newton decrement from which on the curvature counts."""
 
-LEAST = 1e-3
-"""Newton decrement at which it counts in any case."""
+BOLDER, CAUTIOUS = 0.3, 10.0
+"""Factors of 1 - curvature after a step that was taken or refused."""
+
+POOR = 0.25
+"""A step that lowers the cost by less than this share of what was predicted went too far."""
+
+ENOUGH = 0.9
+"""Curvature from which on the decrement is taken for that of Newton's method."""
 
 
 def down_weighted(problem: Problem, state: State) -> int:
@@ -37,45 +42,30 @@ def down_weighted(problem: Problem, state: State) -> int:
 
 
 def settled(problem: Problem, state: State) -> bool:
-    """Whether the decrement is that of Newton's method, so that it may end the iteration."""
-    losses = _losses(problem)
-    return not losses or losses[0].curvature > 0 or down_weighted(problem, state) == 0
+    """Whether the decrement is nearly that of Newton's method, so that it may end the iteration."""
+    return curvature_of(problem) >= ENOUGH or down_weighted(problem, state) == 0
 
 
-def turned(
-    problem: Problem, state: State, factored: Factored, damping: Damping, decrement: float, near: float
-) -> tuple[Problem, Factored, Damping, float]:
-    """Turn to Newton's method near the optimum, and back where its step is refused.
+def bolder(problem: Problem, decrement: float) -> Problem:
+    """The problem for the step after one that was taken: near the optimum, closer to Newton's method."""
+    if not _losses(problem) or decrement > NEAR:
+        return problem
+    return with_curvature(problem, min(1 - BOLDER * (1 - curvature_of(problem)), NEWTON))
 
-    Parameters
-    ----------
-    problem, state, factored, damping
-        As they are for the next step.
-    decrement : float
-        Of the last step.
-    near : float
-        Decrement below which to turn.
-    """
-    unchanged = problem, factored, damping, near
-    losses = _losses(problem)
-    if not losses:
-        return unchanged
-    refused = damping.value > 0.0
-    if losses[0].curvature > 0:
-        if not refused or near <= LEAST:
-            return unchanged
-        curvature, near = 0.0, max(0.1 * near, LEAST)
-    elif refused or decrement > near or down_weighted(problem, state) == 0:
-        return unchanged
-    else:
-        curvature = NEWTON
-    problem = with_curvature(problem, curvature)
-    return problem, factorise_constrained(problem, state), Damping(), near
+
+def more_cautious(problem: Problem) -> Problem:
+    """The problem for the step after one that was refused: closer to reweighted least squares."""
+    return with_curvature(problem, max(1 - CAUTIOUS * (1 - curvature_of(problem)), 0.0))
+
+
+def curvature_of(problem: Problem) -> float:
+    """Curvature of the losses; 0 without a loss."""
+    return max((loss.curvature for loss in _losses(problem)), default=0.0)
 
 
 def with_curvature(problem: Problem, curvature: float) -> Problem:
     """The problem with another curvature of its losses."""
-    if not _losses(problem):
+    if not _losses(problem) or curvature == curvature_of(problem):
         return problem
     changed = {
         id(r): r if r.loss is None else replace(r, loss=replace(r.loss, curvature=curvature)) for r in problem.records

@@ -28,7 +28,7 @@ from aatri.adjustment.linearity import LINEAR, departure
 from aatri.adjustment.open_blocks import steadied
 from aatri.adjustment.prepare import Ordering, prepare
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.robust import NEAR, down_weighted, settled, turned, with_curvature
+from aatri.adjustment.robust import POOR, bolder, curvature_of, down_weighted, more_cautious, settled, with_curvature
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.errors import ConvergenceError
 from aatri.ids import shown
@@ -138,7 +138,7 @@ def adjust_large(
         from aatri.adjustment.conjugate import refuse_singular  # compiled only where it is needed
 
         refuse_singular(problem, state)
-    damping, near, history = Damping(), NEAR, []
+    damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
         factored.panels.clear()  # no later use; the next factorisation needs the room
@@ -155,8 +155,7 @@ def adjust_large(
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:
             break
-        state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
-        problem, factored, damping, near = turned(problem, state, factored, damping, decrement, near)
+        problem, state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
         problem, factored = _with_runaways_slowed(problem, state, factored, reporter)
         _check(problem, state, factored)
     raise ConvergenceError(_failure(records, state, max_iterations, history[-1]), remedy=_ADVICE)
@@ -165,14 +164,20 @@ def adjust_large(
 def _next(
     problem: Problem, state: dict[str, Any], trial: dict[str, Any], found: dict[str, Float], factored: Factored,
     damping: Damping, veto: Veto | None, reporter: Reporter,
-) -> tuple[dict[str, Any], Factored, Damping]:  # fmt: skip
+) -> tuple[Problem, dict[str, Any], Factored, Damping]:  # fmt: skip
     """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs."""
     refused = veto(state, trial) if veto else ""
     before = factored.cost + penalty(problem, state, factored)
     following: Factored | None = None
+    then = problem
     if not refused and damping.value == 0.0:
-        following = factorise_constrained(problem, trial)
-        refused = _worse(following.cost + penalty(problem, trial, factored), before)
+        then = bolder(problem, _decrement(problem, factored))
+        following = factorise_constrained(then, trial)
+        cost = following.cost + penalty(problem, trial, factored)
+        refused = _worse(cost, before)
+        if not refused and curvature_of(problem) > 0 and gain(before, cost, factored.decrease) < POOR:
+            then = more_cautious(problem)
+            following = factorise_constrained(then, trial)
     elif not refused:
         cost = cost_of(problem, trial) + penalty(problem, trial, factored)
         refused = _worse(cost, before)
@@ -181,10 +186,13 @@ def _next(
             damping = damping.accepted(gain(before, cost, predicted))
             following = factorise_constrained(problem, trial, damping.value)
     if following is not None and not refused:
-        return trial, following, damping
+        return then, trial, following, damping
     reporter.log(f"step refused: {refused}")
-    damping = damping.refused()
-    return state, factorise_constrained(problem, state, damping.value), damping
+    if curvature_of(problem) > 0:
+        problem = more_cautious(problem)
+    else:
+        damping = damping.refused()
+    return problem, state, factorise_constrained(problem, state, damping.value), damping
 
 
 def _with_runaways_slowed(
