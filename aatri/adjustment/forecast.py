@@ -8,7 +8,7 @@ arrays of the result come on top.
 |---|---|
 | within the limit | factor in memory |
 | within the limit without the factor, which the disk has room for | panels of the factor in a file |
-| more | conjugate gradients, preconditioned by as many subtrees as half the limit holds |
+| more | conjugate gradients, preconditioned by as much of the factor as three quarters of the limit hold |
 
 The limit is `memory_gb`, or a share of the machine's memory.
 """
@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from aatri.adjustment.fronts import Problem, share_out
-from aatri.adjustment.preconditioner import subtrees_within
+from aatri.adjustment.preconditioner import piece_within, subtrees_within
 from aatri.adjustment.tree import Node
 from aatri.errors import ResourceError, SpecError
 from aatri.progress import Reporter
@@ -140,7 +140,8 @@ def within_limit(problem: Problem, memory_gb: float | None, solver: Solver, repo
         _refuse_constraints(expected, limit, solver)
     why = "" if solver != "auto" else f"above the limit of {limit / 1e9:.3g} GB even with the factor on disk: "
     reporter.log(f"{why}conjugate gradients; there will be no standard deviations")
-    return replace(problem, subtrees=subtrees_within(problem.tree, limit / 2))
+    subtrees, piece = subtrees_within(problem.tree, limit / 2), piece_within(problem.layout.n_kept, limit / 4)
+    return replace(problem, subtrees=subtrees, piece=piece)
 
 
 def _announce(problem: Problem, expected: Forecast, reporter: Reporter) -> None:

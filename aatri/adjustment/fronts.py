@@ -76,6 +76,8 @@ class Problem:
         The panels of the factor go to a file.
     subtrees : tuple of tuple of int, optional
         Solve by conjugate gradients, with these subtrees factorised (`preconditioner`).
+    piece : int
+        Then: how many of the other unknowns are factorised together, at most.
     """
 
     unknowns: tuple[Unknowns, ...]
@@ -92,6 +94,7 @@ class Problem:
     constraints: tuple[Records, ...] = ()
     spill: bool = False
     subtrees: tuple[tuple[int, ...], ...] | None = None
+    piece: int = 0
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:

@@ -1,8 +1,8 @@
 """A factor of the reduced normal matrix that is cheaper than the exact one: exact below, block by block above.
 
 Subtrees of the elimination tree that fit into memory are factorised as always. Of what they leave for the unknowns
-above, T = S_ss - S_su S_uu^-1 S_us, only diagonal blocks are kept: the own unknowns of each node above, in pieces of
-some 1,500. With the factor L of the subtrees, the preconditioner is
+above, T = S_ss - S_su S_uu^-1 S_us, only diagonal blocks are kept, pieces of the order of elimination. With the factor
+L of the subtrees, the preconditioner is
 
     M = [L; S_su L^-T  I] diag(I, D) [L; S_su L^-T  I]',     D = diagonal blocks of T
 
@@ -36,8 +36,8 @@ from aatri.adjustment.unknowns import State
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
 
-PIECE = 1500
-"""Unknowns of a piece, at most, unless one vertex has more."""
+LEAST_PIECE, MOST_PIECE = 200, 2000
+"""Unknowns of a piece; more where one vertex has more."""
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,8 @@ class _Pieces:
     def __init__(self, problem: Problem, above: list[int]) -> None:
         self.problem = problem
         nodes, size = problem.tree.nodes, problem.layout.size
-        members: list[Int] = []
-        self.place: list[tuple[int, int]] = []
-        for k in above:
-            parts = _cut(nodes[k].vertices[: nodes[k].own], size)
-            before = np.cumsum([0, *(int(size[part].sum()) for part in parts)])
-            members += parts
-            self.place += [(k, int(first)) for first in before[:-1]]
+        own = [nodes[k].vertices[: nodes[k].own] for k in above]
+        members = _cut(np.concatenate(own), size, problem.piece) if own else []
         self.piece_of, self.row_of = np.full(len(size), -1), np.zeros(len(size), dtype=np.int64)
         self.columns: list[Int] = []
         self.sums: list[tuple[Float, Float, Float]] = []
@@ -183,28 +178,36 @@ class _Pieces:
 
     def factors(self, work: Work) -> tuple[tuple[Int, Float], ...]:
         """Columns and factor of each piece."""
-        for (k, first), columns, (F, _, d) in zip(self.place, self.columns, self.sums):
-            held, m = self.problem.layout.held[columns], len(columns)
+        layout, tree = self.problem.layout, self.problem.tree
+        for columns, (F, _, d) in zip(self.columns, self.sums):
+            held, m = layout.held[columns], len(columns)
             i = np.arange(m)
             F[i, i] += np.where(held, 1.0, work.damping * d)
             work.diagonal[columns] = d
             info = lapack.cholesky_panel(F, m)
             bad = np.flatnonzero(~held & ~(np.diagonal(F) ** 2 > RANK_TOLERANCE * d))
             if info or len(bad):
-                work.weak[k] = first + min([info - 1] * (info > 0) + bad[:1].tolist())
+                column = columns[min([info - 1] * (info > 0) + bad[:1].tolist())]
+                k = int(tree.node_of[np.searchsorted(layout.start, column, side="right") - 1])
+                work.weak[k] = int(np.flatnonzero(tree.nodes[k].columns == column)[0])
         return tuple(zip(self.columns, (F for F, _, _ in self.sums)))
 
 
-def _cut(vertices: Int, size: Int) -> list[Int]:
-    """Vertices in their order, in parts of at most `PIECE` unknowns or one vertex."""
+def _cut(vertices: Int, size: Int, most: int) -> list[Int]:
+    """Vertices in their order, in parts of at most `most` unknowns or one vertex."""
     parts: list[Int] = []
     first = total = 0
     for k, n in enumerate(size[vertices]):
-        if total + n > PIECE and k > first:
+        if total + n > most and k > first:
             parts.append(vertices[first:k])
             first, total = k, 0
         total += int(n)
     return [*parts, vertices[first:]] if len(vertices) else parts
+
+
+def piece_within(n_kept: int, most_bytes: float) -> int:
+    """Unknowns of a piece, so that all pieces fit."""
+    return int(np.clip(most_bytes / (8.0 * max(n_kept, 1)), LEAST_PIECE, MOST_PIECE))
 
 
 def subtrees_within(tree: Tree, most_bytes: float) -> tuple[tuple[int, ...], ...]:

@@ -24,7 +24,8 @@ ROOM = {"none": 0.0, "some": 1.6, "all": 100.0}
 
 def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     _many_fronts(monkeypatch)
-    monkeypatch.setattr(preconditioner, "PIECE", 12)
+    monkeypatch.setattr(preconditioner, "LEAST_PIECE", 12)
+    monkeypatch.setattr(preconditioner, "MOST_PIECE", 12)
 
 
 def _room_gb(unknowns, records, room: str) -> float:
