@@ -13,6 +13,9 @@ correction K(x, y) p added to the measurement, per camera, session or image. `ca
 same cameras (a test field), gives the parameters of its set as observations here, with their covariance. Camera models
 whose parameters the block leaves open (`sigmas`) are adjusted as such.
 
+`huber`: image points beyond so many standard deviations are down-weighted by Huber's loss. The solution is then not one
+of least squares: it has neither sigma0 nor standard deviations.
+
 Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
 resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
 
@@ -23,11 +26,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from time import perf_counter
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import field_validator
+from pydantic import field_validator, model_validator
 
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.prepare import Ordering
@@ -77,6 +80,9 @@ class BundleOptions(Options):
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
     )
+    huber: float | None = Field(
+        None, gt=0, description="Huber's loss: image points beyond this many standard deviations are down-weighted"
+    )
     ordering: Ordering = Field(
         "auto",
         description="order of elimination of the images; auto: the better of nested_dissection and minimum_degree",
@@ -94,8 +100,18 @@ class BundleOptions(Options):
     def _set_by_name(cls, value: object) -> object:
         return {"set": value} if isinstance(value, str) else value
 
+    @model_validator(mode="after")
+    def _no_statistics_of_weights(self) -> Self:
+        removes = self.self_calibration is not None and self.self_calibration.remove
+        if self.huber is not None and (self.reliability or removes):
+            wanted = "reliability" if self.reliability else "self_calibration.remove"
+            raise ValueError(
+                f"huber gives no statistics: {wanted} needs a bundle without it, `from: initial` of this one"
+            )
+        return self
 
-@stage(version=3)
+
+@stage(version=4)
 def bundle(
     block: Block,
     image_points: ImagePoints,
@@ -120,6 +136,7 @@ def bundle(
     if options.self_calibration is not None and options.self_calibration.remove:
         given, result = _adjusted_without_idle(given, result, options, context)
     _report_left_out(block, given, result, context)
+    _report_down_weighted(result, options, context)
     _report_misfit(result, context)
     report_parameters(given, result, context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
@@ -158,6 +175,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
             max_iterations=options.max_iterations,
             tolerance=options.tolerance,
             covariances=options.standard_deviations or options.reliability,
+            huber=options.huber,
             ordering=options.ordering,
             reproducible=options.reproducible,
             memory_gb=options.memory_gb,
@@ -205,9 +223,20 @@ def _report_left_out(block: Block, given: BundleInput, result: BundleResult, con
         )
 
 
+def _report_down_weighted(result: BundleResult, options: BundleOptions, context: Context) -> None:
+    count, used = result.adjusted.down_weighted, int(result.ray_used.sum())
+    if options.huber is not None:
+        context.log(f"{count} of {used} image points beyond {options.huber:g} standard deviations are down-weighted")
+    if count:
+        context.warn(
+            "not a least-squares solution: it has neither sigma0 nor standard deviations; "
+            "a bundle without `huber` that starts from this one gives them"
+        )
+
+
 def _report_misfit(result: BundleResult, context: Context) -> None:
     sigma0, redundancy = result.adjusted.sigma0, result.adjusted.redundancy
-    if not sigma0_fits(sigma0, redundancy):
+    if not np.isnan(sigma0) and not sigma0_fits(sigma0, redundancy):
         low, high = sigma0_interval(redundancy)
         why = "gross errors, an effect not modelled, or standard deviations that are too small"
         if sigma0 < low:
