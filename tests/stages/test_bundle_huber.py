@@ -1,0 +1,80 @@
+"""Bundle with Huber's loss of the image points: gross errors in a simulated block."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+SMALL = {
+    "preset": "rc30",
+    "flight": {"strips": 2, "images_per_strip": 5},
+    "ties": {"new_points": 120},
+    "known": {"full": 10},
+}
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    return run_chain(simulated(**SMALL))
+
+
+@pytest.fixture(scope="module")
+def disturbed(chain: Chain) -> ImagePoints:
+    """One image point in fifty is wrong by some 100 micrometres."""
+    measured, rng = chain.refined.measurements, np.random.default_rng(3)
+    xy = measured.xy_mm.copy()
+    wrong = rng.random(len(xy)) < 0.02
+    xy[wrong] += 0.1 * rng.choice([-1.0, 1.0], size=(int(wrong.sum()), 2))
+    return replace(chain.refined, measurements=replace(measured, xy_mm=xy))
+
+
+def _error(chain: Chain, solution: Solution) -> float:
+    """Root mean square difference of the projection centres to the undisturbed adjustment, m."""
+    return float(np.sqrt(((solution.images.position_m - chain.bundle.images.position_m) ** 2).mean()))
+
+
+def test_gross_errors_do_little_harm(chain: Chain, disturbed: ImagePoints) -> None:
+    told = Told()
+    options = BundleOptions(huber=1.5, max_iterations=60)
+    robust = bundle(chain.block, disturbed, chain.strip_block, options=options, context=told)
+    squares = bundle(chain.block, disturbed, chain.strip_block)
+    assert _error(chain, robust) < 0.25 * _error(chain, squares)
+    assert any("down-weighted" in text for text in told.lines)
+    assert any("not a least-squares solution" in text for text in told.warnings)
+    assert np.isnan(robust.sigma0)
+    assert np.isnan(robust.sigma0_um)
+    assert robust.metrics()["sigma0"] is None
+    assert np.isnan(robust.images.covariance).all()
+    assert np.isnan(robust.points.covariance_m2).all()
+
+
+def test_a_bound_beyond_all_residuals_leaves_the_least_squares_solution(chain: Chain) -> None:
+    told = Told()
+    wide = bundle(chain.block, chain.refined, chain.strip_block, options=BundleOptions(huber=1e6), context=told)
+    assert (wide.images.position_m == chain.bundle.images.position_m).all()
+    assert np.isfinite(wide.points.covariance_m2).any()
+    np.testing.assert_array_equal(wide.points.covariance_m2, chain.bundle.points.covariance_m2)
+    assert wide.sigma0 == chain.bundle.sigma0
+    assert any(text.startswith("0 of ") for text in told.lines)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_the_bound_is_positive(value: float) -> None:
+    with pytest.raises(ValidationError, match="greater than 0"):
+        BundleOptions(huber=value)
+
+
+def test_what_needs_statistics_is_refused() -> None:
+    with pytest.raises(ValidationError, match="reliability needs a bundle without it"):
+        BundleOptions(huber=1.5, reliability=True)
+    with pytest.raises(ValidationError, match="remove needs a bundle without it"):
+        BundleOptions.model_validate({"huber": 1.5, "self_calibration": {"set": "ebner12", "remove": True}})
