@@ -28,9 +28,11 @@ from aatri.adjustment.fronts import (
     linearised,
     share_out,
     side_by_side,
+    single_poses,
 )
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
+from aatri.adjustment.kernels.covariance_pose import pose_covariances
 from aatri.adjustment.record_covariances import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.robust import refuse_covariances
 from aatri.adjustment.solve import Adjusted
@@ -145,6 +147,10 @@ class _Down:
         assert rays is not None
         for p0, p1, _, A, B in linearised(self.problem, self.fill, k, node):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+            if single_poses(rays.parts, A):
+                pose_covariances(p0, p1, base, rays.ray_start, A, B, rays.loc[base:last], S, self.problem.block_free,
+                                 self.factored.block_factor, self.block, self.ray)  # fmt: skip
+                continue
             row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
             block_covariances(p0, p1, base, rays.ray_start, A, B, row, S, self.problem.block_free,
                               self.factored.block_factor, self.block, self.ray)  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
-from aatri.adjustment.index import KeptRecords, Rays, part_columns
+from aatri.adjustment.index import KeptRecords, Parts, Rays, part_columns
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
@@ -309,7 +309,7 @@ class Work:
             self.cost[k] += excess(rays.records, v)
             base = int(rays.ray_start[p0])
             loc = rays.loc[base : int(rays.ray_start[p1])]
-            if len(rays.parts.size) == 1 and A.shape[1:] == (2, 6):
+            if single_poses(rays.parts, A):
                 self.cost[k] += eliminate_pose(p0, p1, base, rays.ray_start, v, A, B, loc, *common)
             else:
                 parts = rays.parts
@@ -323,6 +323,11 @@ class Work:
 
 
 Chunk = tuple[int, int, Float, Float, Float]
+
+
+def single_poses(parts: Parts, A: Float) -> bool:
+    """Whether rays are those of the faster kernels: two residuals, and one part of six unknowns."""
+    return len(parts.size) == 1 and A.shape[1:] == (2, 6)
 
 
 def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chunk]:

@@ -1,6 +1,6 @@
 """Linearisation test of the last step s: the residuals that the linear model foretells, v + J s, against the new ones.
 
-The two ways to the adjusted observations must agree, otherwise one more step is due. Observations of blocks that have no
+The two ways to the adjusted observations must agree, otherwise one more step is due. Observations of blocks without
 finite optimum are left out. Under a loss, whose weights change with the step, there is no test.
 
 Source: Cepek, GNU Gama, the test of the linearisation.

@@ -4,6 +4,8 @@ With the front's covariance S, C = sum B'A over the rays of a block, Z = L^-1 C,
 Q = L^-T (I + Z S Z') L^-1, and its covariance with the kept unknowns is -L^-T Z S. The adjusted value of a ray has
 
     A S A' + A Q_xy B' + (A Q_xy B')' + B Q B'
+
+This is the general form; `covariance_pose` is the same for nearly all rays.
 """
 
 from __future__ import annotations
@@ -17,6 +19,25 @@ _SIGNATURE = (
     "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], "
     "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
+
+
+@njit("void(int64, float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,:,::1])", **OPTIONS)
+def from_factor(p, Ls, G, free, inverse, Q):
+    """Covariance of block p, L^-T G L^-1, written into Q; L^-1 into `inverse`."""
+    l00, l10, l20, l11, l21, l22 = Ls[p, 0], Ls[p, 1], Ls[p, 2], Ls[p, 3], Ls[p, 4], Ls[p, 5]
+    inverse[0, 0] = 1.0 / l00
+    inverse[1, 0] = -l10 / (l00 * l11)
+    inverse[2, 0] = (l10 * l21 - l20 * l11) / (l00 * l11 * l22)
+    inverse[1, 1] = 1.0 / l11
+    inverse[2, 1] = -l21 / (l11 * l22)
+    inverse[2, 2] = 1.0 / l22
+    for a in range(3):
+        for b in range(3):
+            s = 0.0
+            for i in range(a, 3):
+                for j in range(b, 3):
+                    s += inverse[i, a] * G[i, j] * inverse[j, b]
+            Q[p, a, b] = s * free[p, a] * free[p, b]
 
 
 @njit(_SIGNATURE, **OPTIONS)
@@ -59,7 +80,9 @@ def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
                 Z[k, 0], Z[k, 1] = z0, z1
                 Z[k, 2] = (s2 * free[p, 2] - L[2] * z0 - L[4] * z1) / L[5]
                 k += 1
-        G[:, :] = np.eye(3)
+        for a in range(3):
+            for b in range(3):
+                G[a, b] = 1.0 if a == b else 0.0
         for j in range(k):
             t0, t1, t2, pj = 0.0, 0.0, 0.0, place[j]
             if pj >= 0:
@@ -74,19 +97,7 @@ def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
                 G[0, b] += t0 * Z[j, b]
                 G[1, b] += t1 * Z[j, b]
                 G[2, b] += t2 * Z[j, b]
-        inverse[0, 0] = 1.0 / L[0]
-        inverse[1, 0] = -L[1] / (L[0] * L[3])
-        inverse[2, 0] = (L[1] * L[4] - L[2] * L[3]) / (L[0] * L[3] * L[5])
-        inverse[1, 1] = 1.0 / L[3]
-        inverse[2, 1] = -L[4] / (L[3] * L[5])
-        inverse[2, 2] = 1.0 / L[5]
-        for a in range(3):
-            for b in range(3):
-                s = 0.0
-                for i in range(a, 3):
-                    for j in range(b, 3):
-                        s += inverse[i, a] * G[i, j] * inverse[j, b]
-                Q[p, a, b] = s * free[p, a] * free[p, b]
+        from_factor(p, Ls, G, free, inverse, Q)
         for r in range(r0, r1):
             f = (r - r0) * columns
             for a in range(columns):  # minus the covariance of the block with the kept unknowns

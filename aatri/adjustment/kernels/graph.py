@@ -32,14 +32,17 @@ def neighbours(n, group_start, member, vertex_start, group_of):
     start : (n + 1,) int64
     neighbour : (.,) int32, ascending within a vertex
     """
-    stamp = np.full(n, -1, dtype=np.int64)
+    stamp = np.empty(n, dtype=np.int64)
     start = np.zeros(n + 1, dtype=np.int64)
     found = np.empty(64 * n + 64, dtype=np.int32)
+    for v in range(n):
+        stamp[v] = -1
     at = 0
     for v in range(n):
         if at + n > len(found):  # a vertex has at most n neighbours
             larger = np.empty(2 * len(found) + n, dtype=np.int32)
-            larger[:at] = found[:at]
+            for k in range(at):
+                larger[k] = found[k]
             found = larger
         stamp[v] = v
         for k in range(vertex_start[v], vertex_start[v + 1]):
@@ -50,9 +53,17 @@ def neighbours(n, group_start, member, vertex_start, group_of):
                     stamp[w] = v
                     found[at] = w
                     at += 1
-        found[start[v] : at].sort()
         start[v + 1] = at
-    return start, found[:at].copy()
+    # neighbours are so mutually: handing every vertex to its neighbours, in turn, leaves all lists ascending
+    neighbour = np.empty(at, dtype=np.int32)
+    for v in range(n):
+        stamp[v] = start[v]
+    for v in range(n):
+        for k in range(start[v], start[v + 1]):
+            w = found[k]
+            neighbour[stamp[w]] = v
+            stamp[w] += 1
+    return start, neighbour
 
 
 @njit("Tuple((int64[::1], int64[::1]))(int64, int32[::1])", nogil=True, cache=True)
