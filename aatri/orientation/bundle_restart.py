@@ -2,10 +2,10 @@
 
 The direct adjustment is tried first. If it does not converge, needs damping and ends with a sigma0 far above 1, or
 turns images over (most of their points behind them), poses and points are adjusted to the conditions of
-`observations.object_space`, together with control and observed positions, image points first down-weighted and then as
-they are; images that come out turned over are mirrored on the plane of their points; from there the adjustment is tried
-again. The best result counts. A result with images turned over is none: over flat ground their residuals are as small
-as the right ones.
+`observations.object_space`, together with control and observed positions: with rotations held, where it is linear, then
+all; image points down-weighted, then as they are. Images that come out turned over are mirrored on the plane of their
+points. From there the adjustment is tried again, and the best result counts. A result with images turned over is none:
+over flat ground their residuals are as small as the right ones.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ Bool = npt.NDArray[np.bool_]
 FAR_SIGMA0 = 3.0
 """sigma0 above which an adjustment that had to be damped is tried from elsewhere."""
 
-FACTORS = (1e3, 1.0)
-"""Standard deviations of the image points in object space are multiplied by these, one trial each."""
+TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
+"""Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
 
 SPACE_ITERATIONS = 60
 SPACE_TOLERANCE = 0.1
@@ -102,10 +102,10 @@ def turned_over(given: BundleInput, poses: Poses, xyz_m: Float, ray: Bool) -> Bo
     return np.asarray(2 * np.bincount(image[behind], minlength=n) > np.bincount(image, minlength=n))
 
 
-def _trusted(given: BundleInput, result: BundleResult | None) -> bool:
+def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
     if result is None or turned_over(given, result.poses, result.xyz_m, result.ray_used).any():
         return False
-    strayed = any(step.damping > 0 for step in result.adjusted.history)
+    strayed = restarted or any(step.damping > 0 for step in result.adjusted.history)
     return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
 
 
@@ -113,16 +113,16 @@ def _best_restart(
     given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first."""
-    for factor in FACTORS:
+    for factor, held in TRIALS:
         try:
-            started = _start_in_space(given, factor)
+            started = _start_in_space(given, factor, held)
             found = adjust_bundle(started, reporter=reporter, **options)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             continue
         if best is None or _rank(given, found) < _rank(given, best):
             best = found
-        if _trusted(given, best):
+        if _trusted(given, best, restarted=True):
             break
     return best
 
@@ -132,26 +132,27 @@ def _rank(given: BundleInput, result: BundleResult) -> tuple[int, float]:
     return int(over.sum()), result.adjusted.cost
 
 
-def _start_in_space(given: BundleInput, factor: float) -> BundleInput:
+def _start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> BundleInput:
     """The block with poses and points adjusted in object space; cameras at their start, film as measured."""
     ray, image, point = determinable(given)
     rays = given.rays.take(ray)
     origin = np.round(given.xyz_m[point].mean(axis=0))
     control = given.control
-    held, coordinate = np.nonzero(control.held)
+    exact, coordinate = np.nonzero(control.held)
     xyz = given.xyz_m.copy()
-    xyz[control.point[held], coordinate] = control.xyz_m[held, coordinate]
+    xyz[control.point[exact], coordinate] = control.xyz_m[exact, coordinate]
     free = np.repeat(point[:, None], 3, axis=1)
-    free[control.point[held], coordinate] = False
+    free[control.point[exact], coordinate] = False
     distance = float(np.median(np.linalg.norm(xyz[rays.point] - given.poses.position_m[rays.image], axis=1)))
-    found = adjust_large(
-        [pose_unknowns(given.image_ids, np.repeat(image[:, None], 6, axis=1), given.poses.position_m),
-         Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True)],
-        [object_space_records(rays, distance, factor), *_given_records(given, origin, image, point)],
-        {POSE: Poses(given.poses.position_m - origin, given.poses.ground_from_image), POINT: xyz - origin},
-        max_iterations=SPACE_ITERATIONS,
-        tolerance=SPACE_TOLERANCE,
-    )  # fmt: skip
+    records = [object_space_records(rays, distance, factor), *_given_records(given, origin, image, point)]
+    state: Any = {POSE: Poses(given.poses.position_m - origin, given.poses.ground_from_image), POINT: xyz - origin}
+    for turning in (False, True) if rotations_held else (True,):
+        pose = np.repeat(image[:, None], 6, axis=1)
+        pose[:, 3:] &= turning
+        unknowns = [pose_unknowns(given.image_ids, pose, given.poses.position_m),
+                    Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True)]  # fmt: skip
+        found = adjust_large(unknowns, records, state, max_iterations=SPACE_ITERATIONS, tolerance=SPACE_TOLERANCE)
+        state = found.state
     poses, xyz = found.state[POSE], found.state[POINT] + origin
     poses = Poses(poses.position_m + origin, poses.ground_from_image)
     for k in np.flatnonzero(turned_over(given, poses, xyz, ray)):
