@@ -14,7 +14,8 @@ same cameras (a test field), gives the parameters of its set as observations her
 whose parameters the block leaves open (`sigmas`) are adjusted as such.
 
 `huber`: image points beyond so many standard deviations are down-weighted by Huber's loss. The solution is then not one
-of least squares: it has neither sigma0 nor standard deviations.
+of least squares: it has neither sigma0 nor standard deviations. `huber_rejects` lists what is farther off as rejected,
+for the bundle of least squares that follows.
 
 Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
 resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
@@ -42,6 +43,7 @@ from aatri.artifacts.given import Positions, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.ordering_report import report_orderings
 from aatri.artifacts.parameter_report import rank_advice, report_parameters, without_idle
+from aatri.artifacts.robust_suspects import with_gross_errors
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError, ResourceError, SpecError
@@ -83,6 +85,12 @@ class BundleOptions(Options):
     huber: float | None = Field(
         None, gt=0, description="Huber's loss: image points beyond this many standard deviations are down-weighted"
     )
+    huber_rejects: float | None = Field(
+        None,
+        gt=0,
+        description="with huber: image points beyond this many standard deviations are left to the next bundle"
+        " as rejected",
+    )
     ordering: Ordering = Field(
         "auto",
         description="order of elimination of the images; auto: the better of nested_dissection and minimum_degree",
@@ -102,6 +110,8 @@ class BundleOptions(Options):
 
     @model_validator(mode="after")
     def _no_statistics_of_weights(self) -> Self:
+        if self.huber_rejects is not None and self.huber is None:
+            raise ValueError("huber_rejects goes with huber")
         removes = self.self_calibration is not None and self.self_calibration.remove
         if self.huber is not None and (self.reliability or removes):
             wanted = "reliability" if self.reliability else "self_calibration.remove"
@@ -142,6 +152,8 @@ def bundle(
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     started = perf_counter()
+    if options.huber_rejects is not None:
+        suspects = with_gross_errors(block, given, result, suspects, options.huber_rejects)
     solution = bundle_solution(
         block, control, positions, given, result, suspects, tables, calibrated, orderings, tests=options.reliability
     )

@@ -57,6 +57,20 @@ def test_gross_errors_do_little_harm(chain: Chain, disturbed: ImagePoints) -> No
     assert np.isnan(robust.points.covariance_m2).all()
 
 
+def test_weights_select_and_least_squares_gives_the_statistics(chain: Chain, disturbed: ImagePoints) -> None:
+    options = BundleOptions(huber=1.5, huber_rejects=5.0, max_iterations=60)
+    robust = bundle(chain.block, disturbed, chain.strip_block, options=options)
+    rejected = robust.suspects.row[(robust.suspects.stage == "bundle_adjustment") & (robust.suspects.row >= 0)]
+    wrong = np.flatnonzero((disturbed.measurements.xy_mm != chain.refined.measurements.xy_mm).any(axis=1))
+    assert len(np.intersect1d(rejected, wrong)) >= 0.9 * len(wrong)
+    assert len(np.setdiff1d(rejected, wrong)) <= 0.1 * len(wrong)
+    final = bundle(chain.block, disturbed, robust)
+    assert final.sigma0 == pytest.approx(chain.bundle.sigma0, rel=0.1)
+    assert np.isfinite(final.images.covariance).all()
+    sigma = np.sqrt(np.einsum("nii->ni", chain.bundle.images.covariance)[:, :3])
+    assert (np.abs(final.images.position_m - chain.bundle.images.position_m) < 2 * sigma).all()
+
+
 def test_a_bound_beyond_all_residuals_leaves_the_least_squares_solution(chain: Chain) -> None:
     told = Told()
     wide = bundle(chain.block, chain.refined, chain.strip_block, options=BundleOptions(huber=1e6), context=told)
@@ -71,6 +85,11 @@ def test_a_bound_beyond_all_residuals_leaves_the_least_squares_solution(chain: C
 def test_the_bound_is_positive(value: float) -> None:
     with pytest.raises(ValidationError, match="greater than 0"):
         BundleOptions(huber=value)
+
+
+def test_rejecting_goes_with_the_loss() -> None:
+    with pytest.raises(ValidationError, match="goes with huber"):
+        BundleOptions(huber_rejects=5.0)
 
 
 def test_what_needs_statistics_is_refused() -> None:
