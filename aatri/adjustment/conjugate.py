@@ -14,7 +14,7 @@ below 1e-7 standard deviations.
 
 Whether S is regular, which a factorisation sees by its pivots, is found out by a second right-hand side: S w for a
 random w. What then is left of w, e, has the quotient e'S e / e'diag(A'A) e: an upper bound of the smallest eigenvalue,
-and close to it if it is very small.
+however accurate the solution, and close to it if it is very small.
 
 Source: Hestenes & Stiefel 1952; Golub & Meurant 1997, Matrices, moments and quadrature II (bound of the error).
 """
@@ -99,7 +99,7 @@ def refuse_singular(problem: Problem, state: State) -> None:
     S, diagonal = _Reduced(problem, state, factored), factored.diagonal
     used = ~problem.layout.held & (diagonal > 0)
     w = np.where(used, np.random.default_rng(0).normal(size=len(used)) / np.sqrt(np.where(used, diagonal, 1.0)), 0.0)
-    left = w - conjugate_gradients(S.times, S.times(w), preconditioner.solve, PROBE_ACCURACY)
+    left = w - _iterated(S.times, S.times(w), preconditioner.solve, PROBE_ACCURACY, 0.0)[0]
     size = float((diagonal * left**2).sum())
     if size > 0.0 and float(left @ S.times(left)) < RANK_TOLERANCE * size:
         names = described(problem, left * np.sqrt(diagonal))
@@ -121,6 +121,17 @@ def conjugate_gradients(S: Product, b: Float, solve: Product, accuracy: float, s
     ------
     ConvergenceError
     """
+    x, iterations, converged = _iterated(S, b, solve, accuracy, small)
+    if not converged:
+        raise ConvergenceError(
+            f"conjugate gradients did not converge in {iterations} iterations: the block is held together too loosely",
+            remedy="raise memory_gb, so that more of the factor fits, or add control",
+        )
+    return x
+
+
+def _iterated(S: Product, b: Float, solve: Product, accuracy: float, small: float) -> tuple[Float, int, bool]:
+    """What is reached, the number of iterations, and whether it is accurate enough."""
     x, r = np.zeros_like(b), b.copy()
     z = solve(r)
     p, rho, square = z.copy(), float(r @ z), 0.0
@@ -141,14 +152,9 @@ def conjugate_gradients(S: Product, b: Float, solve: Product, accuracy: float, s
         betas.append(rho / before)
         wanted = accuracy**2 * max(square, small**2)
         if rho <= wanted and rho <= wanted * _smallest_eigenvalue(alphas, betas):
-            return x
+            return x, len(alphas), True
         p = z + betas[-1] * p
-    if rho == 0.0:
-        return x
-    raise ConvergenceError(
-        f"conjugate gradients did not converge in {len(alphas)} iterations: the block is held together too loosely",
-        remedy="raise memory_gb, so that more of the factor fits, or add control",
-    )
+    return x, len(alphas), rho == 0.0
 
 
 def _smallest_eigenvalue(alphas: list[float], betas: list[float]) -> float:
