@@ -14,13 +14,17 @@ Source: Amestoy, Davis, Duff 1996, An approximate minimum degree ordering algori
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 _I, _L = "int32[::1]", "int64[::1]"
+_HELPER: dict[str, Any] = {"nogil": True, "cache": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Of functions that only compiled ones call: they compile faster without an entry from Python."""
 
 
-@njit(f"void(int64, int64, {_I}, {_I}, {_I})", nogil=True, cache=True)
+@njit(f"void(int64, int64, {_I}, {_I}, {_I})", **_HELPER)
 def _enter(i, degree, head, following, previous):
     """Enter a vertex into the list of its degree."""
     following[i], previous[i] = head[degree], -1
@@ -29,7 +33,7 @@ def _enter(i, degree, head, following, previous):
     head[degree] = i
 
 
-@njit(f"void(int64, int64, {_I}, {_I}, {_I})", nogil=True, cache=True)
+@njit(f"void(int64, int64, {_I}, {_I}, {_I})", **_HELPER)
 def _leave(i, degree, head, following, previous):
     """Take a vertex out of the list of its degree."""
     if previous[i] >= 0:
@@ -40,7 +44,7 @@ def _leave(i, degree, head, following, previous):
         previous[following[i]] = previous[i]
 
 
-@njit(f"int64(int64, int64, {_I}, {_L}, {_I}, {_I}, {_L}, {_I}, {_I})", nogil=True, cache=True)
+@njit(f"int64(int64, int64, {_I}, {_L}, {_I}, {_I}, {_L}, {_I}, {_I})", **_HELPER)
 def _gather(p, at, lists, first, elements, count, weight, parent, mark):
     """Write the vertices of the new element p to `lists[at:]`; absorb its elements. Returns the end."""
     end = at
@@ -59,7 +63,7 @@ def _gather(p, at, lists, first, elements, count, weight, parent, mark):
     return end
 
 
-@njit(f"void(int64, int64, int64, {_I}, {_L}, {_I}, {_L}, {_L}, {_I}, {_I}, {_L})", nogil=True, cache=True)
+@njit(f"void(int64, int64, int64, {_I}, {_L}, {_I}, {_L}, {_L}, {_I}, {_I}, {_L})", **_HELPER)
 def _outside(p, begin, end, lists, first, elements, weight, extent, parent, mark, outside):
     """For every element that the new one, p, meets: its unknowns that lie outside p."""
     for k in range(begin, end):
@@ -73,7 +77,7 @@ def _outside(p, begin, end, lists, first, elements, weight, extent, parent, mark
             outside[e] -= weight[i]
 
 
-@njit(f"int64(int64, int64, {_I}, {_L}, {_I}, {_I}, {_L}, {_I}, {_I}, {_L}, {_L})", nogil=True, cache=True)
+@njit(f"int64(int64, int64, {_I}, {_L}, {_I}, {_I}, {_L}, {_I}, {_I}, {_L}, {_L})", **_HELPER)
 def _renew(i, p, lists, first, elements, count, weight, parent, mark, outside, key):
     """New list of a vertex of the element p: p, live elements, vertices outside. Returns its degree but for p."""
     start, inner, last = first[i], first[i] + elements[i], first[i] + count[i]
@@ -101,7 +105,7 @@ def _renew(i, p, lists, first, elements, count, weight, parent, mark, outside, k
     return degree
 
 
-@njit(f"void(int64, int64, {_I}, {_L}, {_I}, {_I}, {_L}, {_I}, {_L}, {_I}, {_I}, {_I})", nogil=True, cache=True)
+@njit(f"void(int64, int64, {_I}, {_L}, {_I}, {_I}, {_L}, {_I}, {_L}, {_I}, {_I}, {_I})", **_HELPER)
 def _merge(begin, end, lists, first, elements, count, weight, into, key, bucket, chain, stamp):
     """Merge vertices of an element that have the same list; only those of one bucket by the sum of it are compared."""
     n = len(bucket)
@@ -132,6 +136,7 @@ def _merge(begin, end, lists, first, elements, count, weight, into, key, bucket,
     "Tuple((int32[::1], int32[::1], int32[::1], int64[::1]))(int64[::1], int32[::1], int64[::1])",
     nogil=True,
     cache=True,
+    no_cfunc_wrapper=True,
 )
 def minimum_degree(start, neighbour, size):
     """Order of elimination.
