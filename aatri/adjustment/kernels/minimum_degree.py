@@ -136,7 +136,6 @@ def _merge(begin, end, lists, first, elements, count, weight, into, key, bucket,
     "Tuple((int32[::1], int32[::1], int32[::1], int64[::1]))(int64[::1], int32[::1], int64[::1])",
     nogil=True,
     cache=True,
-    no_cfunc_wrapper=True,
 )
 def minimum_degree(start, neighbour, size):
     """Order of elimination.
