@@ -1,11 +1,10 @@
 """Bundle adjustment from bad starts: where it fails, once more from a start that collinearity in object space gives.
 
 The direct adjustment is tried first. If it does not converge, needs damping and ends with a sigma0 far above 1, or
-turns images over (most of their points behind them), poses and points are adjusted to the conditions of
-`observations.object_space`, together with control and observed positions: with rotations held, where it is linear, then
-all; image points down-weighted, then as they are. Images that come out turned over are mirrored on the plane of their
-points. From there the adjustment is tried again, and the best result counts. A result with images turned over is none:
-over flat ground their residuals are as small as the right ones.
+turns images over (most of their points behind them), it is tried again from starts by `space_start`: with rotations
+held at first or not, image points down-weighted or as they are. The best result counts, at once if another start leads
+to the same. What still does not fit is oriented by resection to the points that the other images determine. A result
+with images turned over is none: over flat ground their residuals are as small as the right ones.
 """
 
 from __future__ import annotations
@@ -16,18 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.records import Records
-from aatri.adjustment.solve import adjust_large
-from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
-from aatri.observations.coordinates import value_records
-from aatri.observations.object_space import object_space_records
-from aatri.observations.poses import POINT, POSE, Poses, pose_unknowns
-from aatri.observations.positions import position_records
+from aatri.observations.poses import Poses
 from aatri.orientation.bundle import BundleResult, adjust_bundle
-from aatri.orientation.bundle_input import BundleInput, determinable
+from aatri.orientation.bundle_input import BundleInput
+from aatri.orientation.bundle_start import complete_start
+from aatri.orientation.space_start import start_in_space, turned_over
 from aatri.progress import SILENT, Reporter
 
 Float = npt.NDArray[np.float64]
@@ -37,11 +31,11 @@ Bool = npt.NDArray[np.bool_]
 FAR_SIGMA0 = 3.0
 """sigma0 above which an adjustment that had to be damped is tried from elsewhere."""
 
+SAME = 1e-6
+"""Costs that agree within this share are those of the same minimum."""
+
 TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
 """Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
-
-SPACE_ITERATIONS = 60
-SPACE_TOLERANCE = 0.1
 
 
 def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, **options: Any) -> BundleResult:
@@ -83,25 +77,6 @@ def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, 
     return best
 
 
-def turned_over(given: BundleInput, poses: Poses, xyz_m: Float, ray: Bool) -> Bool:
-    """Images with more than half of their points behind them.
-
-    Parameters
-    ----------
-    ray : (n,) bool
-        Rays to look at.
-
-    Returns
-    -------
-    (n_images,) bool
-    """
-    image, point = given.rays.image[ray], given.rays.point[ray]
-    axis = poses.ground_from_image[image][:, :, 2]
-    behind = np.einsum("ni,ni->n", axis, xyz_m[point] - poses.position_m[image]) > 0
-    n = len(given.image_ids)
-    return np.asarray(2 * np.bincount(image[behind], minlength=n) > np.bincount(image, minlength=n))
-
-
 def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
     if result is None or turned_over(given, result.poses, result.xyz_m, result.ray_used).any():
         return False
@@ -115,71 +90,56 @@ def _best_restart(
     """The best of the results so far and those of new starts; one without images turned over comes first."""
     for factor, held in TRIALS:
         try:
-            started = _start_in_space(given, factor, held)
+            started = start_in_space(given, factor, held)
             found = adjust_bundle(started, reporter=reporter, **options)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             continue
+        again = best is not None and np.isclose(found.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
         if best is None or _rank(given, found) < _rank(given, best):
             best = found
-        if _trusted(given, best, restarted=True):
-            break
-    return best
+        if _trusted(given, best, restarted=True) or (again and not _rank(given, best)[0]):
+            return best
+    return _resected(given, best, reporter, options)
+
+
+def _resected(
+    given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
+) -> BundleResult | None:
+    """Images that do not fit, oriented anew by resection to the points that the others determine."""
+    if best is None:
+        return None
+    bad = _misfits(given, best)
+    if not bad.any() or 2 * bad.sum() > best.image_adjusted.sum():
+        return best
+    rays, used = given.rays, best.ray_used
+    clean = rays.point[used & ~bad[rays.image]]
+    control = np.isin(np.arange(len(given.point_ids)), given.control.point)
+    lost = (np.bincount(clean, minlength=len(control)) < 2) & ~control
+    position, rotation = (np.where(bad.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
+                          for a in (best.poses.position_m, best.poses.ground_from_image))  # fmt: skip
+    poses, xyz = complete_start(rays, Poses(position, rotation), np.where(lost[:, None], np.nan, best.xyz_m))
+    try:
+        found = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), reporter=reporter, **options)
+    except (ConvergenceError, GeometryError) as error:
+        reporter.log(f"start by resection of {shown(np.asarray(given.image_ids)[bad])}: {error.what}")
+        return best
+    complete = (found.image_adjusted >= best.image_adjusted).all() and (
+        found.point_adjusted >= best.point_adjusted
+    ).all()
+    return found if complete and _rank(given, found) < _rank(given, best) else best
+
+
+def _misfits(given: BundleInput, result: BundleResult) -> Bool:
+    """Images turned over, or with residuals far above those of the others."""
+    records = next(r for r in result.adjusted.problem.records if r.name == "image point")
+    image, n = given.rays.image[result.ray_used], len(given.image_ids)
+    count = np.maximum(np.bincount(image, minlength=n), 1)
+    mean = np.bincount(image, records.standardised(result.adjusted.state), n) / count
+    large = mean > max(FAR_SIGMA0, 3.0 * float(np.median(mean[result.image_adjusted])))
+    return np.asarray(large | turned_over(given, result.poses, result.xyz_m, result.ray_used))
 
 
 def _rank(given: BundleInput, result: BundleResult) -> tuple[int, float]:
     over = turned_over(given, result.poses, result.xyz_m, result.ray_used)
     return int(over.sum()), result.adjusted.cost
-
-
-def _start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> BundleInput:
-    """The block with poses and points adjusted in object space; cameras at their start, film as measured."""
-    ray, image, point = determinable(given)
-    rays = given.rays.take(ray)
-    origin = np.round(given.xyz_m[point].mean(axis=0))
-    control = given.control
-    exact, coordinate = np.nonzero(control.held)
-    xyz = given.xyz_m.copy()
-    xyz[control.point[exact], coordinate] = control.xyz_m[exact, coordinate]
-    free = np.repeat(point[:, None], 3, axis=1)
-    free[control.point[exact], coordinate] = False
-    distance = float(np.median(np.linalg.norm(xyz[rays.point] - given.poses.position_m[rays.image], axis=1)))
-    records = [object_space_records(rays, distance, factor), *_given_records(given, origin, image, point)]
-    state: Any = {POSE: Poses(given.poses.position_m - origin, given.poses.ground_from_image), POINT: xyz - origin}
-    for turning in (False, True) if rotations_held else (True,):
-        pose = np.repeat(image[:, None], 6, axis=1)
-        pose[:, 3:] &= turning
-        unknowns = [pose_unknowns(given.image_ids, pose, given.poses.position_m),
-                    Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True)]  # fmt: skip
-        found = adjust_large(unknowns, records, state, max_iterations=SPACE_ITERATIONS, tolerance=SPACE_TOLERANCE)
-        state = found.state
-    poses, xyz = found.state[POSE], found.state[POINT] + origin
-    poses = Poses(poses.position_m + origin, poses.ground_from_image)
-    for k in np.flatnonzero(turned_over(given, poses, xyz, ray)):
-        poses = _mirrored(poses, int(k), xyz[given.rays.point[ray & (given.rays.image == k)]])
-    return replace(given, poses=poses, xyz_m=np.where(point[:, None], xyz, given.xyz_m))
-
-
-def _given_records(given: BundleInput, origin: Float, image: Bool, point: Bool) -> list[Records]:
-    """Control and observed positions."""
-    control, p, records = given.control, given.positions, []
-    use = np.flatnonzero(point[control.point] & control.observed.any(axis=1))
-    if len(use):
-        records.append(value_records("control", POINT, control.point[use], control.xyz_m[use] - origin,
-                                     control.covariance_m2[use], control.observed[use]))  # fmt: skip
-    seen = np.flatnonzero(image[p.image])
-    if len(seen):
-        records.append(position_records(p.image[seen], p.position_m[seen] - origin, p.covariance_m2[seen],
-                                        p.lever_arm_m[seen]))  # fmt: skip
-    return records
-
-
-def _mirrored(poses: Poses, k: int, xyz_m: Float) -> Poses:
-    """An image turned over, mirrored on the plane of its points: there u becomes -u, and x, y stay what they are."""
-    centre = xyz_m[finite_rows(xyz_m)].mean(axis=0)
-    normal = np.linalg.svd(xyz_m[finite_rows(xyz_m)] - centre)[2][2]
-    mirror = np.eye(3) - 2.0 * np.outer(normal, normal)
-    position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
-    position[k] = centre + mirror @ (position[k] - centre)
-    rotation[k] = -mirror @ rotation[k]
-    return Poses(position, rotation)

@@ -190,7 +190,7 @@ def _orderings(solution: Solution) -> PageTable | None:
         "elements stored": lambda k: number(int(o.stored[k])),
         "Gflop": lambda k: number(float(o.gflop[k])),
     }
-    return tables.first_rows("Half bandwidth of the reduced normal equations", o, columns, 1)
+    return tables.first_rows("Half bandwidth; textbook: 2N + 2 across, n + 3 along N strips of n images", o, columns, 1)
 
 
 def _parameter_columns(p: Any) -> dict[str, Callable[[int], str]]:

@@ -14,7 +14,8 @@ from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle import BundleResult, adjust_bundle
 from aatri.orientation.bundle_input import BundleInput
-from aatri.orientation.bundle_restart import adjust_bundle_from_afar, turned_over
+from aatri.orientation.bundle_restart import adjust_bundle_from_afar
+from aatri.orientation.space_start import turned_over
 from tests.campaigns.convergence_basin import disturbed, well_posed, without_positions
 
 
