@@ -201,10 +201,17 @@ class _Room:
         self._turn = Lock()
 
     def take(self, n: int) -> Float:
-        """A front of n rows, with anything in it, in the smallest memory that is large enough."""
+        """A front of n rows, with anything in it, in the smallest memory that is large enough.
+
+        Where none is, new memory takes the place of the largest that is spare.
+        """
         with self._turn:
-            fitting = [k for k, spare in enumerate(self._spare) if len(spare) >= n * n]
-            memory = self._spare.pop(min(fitting, key=lambda k: len(self._spare[k]))) if fitting else np.empty(n * n)
+            self._spare.sort(key=len)
+            fitting = next((k for k, spare in enumerate(self._spare) if len(spare) >= n * n), -1)
+            memory = self._spare.pop(fitting) if self._spare else np.empty(0)
+        if len(memory) < n * n:
+            del memory
+            memory = np.empty(n * n)
         return memory[: n * n].reshape((n, n), order="F")
 
     def give(self, front: Float) -> None:
