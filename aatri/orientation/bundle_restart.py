@@ -98,8 +98,10 @@ def _best_restart(
         again = best is not None and np.isclose(found.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
         if best is None or _rank(given, found) < _rank(given, best):
             best = found
-        if _trusted(given, best, restarted=True) or (again and not _rank(given, best)[0]):
+        if _trusted(given, best, restarted=True):
             return best
+        if again and not _rank(given, best)[0]:
+            break
     return _resected(given, best, reporter, options)
 
 
