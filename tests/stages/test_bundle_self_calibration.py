@@ -161,6 +161,16 @@ def test_interior_belongs_to_sets_without_it(distorted: Chain) -> None:
         _with(distorted, set="brown21", interior=True)
 
 
+def test_c_joins_sets_that_lack_it_where_projection_centres_are_observed(distorted: Chain) -> None:
+    """Such sets leave the scale of a radial distortion to Z0, which observed positions hold."""
+    observed = _with(distorted, set="ebner12").parameters
+    assert {"c", "x0", "y0", "b12"} <= set(observed.name.tolist())
+    options = BundleOptions(interior_unknowns=True, use_positions=False, self_calibration="ebner12")
+    without = bundle(distorted.block, distorted.refined, distorted.strip_block, options=options).parameters
+    assert "c" not in without.name.tolist()
+    assert _with(distorted, set="brown21").parameters.name.tolist().count("c") == 0
+
+
 def test_collocation_takes_off_what_a_set_leaves_over() -> None:
     strong = run_chain(_claimed_free_of_distortion({"k2": -2e-12}), FILM)
     first = _with(strong, set="bauer3", interior=True)
