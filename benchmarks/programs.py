@@ -17,7 +17,8 @@ import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
 from aatri.adjustment.covariance import marginal_covariances
-from aatri.adjustment.fronts import Problem, factorise
+from aatri.adjustment.fronts import factorise
+from aatri.adjustment.problem import Problem
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle import adjust_bundle

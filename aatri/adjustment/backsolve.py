@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
-from aatri.adjustment.fronts import Factored, Problem, in_parallel, linearised
+from aatri.adjustment.chunks import linearised
 from aatri.adjustment.kernels.eliminate import substitute
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import excess, whitened
+from aatri.adjustment.shares import in_parallel
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Problem
 from aatri.adjustment.ordering import Graph, border_vertices
 from aatri.adjustment.prepare import Ordering, graph_of, tree_of
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.tree import Tree
 
 Float = npt.NDArray[np.float64]

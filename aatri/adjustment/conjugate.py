@@ -30,12 +30,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigvalsh_tridiagonal
 
+from aatri.adjustment.chunks import linearised, side_by_side
 from aatri.adjustment.diagnosis import described
-from aatri.adjustment.fronts import Factored, Problem, linearised, side_by_side
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.kernels.implicit import along_rays, onto_kept
 from aatri.adjustment.preconditioner import partly_factorised
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.unknowns import State
 from aatri.errors import ConvergenceError, GeometryError
 

@@ -12,8 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.chunks import CHUNK
 from aatri.adjustment.constraints import gram, linearised_constraints
-from aatri.adjustment.fronts import CHUNK, Factored, Problem
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import whitened
 from aatri.adjustment.right_hand_sides import backward, forward
 from aatri.adjustment.unknowns import State

@@ -32,8 +32,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Factored, Problem, factorise
+from aatri.adjustment.fronts import factorise
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.right_hand_sides import Sides, forward
 from aatri.adjustment.unknowns import State, Unknowns

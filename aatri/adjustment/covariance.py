@@ -19,22 +19,16 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
+from aatri.adjustment.chunks import linearised, side_by_side, single_poses
 from aatri.adjustment.constrained_covariances import covariance_reduction, reduce_covariances
-from aatri.adjustment.fronts import (
-    Factored,
-    Problem,
-    blas_threads,
-    factorise,
-    linearised,
-    share_out,
-    side_by_side,
-    single_poses,
-)
+from aatri.adjustment.fronts import factorise
 from aatri.adjustment.index import part_columns
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.kernels.covariance_pose import pose_covariances
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.record_covariances import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.robust import refuse_covariances
+from aatri.adjustment.shares import blas_threads, share_out
 from aatri.adjustment.solve import Adjusted
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.tree import Node

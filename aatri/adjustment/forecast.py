@@ -22,8 +22,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from aatri.adjustment.fronts import Problem, share_out
 from aatri.adjustment.preconditioner import piece_within, subtrees_within
+from aatri.adjustment.problem import Problem
+from aatri.adjustment.shares import share_out
 from aatri.adjustment.tree import Node
 from aatri.errors import ResourceError, SpecError
 from aatri.progress import Reporter

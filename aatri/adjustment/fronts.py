@@ -11,147 +11,30 @@ Held scalars have a unit row. Levenberg-Marquardt damping adds `damping` times t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from threading import Lock
 
 import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
-from aatri.adjustment.index import KeptRecords, Parts, Rays, part_columns
+from aatri.adjustment.chunks import linearised, side_by_side, single_poses
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
-from aatri.adjustment.layout import Layout
-from aatri.adjustment.panels import Panels, panels_of
-from aatri.adjustment.records import Fill, Records, excess, in_order, whitened
+from aatri.adjustment.panels import panels_of
+from aatri.adjustment.problem import Factored, Problem
+from aatri.adjustment.records import excess, whitened
+from aatri.adjustment.shares import blas_threads, share_out
 from aatri.adjustment.threads import run_all, thread_control
-from aatri.adjustment.tree import Node, Tree
-from aatri.adjustment.unknowns import State, Unknowns
+from aatri.adjustment.tree import Node
+from aatri.adjustment.unknowns import State
 from aatri.errors import ResourceError
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.integer]
-
-CHUNK = 4096
-"""Rays linearised at once: their Jacobians stay in the cache."""
-
-THREADED_FLOPS = 5e8
-"""Fronts with more work than this are factorised by several BLAS threads."""
-
-RAY_FLOPS = 10000.0
-"""Work of one ray against that of the factorisation, for sharing out the subtrees."""
-
-PARALLEL_FLOPS = 1e9
-"""Problems with less work than this run in one thread: others would mostly wait."""
-
-
-@dataclass(frozen=True)
-class Problem:
-    """An adjustment problem with its index: made once, used in every iteration.
-
-    Attributes
-    ----------
-    unknowns, records
-    layout : Layout
-    tree : Tree
-    rays : Rays or None
-    kept : tuple of KeptRecords
-    direct : tuple of (Records, rows (n,), block in order (n,))
-        Records that touch one eliminated block and nothing else.
-    block_free : (n_blocks, 3) float64
-        1 where a scalar of an eliminated block is free, in the order of the rays' blocks.
-    threads : int
-    reproducible : bool
-        The same bits for any number of threads: one BLAS thread throughout.
-    hold : (n_blocks, 3, 3) float64
-        Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
-        finite optimum, whose steps it shortens.
-    constraints : tuple of Records
-        What must hold exactly; see `constraints`.
-    spill : bool
-        The panels of the factor go to a file.
-    subtrees : tuple of tuple of int, optional
-        Solve by conjugate gradients, with these subtrees factorised (`preconditioner`).
-    piece : int
-        Then: how many of the other unknowns are factorised together, at most.
-    """
-
-    unknowns: tuple[Unknowns, ...]
-    records: tuple[Records, ...]
-    layout: Layout
-    tree: Tree
-    rays: Rays | None
-    kept: tuple[KeptRecords, ...]
-    direct: tuple[tuple[Records, Int, Int], ...]
-    block_free: Float
-    threads: int
-    reproducible: bool
-    hold: Float
-    constraints: tuple[Records, ...] = ()
-    spill: bool = False
-    subtrees: tuple[tuple[int, ...], ...] | None = None
-    piece: int = 0
-
-    @cached_property
-    def ray_lane(self) -> Callable[[State], Fill]:
-        """The rays' observation type in the order of the rays."""
-        assert self.rays is not None
-        return in_order(self.rays.records, self.rays.rows)
-
-    @cached_property
-    def ray_columns(self) -> Int:
-        """First kept column of each part of each ray, (n, parts); -1 where it is held."""
-        assert self.rays is not None
-        parts = self.rays.parts
-        return np.append(self.layout.start[:-1], -1)[parts.vertex] + np.where(parts.vertex >= 0, parts.shift, 0)
-
-
-@dataclass
-class Factored:
-    """A factorised linearisation.
-
-    Attributes
-    ----------
-    panels : Panels of (n, m) float64
-        L11 and L21 of each node.
-    y : list of (m,) float64
-        Forward-substituted gradient of each node.
-    block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
-    determined : (n_blocks,) float64
-        0 where an eliminated block is not determined.
-    diagonal : (n_kept,) float64
-        Diagonal of A'A.
-    weak : list of (node, row)
-        First pivot of each front that is not positive.
-    cost : float
-    damping : float
-    multiplier, violation : (m,) float64
-        Of the constraints, if any.
-    solution : (n_kept,) float64, optional
-        Of the kept unknowns, where it was found without a factor.
-    """
-
-    panels: Panels
-    y: list[Float]
-    block_factor: Float
-    block_y: Float
-    determined: Float
-    diagonal: Float
-    weak: list[tuple[int, int]]
-    cost: float
-    damping: float
-    multiplier: Float = field(default_factory=lambda: np.zeros(0))
-    violation: Float = field(default_factory=lambda: np.zeros(0))
-    solution: Float | None = None
-
-    @property
-    def decrease(self) -> float:
-        """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
-        return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
 
 
 def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
@@ -185,12 +68,6 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
             with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
                 work.run(level)
     return work.result()
-
-
-def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
-    """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
-    largest = max((problem.tree.nodes[k].flops for k in nodes), default=0.0)
-    return problem.threads if largest > THREADED_FLOPS and not problem.reproducible else 1
 
 
 class _Room:
@@ -327,88 +204,3 @@ class Work:
         weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
         return Factored(self.panels, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak,
                         float(self.cost.sum()), self.damping)  # fmt: skip
-
-
-Chunk = tuple[int, int, Float, Float, Float]
-
-
-def single_poses(parts: Parts, A: Float) -> bool:
-    """Whether rays are those of the faster kernels: two residuals, and one part of six unknowns."""
-    return len(parts.size) == 1 and A.shape[1:] == (2, 6)
-
-
-def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chunk]:
-    """Linearised rays of the blocks of a node, in chunks: first and last block, v, A, B."""
-    rays = problem.rays
-    assert rays is not None
-    records = rays.records
-    widths = [next(u.size for u in problem.unknowns if u.name == g) for g, _ in records.touches]
-    is_block = [g == problem.layout.eliminated for g, _ in records.touches]
-    any_held = bool(problem.layout.held[node.columns].any())
-    p0, end = int(rays.first[k]), int(rays.first[k + 1])
-    while p0 < end:
-        p1 = int(np.searchsorted(rays.ray_start, rays.ray_start[p0] + CHUNK, side="right")) - 1
-        p1 = min(max(p1, p0 + 1), end)
-        first, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-        v = np.empty((last - first, records.rows))
-        J = tuple(np.empty((last - first, records.rows, w)) for w in widths)
-        fill(first, last, v, J)
-        kept = [j for j, block in zip(J, is_block) if not block]
-        A = kept[0] if len(kept) == 1 else np.concatenate(kept, axis=2)
-        if any_held:
-            A = A * (part_columns(rays.parts, problem.layout, slice(first, last)) >= 0)[:, None, :]
-        yield p0, p1, v, np.ascontiguousarray(A), next(j for j, block in zip(J, is_block) if block)
-        p0 = p1
-
-
-def side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
-    """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held."""
-    v, jacobians = whitened(kept.records, state, kept.rows)
-    free = part_columns(kept.parts, layout) >= 0
-    return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])
-
-
-def share_out(problem: Problem) -> tuple[list[list[int]], list[list[int]]]:
-    """Subtrees to run in parallel, the largest first, and the nodes above them, level by level from below."""
-    nodes, rays = problem.tree.nodes, problem.rays
-    count = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])
-    total = np.array([node.flops for node in nodes]) + RAY_FLOPS * count
-    for k, node in enumerate(nodes):
-        total[k] += sum(total[c] for c in node.children)
-    roots = [k for k, node in enumerate(nodes) if node.parent < 0]
-    whole = float(total[roots].sum())
-    if problem.threads == 1 or whole < PARALLEL_FLOPS:
-        return [], []
-    heads: list[int] = []
-    levels, level = [], roots
-    while level:
-        inner = [k for k in level if nodes[k].children and total[k] > whole / (4 * problem.threads)]
-        heads += [k for k in level if k not in inner]
-        levels.append(sorted(inner))
-        level = [c for k in inner for c in nodes[k].children]
-    heads.sort(key=lambda k: -total[k])
-    return [_subtree(nodes, k) for k in heads], [found for found in reversed(levels) if found]
-
-
-def _subtree(nodes: Sequence[Node], k: int) -> list[int]:
-    found, queue = [], [k]
-    while queue:
-        j = queue.pop()
-        found.append(j)
-        queue += nodes[j].children
-    return sorted(found)
-
-
-def in_parallel(problem: Problem, work: Callable[[list[int]], None]) -> None:
-    """Work on all nodes, in any order, shared out among the threads."""
-    rays = problem.rays
-    assert rays is not None
-    count = np.diff(rays.ray_start[rays.first])
-    share = (np.cumsum(count) - 1) * problem.threads // max(int(count.sum()), 1)
-    parts = [np.flatnonzero((share == t) & (count > 0)).tolist() for t in range(problem.threads)]
-    if problem.threads == 1 or RAY_FLOPS * count.sum() < PARALLEL_FLOPS:
-        for nodes in parts:
-            work(nodes)
-    else:
-        with ThreadPoolExecutor(problem.threads) as pool:
-            list(pool.map(work, parts))

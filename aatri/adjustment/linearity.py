@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Problem, in_parallel, linearised
+from aatri.adjustment.chunks import linearised
 from aatri.adjustment.kernels.linearity import largest_departure
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.shares import in_parallel
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]

@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Problem, in_parallel, linearised
+from aatri.adjustment.chunks import linearised
 from aatri.adjustment.loss import NEWTON, Huber
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import whitened
+from aatri.adjustment.shares import in_parallel
 from aatri.adjustment.unknowns import State
 
 Float = npt.NDArray[np.float64]

@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from aatri.adjustment import lapack
 from aatri.adjustment.constrained_covariances import covariance_reduction
-from aatri.adjustment.fronts import Factored, Problem, factorise
+from aatri.adjustment.fronts import factorise
 from aatri.adjustment.index import part_columns
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import whitened
 from aatri.adjustment.robust import refuse_covariances
 from aatri.adjustment.solve import Adjusted

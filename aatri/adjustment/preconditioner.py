@@ -23,11 +23,13 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment import lapack
-from aatri.adjustment.fronts import Factored, Problem, Work, linearised
+from aatri.adjustment.chunks import linearised
+from aatri.adjustment.fronts import Work
 from aatri.adjustment.index import Parts
 from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.panels import Panels
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import excess
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.tree import Tree

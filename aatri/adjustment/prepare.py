@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Problem
 from aatri.adjustment.index import Parts, group_sizes, index_kept, index_rays, parts_of
 from aatri.adjustment.kernels.graph import counting_order, neighbours
 from aatri.adjustment.layout import Layout, layout_of, ray_records
 from aatri.adjustment.minimum_degree import minimum_degree
 from aatri.adjustment.ordering import Graph, OrderedNode, border_vertices, chain, nested_dissection
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.threads import default_threads
 from aatri.adjustment.tree import Tree, build_tree

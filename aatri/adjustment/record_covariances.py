@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import CHUNK, Problem
+from aatri.adjustment.chunks import CHUNK
 from aatri.adjustment.index import KeptRecords, part_columns
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State
 

@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import Problem
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.open_blocks import rays_beyond
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State
 

@@ -23,10 +23,10 @@ from aatri.adjustment.constraints import factorise_constrained, penalty, predict
 from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.forecast import Solver, within_limit
-from aatri.adjustment.fronts import Factored, Problem
 from aatri.adjustment.linearity import LINEAR, departure
 from aatri.adjustment.open_blocks import steadied
 from aatri.adjustment.prepare import Ordering, prepare
+from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.robust import POOR, bolder, curvature_of, down_weighted, more_cautious, settled, with_curvature
 from aatri.adjustment.unknowns import State, Unknowns, retract_state

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment import fronts
 from aatri.adjustment import prepare as preparation
+from aatri.adjustment import shares
 from aatri.adjustment.covariance import marginal_covariances
 from aatri.adjustment.prepare import Ordering
 from aatri.adjustment.reference import dense_jacobian, free_columns
@@ -20,7 +20,7 @@ MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_prob
 
 def _many_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small problems on a tree of many small fronts, shared out among threads."""
-    monkeypatch.setattr(fronts, "PARALLEL_FLOPS", 0.0)
+    monkeypatch.setattr(shares, "PARALLEL_FLOPS", 0.0)
     monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
     for name in ("nested_dissection", "minimum_degree", "chain"):
         monkeypatch.setattr(preparation, name, _with_small_nodes(getattr(preparation, name)))
