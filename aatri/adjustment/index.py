@@ -16,6 +16,7 @@ import numpy.typing as npt
 from aatri.adjustment.kernels.graph import counting_order, lexical_order, sort_within
 from aatri.adjustment.layout import Layout
 from aatri.adjustment.records import Records
+from aatri.adjustment.threads import taken
 from aatri.adjustment.tree import Tree
 from aatri.adjustment.unknowns import Unknowns
 
@@ -162,16 +163,16 @@ def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout:
     node_of_block = _block_nodes(parts.vertex, of_block, n_blocks, tree)
     count = np.diff(start)
     # within a node by their images, so that neighbouring blocks meet nearly the same places of the front
-    by_images = lexical_order(len(tree.place) + 1, start, np.take(place, order), SORTED_IMAGES)
+    by_images = lexical_order(len(tree.place) + 1, start, taken(place, order), SORTED_IMAGES)
     first, block = counting_order(len(tree.nodes), node_of_block[by_images])
     block = by_images[block]
     ray_start = np.concatenate([[0], np.cumsum(count[block])]).astype(np.int64)
     within = np.arange(len(rows)) - np.repeat(ray_start[:-1], count[block])
-    order = np.take(order, np.repeat(start[block], count[block]) + within)
-    ordered = Parts(np.take(parts.vertex, order, 0), parts.shift, parts.size, parts.start)
+    order = taken(order, np.repeat(start[block], count[block]) + within)
+    ordered = Parts(taken(parts.vertex, order), parts.shift, parts.size, parts.start)
     loc = _places(ordered, np.repeat(node_of_block[block], count[block]), tree)
     original = np.flatnonzero(layout.block >= 0)[block]
-    return Rays(records, np.take(rows, order), ray_start, original, first, ordered, loc)
+    return Rays(records, taken(rows, order), ray_start, original, first, ordered, loc)
 
 
 def _first_node(vertex: Int, tree: Tree) -> Int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adjustment.backsolve import cost_of
 from aatri.adjustment.chunks import linearised
 from aatri.adjustment.kernels.linearity import largest_departure
 from aatri.adjustment.problem import Problem
@@ -25,8 +26,8 @@ LINEAR = 1e-6
 """Most that an adjusted observation may depart from the linear model, in its standard deviations."""
 
 
-def departure(problem: Problem, old: State, new: State, step: dict[str, Float]) -> float:
-    """Largest departure of a residual from the linear model, in standard deviations of its observation.
+def after_step(problem: Problem, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
+    """Largest departure of a residual from the linear model, in its standard deviations, and the cost of the new state.
 
     Parameters
     ----------
@@ -37,22 +38,23 @@ def departure(problem: Problem, old: State, new: State, step: dict[str, Float]) 
         Step of every group.
     """
     if any(records.loss is not None for records in problem.records):
-        return 0.0
+        return 0.0, cost_of(problem, new)
     few = [(k.records, k.rows) for k in problem.kept] + [(r, rows) for r, rows, _ in problem.direct]
     found = [_of_records(records, rows, old, new, step) for records, rows in few]
     if problem.rays is not None:
         found.append(_of_rays(problem, old, new, step))
-    return max(found, default=0.0)
+    return max((departure for departure, _ in found), default=0.0), sum(cost for _, cost in found)
 
 
-def _of_records(records: Records, rows: Int, old: State, new: State, step: dict[str, Float]) -> float:
+def _of_records(records: Records, rows: Int, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
     v, jacobians = whitened(records, old, rows)
     for J, (group, blocks) in zip(jacobians, records.touches):
         v = v + np.einsum("nij,nj->ni", J, step[group][blocks[rows]])
-    return float(np.abs(v - whitened(records, new, rows)[0]).max(initial=0.0))
+    after = whitened(records, new, rows)[0]
+    return float(np.abs(v - after).max(initial=0.0)), float((after**2).sum())
 
 
-def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -> float:
+def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
     rays, column = problem.rays, problem.ray_columns
     assert rays is not None
     dx = np.zeros(problem.layout.n_kept)
@@ -63,7 +65,7 @@ def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -
     dy = np.ascontiguousarray(step[problem.layout.eliminated][rays.block])
     runaway = problem.hold[:, 0, 0] > 0
     before, after = problem.ray_lane(old), problem.ray_lane(new)
-    largest = np.zeros(len(problem.tree.nodes))
+    largest, cost = np.zeros(len(problem.tree.nodes)), np.zeros(len(problem.tree.nodes))
 
     def one(nodes: list[int]) -> None:
         for k in nodes:
@@ -75,6 +77,7 @@ def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -
                 found = largest_departure(p0, p1, base, rays.ray_start, v, A, B, column[base:last], rays.parts.size,
                                           rays.parts.start, dx, dy, v_after, runaway)  # fmt: skip
                 largest[k] = np.fmax(largest[k], found) if np.isfinite(found) else np.inf
+                cost[k] += float((v_after**2).sum())
 
     in_parallel(problem, one)
-    return float(largest.max())
+    return float(largest.max()), float(cost.sum())

@@ -23,7 +23,7 @@ from aatri.adjustment.constraints import factorise_constrained, penalty, predict
 from aatri.adjustment.damping import Damping, gain
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.forecast import Solver, within_limit
-from aatri.adjustment.linearity import LINEAR, departure
+from aatri.adjustment.linearity import LINEAR, after_step
 from aatri.adjustment.open_blocks import steadied
 from aatri.adjustment.prepare import Ordering, prepare
 from aatri.adjustment.problem import Factored, Problem
@@ -149,9 +149,9 @@ def adjust_large(
         )
         trial = steadied(problem, retract_state(problem.unknowns, state, found), veto)
         if factored.damping == 0.0 and decrement <= tolerance and settled(problem, state):
-            bent = departure(problem, state, trial, found)
+            bent, cost = after_step(problem, state, trial, found)
             if bent <= LINEAR:
-                return _finished(problem, trial, tuple(history))
+                return _finished(problem, trial, cost, tuple(history))
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:
             break
@@ -230,9 +230,9 @@ def _check(problem: Problem, state: State, factored: Factored) -> None:
         refuse_undetermined(problem, state, factored)
 
 
-def _finished(problem: Problem, state: dict[str, Any], history: tuple[Step, ...]) -> Adjusted:
+def _finished(problem: Problem, state: dict[str, Any], cost: float, history: tuple[Step, ...]) -> Adjusted:
     problem = with_curvature(problem, 0.0)
-    cost, weighted = cost_of(problem, state), down_weighted(problem, state)
+    weighted = down_weighted(problem, state)
     conditions = sum(r.observations for r in problem.constraints)
     observations = sum(r.observations for r in problem.records) - conditions
     n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)

@@ -58,6 +58,7 @@ def bundle_input(
         ControlRows(control.point, control.xyz_m, control.covariance_m2, control.observed, control.held),
         PositionRows(positions.image, positions.position_m, positions.covariance_m2, positions.lever_arm_m),
         parameters,
+        marked=np.isin(np.arange(len(block.points)), block.ground_points.point[block.ground_points.datum]),
         numbering=numbering,
     )
 

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
-from aatri.adjustment.threads import in_threads
+from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
 from aatri.camera import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
@@ -166,9 +166,10 @@ def _compiled(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> 
     """The compiled lane, equal to the NumPy form to 1e-12."""
 
     def prepared(order: Int) -> Callable[[State], Fill]:
-        image, point = (np.take(_int32(a), order) for a in (rows.image, rows.point))
-        xy, weight, c = np.take(rows.xy_mm, order, 0), 1.0 / np.take(rows.sigma_mm, order, 0), np.take(rows.c_mm, order)
-        weight[~np.take(rows.active, order)] = 0.0
+        image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
+        xy, weight, c = taken(rows.xy_mm, order), 1.0 / taken(rows.sigma_mm, order), taken(rows.c_mm, order)
+        if not rows.active.all():
+            weight[~rows.active[order]] = 0.0
         terms = [(k.group, k.block[order], -k.basis[order] * weight[:, :, None]) for k in corrections]
 
         def bind(state: State) -> Fill:

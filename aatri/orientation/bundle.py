@@ -23,7 +23,7 @@ from aatri.adjustment.loss import Huber
 from aatri.adjustment.prepare import Ordering
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Adjusted, adjust_large
-from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_points import (
     CameraRows,
@@ -35,12 +35,14 @@ from aatri.observations.image_points import (
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses, pose_unknowns
 from aatri.observations.positions import position_records
 from aatri.orientation.bundle_input import BundleInput, ParameterRows, determinable
+from aatri.orientation.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
 from aatri.progress import SILENT, Reporter
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
-Datum = Literal["given", "minimal"]
+Datum = Literal["given", "minimal", "free"]
+DatumOver = Literal["points", "images", "marked"]
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,7 @@ def adjust_bundle(
     given: BundleInput,
     *,
     datum: Datum = "given",
+    datum_over: DatumOver = "points",
     max_iterations: int = 30,
     tolerance: float = 1e-3,
     covariances: bool = True,
@@ -115,7 +118,10 @@ def adjust_bundle(
     given : BundleInput
     datum : str
         `given` by control and positions, or `minimal`: the pose of the first image and one coordinate of the image
-        farthest from it are held at their start, which changes no residual of a block without any datum.
+        farthest from it are held at their start, which changes no residual of a block without any datum; or `free`:
+        inner constraints for what control and positions leave open, see `free_datum`.
+    datum_over : str
+        What a free datum rests on: all points, the projection centres of all images, or the marked points.
     max_iterations : int
     tolerance : float
         Bound of the Newton decrement.
@@ -145,9 +151,12 @@ def adjust_bundle(
         POINT: _start_points(given, origin),
         **{p.group: p.start for p in parameters},
     }
+    unknowns = _unknowns(given, parameters, _free_poses(given, image, datum), point, _places(given, ordering))
+    records = _records(given, rays, parameters, origin, image, point, huber)
+    free = _free_datum(given, unknowns, records[1:], start, image, point, datum_over) if datum == "free" else None
     adjusted = adjust_large(
-        _unknowns(given, parameters, _free_poses(given, image, datum), point, _places(given, ordering)),
-        _records(given, rays, parameters, origin, image, point, huber),
+        unknowns if free is None else minimally_held(free),
+        records,
         start,
         max_iterations=max_iterations,
         tolerance=tolerance,
@@ -159,13 +168,15 @@ def adjust_bundle(
         solver=solver,
         reporter=reporter,
     )
+    if free is not None:
+        adjusted = onto_inner_constraints(free, adjusted)
     covariances = covariances and not adjusted.down_weighted
     if covariances and adjusted.problem.subtrees is not None:
         needed = forecast(adjusted.problem)
         reporter.warn(_WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9))
         covariances = False
     started = perf_counter()
-    result = _result(given, adjusted, origin, (ray, image, point), covariances)
+    result = _result(given, adjusted, origin, (ray, image, point), covariances, free)
     if covariances:
         reporter.log(
             f"standard deviations of {int(image.sum())} orientations and {int(point.sum())} points: "
@@ -197,6 +208,15 @@ def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
         free[first] = False
         free[farthest, axis] = False
     return free
+
+
+def _free_datum(
+    given: BundleInput, unknowns: list[Unknowns], records: list[Records], start: State,
+    image: Bool, point: Bool, over: DatumOver,
+) -> FreeDatum:  # fmt: skip
+    marked = np.zeros_like(point) if given.marked is None else given.marked
+    over_point = {"points": point, "images": np.zeros_like(point), "marked": point & marked}[over]
+    return FreeDatum(unknowns, records, start, image, point, image & (over == "images"), over_point)
 
 
 def _places(given: BundleInput, ordering: Ordering) -> Float:
@@ -250,8 +270,9 @@ def _records(
 
 
 def _result(
-    given: BundleInput, adjusted: Adjusted, origin: Float, used: tuple[Bool, Bool, Bool], covariances: bool
-) -> BundleResult:
+    given: BundleInput, adjusted: Adjusted, origin: Float, used: tuple[Bool, Bool, Bool], covariances: bool,
+    free: FreeDatum | None,
+) -> BundleResult:  # fmt: skip
     ray, image, point = used
     poses: Poses = adjusted.state[POSE]
     pose_cov, point_cov = np.full((len(image), 6, 6), np.nan), np.full((len(point), 3, 3), np.nan)
@@ -259,8 +280,9 @@ def _result(
     ray_covariance = np.full((len(ray), 2, 2), np.nan)
     if covariances:
         found = marginal_covariances(adjusted)
-        pose_cov[image], point_cov[point] = found.groups[POSE][image], found.groups[POINT][point]
-        parameter_cov = [found.groups[p.group] for p in given.parameters]
+        groups = found.groups if free is None else free_covariances(free, adjusted, found.groups)
+        pose_cov[image], point_cov[point] = groups[POSE][image], groups[POINT][point]
+        parameter_cov = [groups[p.group] for p in given.parameters]
         ray_covariance[ray] = found.rays
     return BundleResult(
         Poses(

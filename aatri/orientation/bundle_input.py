@@ -107,6 +107,8 @@ class BundleInput:
     positions : PositionRows
     parameters : tuple of ParameterRows
         In the order FILM, ADDITIONAL, CAMERA.
+    marked : (n_points,) bool, optional
+        Points on which a free datum may rest.
     numbering : StripNumbering, optional
         Places of the images for the textbook's orders of elimination; else their positions.
     """
@@ -119,6 +121,7 @@ class BundleInput:
     control: ControlRows
     positions: PositionRows
     parameters: tuple[ParameterRows, ...] = ()
+    marked: Bool | None = None
     numbering: StripNumbering | None = None
 
 

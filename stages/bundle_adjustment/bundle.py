@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from time import perf_counter
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +49,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError, ResourceError, SpecError
 from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.ids import shown
-from aatri.orientation.bundle import BundleResult
+from aatri.orientation.bundle import BundleResult, Datum, DatumOver
 from aatri.orientation.bundle_input import BundleInput
 from aatri.orientation.bundle_restart import adjust_bundle_from_afar
 from aatri.orientation.readmission import readmitted
@@ -74,8 +74,15 @@ class BundleOptions(Options):
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"
     )
-    datum: Literal["given", "minimal"] = Field(
-        "given", description="given by control and positions; minimal: for a block without any, seven scalars are held"
+    datum: Datum = Field(
+        "given",
+        description="given by control and positions; minimal: for a block without any, seven scalars are held; free: "
+        "inner constraints for what control and positions leave open",
+    )
+    datum_over: DatumOver = Field(
+        "points",
+        description="what a free datum rests on: all points, the projection centres of all images, or the points that "
+        "the block marks (column datum)",
     )
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
     standard_deviations: bool = Field(True, description="compute standard deviations of all orientations and points")
@@ -112,6 +119,8 @@ class BundleOptions(Options):
     def _no_statistics_of_weights(self) -> Self:
         if self.huber_rejects is not None and self.huber is None:
             raise ValueError("huber_rejects goes with huber")
+        if self.datum_over != "points" and self.datum != "free":
+            raise ValueError("datum_over goes with datum: free")
         removes = self.self_calibration is not None and self.self_calibration.remove
         if self.huber is not None and (self.reliability or removes):
             wanted = "reliability" if self.reliability else "self_calibration.remove"
@@ -121,7 +130,7 @@ class BundleOptions(Options):
         return self
 
 
-@stage(version=4)
+@stage(version=5)
 def bundle(
     block: Block,
     image_points: ImagePoints,
@@ -184,6 +193,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
         return adjust_bundle_from_afar(
             given,
             datum=options.datum,
+            datum_over=options.datum_over,
             max_iterations=options.max_iterations,
             tolerance=options.tolerance,
             covariances=options.standard_deviations or options.reliability,
@@ -198,7 +208,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names)
         if not advice and options.datum == "given" and not (given.control.observed | given.control.held).any():
-            advice = "give control or observed positions, or set `datum: minimal`"
+            advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment import solve
-from aatri.adjustment.linearity import departure
+from aatri.adjustment.linearity import after_step
 from aatri.adjustment.prepare import prepare
 from aatri.adjustment.unknowns import retract_state
 from tests.adjustment.block_problem import made_problem
@@ -23,7 +23,7 @@ def test_the_departure_is_that_of_second_order() -> None:
     found = []
     for factor in (0.0, 1.0, 2.0):
         scaled = {name: factor * s for name, s in step.items()}
-        found.append(departure(problem, state, retract_state(problem.unknowns, state, scaled), scaled))
+        found.append(after_step(problem, state, retract_state(problem.unknowns, state, scaled), scaled)[0])
     assert found[0] == 0.0
     assert found[1] > 0
     assert found[2] / found[1] == pytest.approx(4.0, rel=0.05)

@@ -12,6 +12,7 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.formats.dbat import read_dbat
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
+from aatri.orientation.bundle import Datum
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.formats.dbat_report import SXB_OFFSET_M, DbatReport, read_report
@@ -150,10 +151,11 @@ def test_without_datum_the_seven_defects_are_named(shared_data: Path) -> None:
     assert "datum: minimal" in str(caught.value)
 
 
-def test_a_minimal_datum_leaves_sigma0_and_the_camera_as_they_are(shared_data: Path) -> None:
+@pytest.mark.parametrize("datum", ["minimal", "free"])
+def test_a_datum_without_control_leaves_sigma0_and_the_camera_as_they_are(shared_data: Path, datum: Datum) -> None:
     """The four control points of the calibration are exact: 12 coordinates, 5 more than the datum needs."""
     block = _camcal(shared_data, control=None)
-    solution = bundle(block, calibrated(block), options=BundleOptions(datum="minimal"))
+    solution = bundle(block, calibrated(block), options=BundleOptions(datum=datum))
     assert solution.redundancy == 4148 - (423 + 12 - 7)
     c = solution.parameters.value[solution.parameters.name == "principal_distance"][0]
     report = read_report(shared_data / "dbat/camcal/camcal-dbatreport-model3.txt")
