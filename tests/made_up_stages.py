@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from aatri.errors import ConvergenceError
-from aatri.pipeline.registry import Registry
+from aatri.pipeline.methods.registry import Registry
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, Role, stage
 from aatri.tables.schema import Artifact, Float, Table, attribute, column, table
 

@@ -32,11 +32,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.fronts import factorise
+from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.elimination.right_hand_sides import Sides, forward
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.right_hand_sides import Sides, forward
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.errors import GeometryError
 
@@ -102,7 +102,9 @@ def factorise_constrained(problem: Problem, state: State, damping: float = 0.0) 
         If the constraints depend on each other; the message names them.
     """
     if problem.subtrees is not None:
-        from aatri.adjustment.conjugate import solve_by_conjugate_gradients  # compiled only where it is needed
+        from aatri.adjustment.iterative.conjugate_gradients import (
+            solve_by_conjugate_gradients,  # compiled only where it is needed
+        )
 
         return solve_by_conjugate_gradients(problem, state, damping)
     factored = factorise(problem, state, damping)

@@ -26,7 +26,7 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.damping import ROUNDING, Damping, gain
+from aatri.adjustment.stepping.damping import ROUNDING, Damping, gain
 from aatri.errors import ConvergenceError, GeometryError
 
 Float = npt.NDArray[np.float64]

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment import lapack
+from aatri.adjustment.elimination import lapack
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.problem import Factored, Problem
 from aatri.adjustment.reference import reduced_matrix
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
 from aatri.errors import GeometryError
 

@@ -22,10 +22,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from aatri.adjustment.preconditioner import piece_within, subtrees_within
-from aatri.adjustment.problem import Problem
-from aatri.adjustment.shares import share_out
-from aatri.adjustment.tree import Node
+from aatri.adjustment.elimination.schedule import share_out
+from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.tree import Node
 from aatri.errors import ResourceError, SpecError
 from aatri.progress import Reporter
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adjustment.layout import Layout
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.unknowns import State, Unknowns
 
 Float = npt.NDArray[np.float64]

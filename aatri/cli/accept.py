@@ -19,10 +19,10 @@ def accept(
     """Let results stand in spite of changed code. Written down, with the reason; nothing is removed."""
     from aatri.cli.planning import open_run
     from aatri.errors import SpecError
-    from aatri.pipeline import store
-    from aatri.pipeline.accept import accept as write
-    from aatri.pipeline.lock import locked
-    from aatri.pipeline.plan import State, select
+    from aatri.pipeline.plan.plan import State, select
+    from aatri.pipeline.store import run_folder as store
+    from aatri.pipeline.store.accept import accept as write
+    from aatri.pipeline.store.lock import locked
 
     opened = open_run(run)
     names = [node.name for node in opened.nodes]

@@ -11,7 +11,7 @@ from aatri.cli.console import reports_errors, say, say_json, say_table
 from aatri.errors import SpecError
 
 if TYPE_CHECKING:
-    from aatri.pipeline.compare import Compared, Parting
+    from aatri.pipeline.plan.compare import Compared, Parting
 
 
 @reports_errors
@@ -23,8 +23,8 @@ def compare(
 ) -> None:
     """Show options and figures of runs side by side, the first stage that differs from the first run, and why."""
     from aatri.cli.locate import find_run
-    from aatri.pipeline.compare import metric_rows, option_rows, parting, read_run
-    from aatri.pipeline.objects import VARIANTS
+    from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run
+    from aatri.pipeline.store.objects import VARIANTS
 
     folders = [find_run(path).folder for path in runs]
     if variants:

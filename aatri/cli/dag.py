@@ -11,7 +11,7 @@ from aatri.cli.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
     from aatri.cli.planning import Opened
-    from aatri.pipeline.plan import Plan
+    from aatri.pipeline.plan.plan import Plan
 
 
 @reports_errors

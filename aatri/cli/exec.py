@@ -30,10 +30,10 @@ def exec_(
     del debug  # for reports_errors
     from aatri.cli.narrator import Narrator
     from aatri.cli.planning import Request, open_request, open_run
-    from aatri.pipeline.plan import Selection, select
-    from aatri.pipeline.runner import How
-    from aatri.pipeline.single import make_stage
-    from aatri.pipeline.workers import share_cores
+    from aatri.pipeline.plan.plan import Selection, select
+    from aatri.pipeline.run.runner import How
+    from aatri.pipeline.run.single import make_stage
+    from aatri.pipeline.run.workers import share_cores
 
     share_cores(1)
     given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)

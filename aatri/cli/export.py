@@ -70,13 +70,13 @@ def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
 def _write(run: Run, name: str, folder: Path) -> None:
     kind = _record(run, name)["output"]["kind"]
     if kind == "Block":
-        from aatri.formats.block_writer import write_block
+        from aatri.formats.tables.writer import write_block
 
         write_block(_block(run, name), folder)
     elif kind == "Solution":
         from aatri.artifacts.solution import Solution
-        from aatri.formats.solution_tables import write_solution_tables
-        from aatri.pipeline import store
+        from aatri.formats.results.solution_tables import write_solution_tables
+        from aatri.pipeline.store import run_folder as store
 
         source = _record(run, name)["inputs"]["block"]["stage"]
         write_solution_tables(store.load(run.folder, name, Solution), _block(run, source), folder)
@@ -88,7 +88,7 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
     """A Solution as another program reads it, with the image points it was made from."""
     from aatri.artifacts.image_points import ImagePoints
     from aatri.artifacts.solution import Solution
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     record = _record(run, name)
     if record["output"]["kind"] != "Solution":
@@ -98,11 +98,11 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
     solution, block = store.load(run.folder, name, Solution), _block(run, inputs["block"])
     points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
     if form is Form.colmap:
-        from aatri.formats.colmap_writer import write_colmap_model
+        from aatri.formats.colmap.writer import write_colmap_model
 
         write_colmap_model(solution, block, folder, image_points=points)
     else:
-        from aatri.formats.bal_writer import write_bal_problem
+        from aatri.formats.bal.writer import write_bal_problem
 
         folder.mkdir(parents=True, exist_ok=True)
         write_bal_problem(solution, block, folder, image_points=points)
@@ -110,13 +110,13 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
 
 def _block(run: Run, name: str) -> Block:
     from aatri.artifacts.block import Block
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     return store.load(run.folder, name, Block)
 
 
 def _record(run: Run, name: str) -> dict[str, Any]:
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     record = store.current_record(run.folder, name)
     if record is None:
@@ -125,7 +125,7 @@ def _record(run: Run, name: str) -> dict[str, Any]:
 
 
 def _last_solution(run: Run) -> str:
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     for entry in reversed(run.stages):
         record = store.current_record(run.folder, entry["stage"])

@@ -22,8 +22,8 @@ def gc(
     import datetime
 
     from aatri.cli.locate import find_run
-    from aatri.pipeline.gc import garbage, remove
-    from aatri.pipeline.lock import locked
+    from aatri.pipeline.store.gc import garbage, remove
+    from aatri.pipeline.store.lock import locked
 
     found = find_run(run)
     now = datetime.datetime.now(datetime.UTC)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
-    from aatri.pipeline.spec import Spec
+    from aatri.pipeline.spec.spec import Spec
 
 DEFAULT = Path("pipeline.yaml")
 
@@ -49,7 +49,7 @@ def find_run(given: Path | None) -> Run:
     ArtifactError
         If the folder is not one of a run.
     """
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     if given is None and not DEFAULT.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
@@ -61,7 +61,7 @@ def find_run(given: Path | None) -> Run:
                 "not the folder of a run: no run.json in it", where=str(path), remedy="see `run:` in pipeline.yaml"
             )
         return Run(path, tuple(overview["stages"]), overview)
-    from aatri.pipeline.spec import load_spec
+    from aatri.pipeline.spec.spec import load_spec
 
     spec = load_spec(path)
     return Run(spec.run, _stages(spec), store.read_json(spec.run / "run.json") or {})

@@ -18,7 +18,7 @@ def metrics(
     json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
 ) -> None:
     """Show the figures of all stages of a run."""
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     found = find_run(run)
     records = {entry["stage"]: store.current_record(found.folder, entry["stage"]) for entry in found.stages}

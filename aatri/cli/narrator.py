@@ -18,7 +18,7 @@ from aatri.cli.console import is_terminal, narrate
 from aatri.cli.figures import highlights
 
 if TYPE_CHECKING:
-    from aatri.pipeline.plan import Plan
+    from aatri.pipeline.plan.plan import Plan
 
 _LIVE_S, _HEARTBEAT_S = 0.2, 10.0
 

@@ -37,7 +37,7 @@ def {name}(
 _TEST = """\
 from pathlib import Path
 
-from aatri.testing import check_stage
+from aatri.testing.check import check_stage
 
 
 def test_{name}_keeps_its_contract():
@@ -55,8 +55,8 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     PluginError
         If there is no such role.
     """
-    from aatri.pipeline.registry import find_stages
-    from aatri.pipeline.spec import USE
+    from aatri.pipeline.methods.registry import find_stages
+    from aatri.pipeline.spec.spec import USE
 
     if not USE.fullmatch(use) or keyword.iskeyword(use.rpartition("/")[2]):
         raise SpecError(f"{use!r} is not ROLE/NAME", where="--plugin",

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aatri.cli.planning import Opened
-    from aatri.pipeline.plan import Decision, Plan
-    from aatri.pipeline.reasons import Reason
+    from aatri.pipeline.plan.plan import Decision, Plan
+    from aatri.pipeline.plan.reasons import Reason
 
 
 def plain_plan(plan: Plan) -> dict[str, Any]:

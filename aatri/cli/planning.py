@@ -13,11 +13,11 @@ from aatri.cli.console import narrate
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
-    from aatri.pipeline.graph import Node
-    from aatri.pipeline.plan import Plan, Selection
-    from aatri.pipeline.spec import Spec
-    from aatri.pipeline.task import Source
-    from aatri.pipeline.view import StoreView
+    from aatri.pipeline.plan.graph import Node
+    from aatri.pipeline.plan.plan import Plan, Selection
+    from aatri.pipeline.plan.view import StoreView
+    from aatri.pipeline.run.task import Source
+    from aatri.pipeline.spec.spec import Spec
 
 DEFAULT = Path("pipeline.yaml")
 
@@ -50,13 +50,13 @@ class Opened:
 
     def view(self, *, verify: bool = False) -> StoreView:
         """The store of its run."""
-        from aatri.pipeline.view import StoreView
+        from aatri.pipeline.plan.view import StoreView
 
         return StoreView(self.spec.run, verify=verify)
 
     def plan(self, selection: Selection | None = None, *, verify: bool = False) -> Plan:
         """What is to be done."""
-        from aatri.pipeline.plan import Selection, plan
+        from aatri.pipeline.plan.plan import Selection, plan
 
         view = self.view(verify=verify)
         planned = plan(self.nodes, view, self.spec.seed, selection or Selection())
@@ -73,12 +73,12 @@ def open_request(request: Request) -> Opened:
         Whatever is wrong with the pipeline, its plugins and options.
     """
     from aatri.cli.plugins_option import local_stages
-    from aatri.pipeline.catalogue import Catalogue
-    from aatri.pipeline.graph import wire
-    from aatri.pipeline.kernel_cache import use_kernel_cache
-    from aatri.pipeline.overrides import with_set, with_use, with_variant
-    from aatri.pipeline.spec import load_spec
-    from aatri.pipeline.task import Source
+    from aatri.pipeline.methods.catalogue import Catalogue
+    from aatri.pipeline.methods.kernel_cache import use_kernel_cache
+    from aatri.pipeline.plan.graph import wire
+    from aatri.pipeline.run.task import Source
+    from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
+    from aatri.pipeline.spec.spec import load_spec
 
     path = Path(request.pipeline)
     if path == DEFAULT and not path.exists():
@@ -102,7 +102,7 @@ def open_request(request: Request) -> Opened:
 
 def open_run(given: Path | None) -> Opened:
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml."""
-    from aatri.pipeline.store import read_json
+    from aatri.pipeline.store.run_folder import read_json
 
     path = given or DEFAULT
     if given is None and not path.is_file():

@@ -15,7 +15,7 @@ from aatri.cli.plugins_option import LocalPlugins
 
 if TYPE_CHECKING:
     from aatri.cli.planning import Opened
-    from aatri.pipeline.plan import Selection
+    from aatri.pipeline.plan.plan import Selection
 
 TERMINATED = 143
 
@@ -53,8 +53,8 @@ def run(
 ) -> None:
     """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
     from aatri.cli.planning import Request, open_request
-    from aatri.pipeline.plan import select
-    from aatri.pipeline.workers import share_cores
+    from aatri.pipeline.plan.plan import select
+    from aatri.pipeline.run.workers import share_cores
 
     signal.signal(signal.SIGTERM, _terminate)
     share_cores(jobs)
@@ -86,7 +86,7 @@ def _carry_out(
     """Run; whatever ends it, write the report and say how to go on."""
     from aatri.cli.narrator import Narrator
     from aatri.errors import AatriError, ResourceError, SpecError
-    from aatri.pipeline.runner import How, run_pipeline
+    from aatri.pipeline.run.runner import How, run_pipeline
 
     folder, events = opened.spec.run, opened.spec.run / "events.jsonl"
     before = events.stat().st_size if events.exists() else 0

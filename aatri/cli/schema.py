@@ -13,7 +13,7 @@ from aatri.cli.plugins_option import LocalPlugins, local_stages
 from aatri.errors import ResourceError, SpecError
 
 if TYPE_CHECKING:
-    from aatri.pipeline.registry import Registry
+    from aatri.pipeline.methods.registry import Registry
     from aatri.plugin import StageCard
     from aatri.tables.schema import Artifact, Column, Table
 
@@ -31,7 +31,7 @@ def schema(
     local_plugins: LocalPlugins = False,
 ) -> None:
     """Export JSON Schema of pipeline.yaml or of the artifacts."""
-    from aatri.pipeline.registry import find_stages
+    from aatri.pipeline.methods.registry import find_stages
 
     if pipeline and artifacts:
         raise SpecError("--pipeline and --artifacts together", remedy="export them one after the other")

@@ -39,7 +39,7 @@ def show(
 
 
 def _file(what: str) -> Path:
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     if what.endswith(".h5"):
         return Path(what)
@@ -53,7 +53,7 @@ def _file(what: str) -> Path:
 
 def _record(path: Path) -> dict[str, Any] | None:
     """The record beside the artifact: in its object folder, or beside the link in `current`."""
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     return store.read_json(path.resolve().parent / "record.json") or store.read_json(path.with_suffix(".json"))
 

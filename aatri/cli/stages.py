@@ -12,7 +12,7 @@ from aatri.cli.plugins_option import LocalPlugins, local_stages
 from aatri.errors import PluginError
 
 if TYPE_CHECKING:
-    from aatri.pipeline.registry import Registry
+    from aatri.pipeline.methods.registry import Registry
     from aatri.plugin import StageCard
 
 
@@ -23,7 +23,7 @@ def stages(
     local_plugins: LocalPlugins = False,
 ) -> None:
     """List roles and their variants, or describe one variant: method, ports, options, where it comes from."""
-    from aatri.pipeline.registry import find_stages
+    from aatri.pipeline.methods.registry import find_stages
 
     registry = find_stages(local_stages(local_plugins))
     if name and "/" in name:
@@ -60,7 +60,7 @@ def _listed(registry: Registry, only: str | None) -> dict[str, Any]:
 
 
 def _about(registry: Registry, name: str) -> dict[str, Any]:
-    from aatri.pipeline.registry import first_line
+    from aatri.pipeline.methods.registry import first_line
 
     return {"about": first_line(registry, name), **_origin(registry, name)}
 

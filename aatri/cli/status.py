@@ -11,7 +11,7 @@ from aatri.cli.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
     from aatri.cli.planning import Opened
-    from aatri.pipeline.plan import Decision
+    from aatri.pipeline.plan.plan import Decision
 
 
 @reports_errors
@@ -22,7 +22,7 @@ def status(
 ) -> None:
     """Show which stages of a run are up to date, and what a run would do, and why."""
     from aatri.cli.planning import open_run
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     opened = open_run(run)
     plan = opened.plan(verify=verify)
@@ -39,7 +39,7 @@ def status(
 
 def _state(opened: Opened, decision: Decision, use: str) -> dict[str, Any]:
     from aatri.cli.plan_table import plain_decision, why
-    from aatri.pipeline import store
+    from aatri.pipeline.store import run_folder as store
 
     head = {**plain_decision(decision), "use": use, "why": why(decision)}
     record = decision.record

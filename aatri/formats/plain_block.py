@@ -34,7 +34,7 @@ from aatri.artifacts.block import (
     RelativeControlMembers,
     Strips,
 )
-from aatri.formats.block_source import texts
+from aatri.formats.tables.source import texts
 from aatri.tables.schema import Float, Int
 
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adapters.places import place
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
-from aatri.artifacts.places import place
 from aatri.errors import InputError, raise_all
 from aatri.ids import printable
 from aatri.progress import SILENT, Reporter

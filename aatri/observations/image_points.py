@@ -8,8 +8,8 @@ linear in their parameters, K(x, y) p with a constant matrix K per ray: dv/dp = 
   out too large;
 - sets of additional parameters (self-calibration) of a camera, a session or an image.
 
-Rays of cameras with unknown parameters of a non-linear model (`aatri.camera.calibration`) take the NumPy lane; all
-others, nearly always all, the compiled one. Both give the same to 1e-12.
+Rays of cameras with unknown parameters of a non-linear model (`aatri.camera.models.calibration`) take the NumPy lane;
+all others, nearly always all, the compiled one. Both give the same to 1e-12.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy.typing as npt
 from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
 from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
-from aatri.camera import calibration
+from aatri.camera.models import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.rotations import skew
 from aatri.observations.kernels.collinearity import in_front, linearise

@@ -17,14 +17,14 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import ResourceError
-from aatri.pipeline.durable import write_bytes
-from aatri.report.charts import sigma0_chart
-from aatri.report.checks import external_lights, internal_lights
+from aatri.pipeline.store.durable import write_bytes
+from aatri.report.drawing.charts import sigma0_chart
+from aatri.report.drawing.plan import block_plan
 from aatri.report.numbers import number, seconds
-from aatri.report.plan import block_plan
 from aatri.report.run_view import RunView, StageView, view
-from aatri.report.sections import Picture, Surroundings, difference_pictures, section
-from aatri.report.tables import accuracy_table
+from aatri.report.sections.checks import external_lights, internal_lights
+from aatri.report.sections.sections import Picture, Surroundings, difference_pictures, section
+from aatri.report.sections.tables import accuracy_table
 
 
 def write_report(run: Path) -> Path:

@@ -14,7 +14,7 @@ from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.errors import AatriError, ArtifactError
-from aatri.pipeline import store
+from aatri.pipeline.store import run_folder as store
 from aatri.tables.schema import Artifact
 
 A = TypeVar("A", bound=Artifact)

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.artifacts import assemble
-from aatri.artifacts import strip_solution as pieces
+from aatri.adapters import solution as assemble
+from aatri.adapters import strips as pieces
+from aatri.adapters.orientations import Control, Positions
 from aatri.artifacts.block import Block
-from aatri.artifacts.given import Control, Positions
 from aatri.artifacts.solution import Parameters, Residuals
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
-from aatri.orientation.absolute import OrientedComponent
-from aatri.orientation.free_block import Component, strip_names
+from aatri.orientation.free_block.absolute import OrientedComponent
+from aatri.orientation.free_block.components import Component, strip_names
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]

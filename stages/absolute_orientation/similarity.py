@@ -21,10 +21,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from aatri.artifacts import assemble
-from aatri.artifacts import strip_solution as pieces
+from aatri.adapters import solution as assemble
+from aatri.adapters import strips as pieces
+from aatri.adapters.orientations import Positions, control_of, positions_of
 from aatri.artifacts.block import Block
-from aatri.artifacts.given import Positions, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
@@ -32,8 +32,8 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.ids import shown
-from aatri.orientation.absolute import Datum, orient_component
-from aatri.orientation.free_block import Component, FreeBlock, join_strips, strip_names
+from aatri.orientation.free_block.absolute import Datum, orient_component
+from aatri.orientation.free_block.components import Component, FreeBlock, join_strips, strip_names
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._results import (

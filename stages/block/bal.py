@@ -5,8 +5,8 @@ Reads image points, start values of orientations and points, and a camera per im
 """
 
 from aatri.artifacts.block import Block
-from aatri.formats.bal import read_bal
-from aatri.formats.summary import log_counts
+from aatri.formats.bal.reader import read_bal
+from aatri.formats.results.summary import log_counts
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 

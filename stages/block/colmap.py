@@ -6,8 +6,8 @@ are described in docs/formats.md.
 """
 
 from aatri.artifacts.block import Block
-from aatri.formats.colmap import read_colmap
-from aatri.formats.summary import log_counts
+from aatri.formats.colmap.reader import read_colmap
+from aatri.formats.results.summary import log_counts
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 

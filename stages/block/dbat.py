@@ -8,8 +8,8 @@ refused, as DBAT does, unless it is to be set aside. The form of the files is de
 from typing import Literal
 
 from aatri.artifacts.block import Block
-from aatri.formats.dbat import CameraModel, read_dbat
-from aatri.formats.summary import log_counts
+from aatri.formats.dbat.reader import CameraModel, read_dbat
+from aatri.formats.results.summary import log_counts
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 

@@ -7,8 +7,8 @@ in docs/formats.md.
 """
 
 from aatri.artifacts.block import Block
-from aatri.formats.block_reader import read_block
-from aatri.formats.summary import log_counts
+from aatri.formats.results.summary import log_counts
+from aatri.formats.tables.reader import read_block
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 

@@ -7,12 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.artifacts.block import Block
-from aatri.artifacts.bundle_problem import film_parameters
-from aatri.artifacts.calibration import Calibration, calibrated_parameters, calibration_of
-from aatri.artifacts.calibration_tables import CalibrationTables, calibration_tables
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.self_calibration import (
+from aatri.adapters.bundle_input import film_parameters
+from aatri.adapters.calibration import Calibration, calibrated_parameters, calibration_of
+from aatri.adapters.calibration_tables import CalibrationTables, calibration_tables
+from aatri.adapters.camera_parameters import (
     Unit,
     additional_parameters,
     camera_parameters,
@@ -20,14 +18,16 @@ from aatri.artifacts.self_calibration import (
     classical_table,
     parameter_table,
 )
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Solution
 from aatri.camera.parameters.catalogue import holds_interior, parameter_set, with_interior
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
 from aatri.observations.poses import ADDITIONAL
-from aatri.orientation.bundle import AdjustedParameters
-from aatri.orientation.bundle_input import ParameterRows
+from aatri.orientation.bundle.adjust import AdjustedParameters
+from aatri.orientation.bundle.block import ParameterRows
 from aatri.plugin import Field, InputPath, Options
 
 

@@ -33,26 +33,26 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import field_validator, model_validator
 
+from aatri.adapters import solution as assemble
+from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.bundle_solution import bundle_solution
+from aatri.adapters.orderings import report_orderings
+from aatri.adapters.orientations import Positions, control_of, positions_of
+from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
-from aatri.adjustment.prepare import Ordering
-from aatri.artifacts import assemble
+from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
-from aatri.artifacts.bundle_problem import bundle_input
-from aatri.artifacts.bundle_solution import bundle_solution
-from aatri.artifacts.given import Positions, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.ordering_report import report_orderings
-from aatri.artifacts.parameter_report import rank_advice, report_parameters, without_idle
-from aatri.artifacts.robust_suspects import with_gross_errors
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError, ResourceError, SpecError
 from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.ids import shown
-from aatri.orientation.bundle import BundleResult, Datum, DatumOver
-from aatri.orientation.bundle_input import BundleInput
-from aatri.orientation.bundle_restart import adjust_bundle_from_afar
-from aatri.orientation.readmission import readmitted
+from aatri.orientation.bundle.adjust import BundleResult, Datum, DatumOver
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
+from aatri.orientation.bundle.parameter_notes import rank_advice, report_parameters, without_idle
+from aatri.orientation.bundle.readmission import readmitted
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of

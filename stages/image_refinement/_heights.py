@@ -13,7 +13,7 @@ from aatri.errors import GeometryError
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.ids import shown
-from aatri.orientation.flying_height import station_heights_m
+from aatri.orientation.refinement.flying_height import station_heights_m
 from aatri.plugin import Context
 from aatri.tables.schema import Float
 

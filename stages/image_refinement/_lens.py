@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.artifacts.block import Block
-from aatri.camera.distortion import Distortion, corner_points, corrected
+from aatri.camera.models.distortion import Distortion, corner_points, corrected
 from aatri.camera.pixels import half_format_mm
 from aatri.errors import AatriError
 from aatri.plugin import Context

@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.calibration import calibrated_correction, calibration_of
 from aatri.artifacts.block import Block
-from aatri.artifacts.calibration import calibrated_correction, calibration_of
 from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import parameter_set, with_interior

@@ -6,7 +6,8 @@ signal with a covariance function C(d), predicted at every image point by least 
     s^ = c' (C + D)^-1 v,    v adjusted minus observed
 
 Adjust the block again afterwards; each pass compensates the part that orientations and points have not taken up, so it
-may be repeated. Residuals without correlated part correct nothing. Method and source: aatri.orientation.collocation.
+may be repeated. Residuals without correlated part correct nothing. Method and source:
+aatri.orientation.refinement.collocation.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.artifacts import assemble
+from aatri.adapters import solution as assemble
+from aatri.adapters.camera_parameters import units_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import Corrections, ImagePoints
-from aatri.artifacts.self_calibration import units_of
 from aatri.artifacts.solution import Solution
-from aatri.orientation.collocation import collocate_groups
+from aatri.orientation.refinement.collocation import collocate_groups
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.tables.schema import Bool, Float
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adapters.places import place
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
     Corrections,
@@ -17,7 +18,6 @@ from aatri.artifacts.image_points import (
     Measurements,
     PointIds,
 )
-from aatri.artifacts.places import place
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adapters.places import place
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals
-from aatri.artifacts.places import place
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
-from aatri.orientation.interior import AffineFit
+from aatri.orientation.interior.affine import AffineFit
 from aatri.tables.schema import Float
 
 from ._assembly import Transformations

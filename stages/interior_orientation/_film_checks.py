@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adapters.places import place
 from aatri.artifacts.block import Block
-from aatri.artifacts.places import place
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError, GeometryError, InputError, raise_all
 from aatri.ids import shown
-from aatri.orientation.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
-from aatri.orientation.film_deformation import deformation, prediction_sigma_mm, shear_or_stretch, turn_rad
-from aatri.orientation.interior import FEWEST_MARKS, AffineFit
+from aatri.orientation.interior.affine import FEWEST_MARKS, AffineFit
+from aatri.orientation.interior.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
+from aatri.orientation.interior.film_deformation import deformation, prediction_sigma_mm, shear_or_stretch, turn_rad
 from aatri.plugin import Context
 from aatri.tables.schema import Float
 

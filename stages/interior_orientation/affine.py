@@ -4,7 +4,7 @@
 
 (u, v) measured in comparator mm or pixels, (x_p, y_p) the principal point; least squares over the marks of each image,
 weighted by their standard deviations. The transformation takes out shift and rotation of the film on the comparator,
-and with them its affine deformation: two scales and a shear. Method and tests: aatri.orientation.interior.
+and with them its affine deformation: two scales and a shear. Method and tests: aatri.orientation.interior.affine.
 
 A mark with a gross error is rejected where the redundancy can locate it (not with four marks). An image whose sigma0
 exceeds a limit is reported. An image with fewer than three marks, or whose marks fit nothing, is not used; more than
@@ -24,7 +24,7 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.orientation.interior import snooped_affine
+from aatri.orientation.interior.affine import snooped_affine
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._assembly import image_points_of

@@ -11,20 +11,20 @@ No approximate values are needed. Points with a wrong y-parallax are rejected by
 Errors of x of a point in two images cannot be seen here, and left and right cannot be told apart: the suspect names
 the right image's measurement.
 
-Source: photogrammetry.md A301-A311, F6; see aatri/orientation/relative.py.
+Source: photogrammetry.md A301-A311, F6; see aatri/orientation/relative/dependent.py.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.assemble import check_same_block
+from aatri.adapters.image_pairs import doubtful_places, models_of, neighbouring_images, pair_id, pairs_of
+from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.artifacts.pairs import doubtful_places, models_of, neighbouring_images, pair_id, pairs_of
 from aatri.errors import GeometryError
-from aatri.orientation.relative import relative_orientation
+from aatri.orientation.relative.dependent import relative_orientation
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.artifacts import assemble
-from aatri.artifacts import strip_solution as pieces
+from aatri.adapters import solution as assemble
+from aatri.adapters import strips as pieces
+from aatri.adapters.orientations import Control
 from aatri.artifacts.block import Block
-from aatri.artifacts.given import Control
 from aatri.artifacts.solution import Residuals, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.polynomials import COUNT, StripAxes
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation import tie_elimination
-from aatri.orientation.component_growth import StripPoints
-from aatri.orientation.strip_polynomials import StripPolynomials, model_name, terms_of
+from aatri.orientation.free_block import tie_elimination
+from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.orientation.free_block.strip_polynomials import StripPolynomials, model_name, terms_of
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]

@@ -21,10 +21,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from aatri.artifacts import assemble
-from aatri.artifacts import strip_solution as pieces
+from aatri.adapters import solution as assemble
+from aatri.adapters import strips as pieces
+from aatri.adapters.orientations import Control, control_of, positions_of
 from aatri.artifacts.block import Block
-from aatri.artifacts.given import Control, control_of, positions_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
@@ -35,10 +35,10 @@ from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
-from aatri.orientation import tie_elimination
-from aatri.orientation.component_growth import StripPoints
-from aatri.orientation.resection import resect_images
-from aatri.orientation.strip_polynomials import StripPolynomials, adjust_strip_polynomials, model_name
+from aatri.orientation.free_block import tie_elimination
+from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.orientation.free_block.strip_polynomials import StripPolynomials, adjust_strip_polynomials, model_name
+from aatri.orientation.resection.adjustment import resect_images
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._results import (

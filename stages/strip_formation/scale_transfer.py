@@ -11,16 +11,14 @@ suspects of kind model_tie; their positions are left out of the strip.
 A missing model or too few connection points split the strip. An image at which models do not connect is the last of
 one free strip and the first of the next.
 
-Source: photogrammetry.md A404-A410; see aatri/orientation/scale_transfer.py and strip.py.
+Source: photogrammetry.md A404-A410; see aatri/orientation/strips/scale_transfer.py and strip.py.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.assemble import check_same_block
-from aatri.artifacts.block import Block
-from aatri.artifacts.model_chains import (
+from aatri.adapters.model_chains import (
     Chain,
     Gap,
     free_strip_ids,
@@ -29,12 +27,14 @@ from aatri.artifacts.model_chains import (
     strips_of,
     unbroken_runs,
 )
+from aatri.adapters.solution import check_same_block
+from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
 from aatri.errors import GeometryError
-from aatri.orientation.scale_transfer import Joint, Model, common_points
-from aatri.orientation.scale_transfer import scale_transfer as transfer
-from aatri.orientation.strip import form_strip
+from aatri.orientation.strips.chain import form_strip
+from aatri.orientation.strips.scale_transfer import Joint, Model, common_points
+from aatri.orientation.strips.scale_transfer import scale_transfer as transfer
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 CHECKED_POINTS = 3

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.covariance import marginal_covariances
-from aatri.adjustment.pairs import covariances_of_pairs
+from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.covariance.cross import covariances_of_pairs
+from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.records import Records
 from aatri.adjustment.reference import constrained_reference, dense_jacobian, free_columns
-from aatri.adjustment.solve import adjust_large
 from aatri.errors import GeometryError
 from tests.adjustment.block_problem import _observed, joined_problem, made_problem, shared_problem
 from tests.adjustment.test_solve import _many_fronts

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment import prepare as preparation
-from aatri.adjustment import shares
-from aatri.adjustment.covariance import marginal_covariances
-from aatri.adjustment.prepare import Ordering
+from aatri.adjustment.adjust import Adjusted, adjust_large
+from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.elimination import schedule as shares
 from aatri.adjustment.reference import dense_jacobian, free_columns
-from aatri.adjustment.solve import Adjusted, adjust_large
+from aatri.adjustment.structure import index_problem as preparation
+from aatri.adjustment.structure.index_problem import Ordering
 from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
 

@@ -19,17 +19,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.bundle_input import rays_of
+from aatri.adapters.camera_parameters import camera_parameters
+from aatri.adapters.orientations import control_of, positions_of
 from aatri.artifacts.block import Block, CameraParameters
-from aatri.artifacts.bundle_problem import rays_of
-from aatri.artifacts.given import control_of, positions_of
-from aatri.artifacts.self_calibration import camera_parameters
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.evaluation.statistics import sigma0_fits
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle import BundleResult, adjust_bundle
-from aatri.orientation.bundle_input import BundleInput, ControlRows, PositionRows
-from aatri.orientation.bundle_restart import adjust_bundle_from_afar
+from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
+from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import simulated

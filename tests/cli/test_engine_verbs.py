@@ -19,7 +19,7 @@ HEAD = "run: out\nseed: 1\nvariants: {far: {s: {with: {offset: 9.0}}}}\n"
 @pytest.fixture(autouse=True)
 def _made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("aatri.pipeline.registry.find_stages", made_up_registry)
+    monkeypatch.setattr("aatri.pipeline.methods.registry.find_stages", made_up_registry)
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from aatri.cli.main import app
-from aatri.example_inputs import example_inputs
-from aatri.pipeline.registry import find_stages
+from aatri.pipeline.methods.registry import find_stages
 from aatri.strict_yaml import load
 from aatri.tables.schema import Artifact, attributes_of, columns_of, tables_of
-from aatri.testing import check_stage
+from aatri.testing.check import check_stage
+from aatri.testing.example_inputs import example_inputs
 from tests.json_schema import faults
 
 DEMO = Path(__file__).parents[2] / "pipeline.yaml"

@@ -19,7 +19,7 @@ LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
 @pytest.fixture(autouse=True)
 def _made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("aatri.pipeline.registry.find_stages", made_up_registry)
+    monkeypatch.setattr("aatri.pipeline.methods.registry.find_stages", made_up_registry)
 
 
 def aatri(*arguments: str) -> Result:

@@ -7,9 +7,9 @@ import json
 import numpy as np
 
 from aatri.errors import AatriError
-from aatri.example_inputs import example_inputs
-from aatri.pipeline.registry import find_stages
+from aatri.pipeline.methods.registry import find_stages
 from aatri.tables.digest import content_digest
+from aatri.testing.example_inputs import example_inputs
 
 
 def digests_of_all() -> dict[str, str]:

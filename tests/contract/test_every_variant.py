@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
-from aatri.example_inputs import EXAMPLES, example_block, example_folder
-from aatri.pipeline.registry import find_stages
+from aatri.pipeline.methods.registry import find_stages
 from aatri.tables.digest import content_digest
-from aatri.testing import check_stage
+from aatri.testing.check import check_stage
+from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder
 from tests.contract.made_files import colmap_model
 
 VARIANTS = sorted(find_stages().variants)

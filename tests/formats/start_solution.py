@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from aatri.adapters.solution import ground_points, oriented_images, solved_cameras
 from aatri.artifacts import solution as s
-from aatri.artifacts.assemble import ground_points, oriented_images, solved_cameras
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.rotations import rotation_from_angles

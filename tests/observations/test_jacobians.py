@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.records import whitened
-from aatri.camera import calibration
+from aatri.camera.models import calibration
 from aatri.geometry.rotations import rotation_from_angles, skew
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_points import (

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aatri.pipeline.catalogue import Catalogue
-from aatri.pipeline.graph import Node, wire
-from aatri.pipeline.overrides import with_set, with_use, with_variant
-from aatri.pipeline.plan import Plan, plan, select
-from aatri.pipeline.runner import How, run_pipeline
-from aatri.pipeline.spec import Spec, load_spec
-from aatri.pipeline.task import Source
-from aatri.pipeline.view import StoreView
+from aatri.pipeline.methods.catalogue import Catalogue
+from aatri.pipeline.plan.graph import Node, wire
+from aatri.pipeline.plan.plan import Plan, plan, select
+from aatri.pipeline.plan.view import StoreView
+from aatri.pipeline.run.runner import How, run_pipeline
+from aatri.pipeline.run.task import Source
+from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
+from aatri.pipeline.spec.spec import Spec, load_spec
 from tests.made_up_stages import made_up_registry
 
 SOURCE = Source("tests.made_up_stages:made_up_registry")

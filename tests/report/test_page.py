@@ -12,7 +12,7 @@ from aatri.artifacts.block import Rejects
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ArtifactError
 from aatri.evaluation.accuracy import evaluate
-from aatri.pipeline import store
+from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
 from tests.made_solutions import made_block, made_solution
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from aatri.evaluation.statistics import sigma0_interval
-from aatri.report import svg
-from aatri.report.charts import residual_histogram, sigma0_chart
+from aatri.report.drawing import svg
+from aatri.report.drawing.charts import residual_histogram, sigma0_chart
+from aatri.report.drawing.plan import footprints
+from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors
+from aatri.report.drawing.scales import Axis, length_text, log_axis, plan_of, round_below, thinned
 from aatri.report.numbers import metres, number
-from aatri.report.plan import footprints
-from aatri.report.residual_plots import height_bars, image_vectors, plan_vectors
-from aatri.report.scales import Axis, length_text, log_axis, plan_of, round_below, thinned
-from aatri.report.tables import by_axis, without_axis
+from aatri.report.sections.tables import by_axis, without_axis
 from tests.made_solutions import made_block, made_solution
 
 

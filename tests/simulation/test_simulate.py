@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import GeometryError, InputError
-from aatri.formats.block_reader import read_block
-from aatri.formats.block_writer import write_block
+from aatri.formats.tables.reader import read_block
+from aatri.formats.tables.writer import write_block
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from aatri.artifacts.block import CONTROL, OBSERVED_VALUE
 from aatri.errors import GeometryError
-from aatri.formats.colmap_writer import write_colmap_model
+from aatri.formats.colmap.writer import write_colmap_model
 from aatri.stages.block.bal import BalOptions, bal
 from aatri.stages.block.colmap import ColmapOptions, colmap
 from aatri.stages.block.dbat import DbatOptions, dbat

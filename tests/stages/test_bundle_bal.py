@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.formats.bal import read_bal
+from aatri.formats.bal.reader import read_bal
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.film_blocks import Told

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.orientation.bundle import BundleResult, adjust_bundle
-from aatri.orientation.bundle_input import BundleInput
+from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
 from tests.campaigns.convergence_basin import disturbed, outcome, well_posed, with_start_c
 
 

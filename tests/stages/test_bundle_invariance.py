@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.artifacts.bundle_problem import bundle_input
-from aatri.artifacts.given import control_of, positions_of
+from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.orientations import control_of, positions_of
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle import BundleResult, adjust_bundle
-from aatri.orientation.bundle_input import BundleInput
+from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
 from tests.stages.chain import run_chain, simulated
 
 Array = np.ndarray

@@ -9,9 +9,9 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.camera.brown import brown_correction
+from aatri.camera.models.brown import brown_correction
 from aatri.errors import InputError, SpecError
-from aatri.report.residual_plots import error_field_pictures
+from aatri.report.drawing.residual_plots import error_field_pictures
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.additional_parameters import additional_parameters
 from tests.stages.chain import Chain, run_chain, simulated

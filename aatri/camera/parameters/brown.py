@@ -1,6 +1,6 @@
 """Physical parameters: Brown-Conrady, and Brown's 21.
 
-brown_conrady, classical values c, x0, y0, k1-k3, p1, p2, b1, b2 as in `aatri.camera.brown`:
+brown_conrady, classical values c, x0, y0, k1-k3, p1, p2, b1, b2 as in `aatri.camera.models.brown`:
 
     dx = -x dc/c0 - dx0 + x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y + b1 x + b2 y
     dy = -y dc/c0 - dy0 + y (k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 y^2)
@@ -28,7 +28,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from aatri.camera.brown import brown_basis
+from aatri.camera.models.brown import brown_basis
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
 
 Float = npt.NDArray[np.float64]

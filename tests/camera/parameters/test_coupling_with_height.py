@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.adjustment.significance import correlated_with_others, estimates
+from aatri.adjustment.statistics.significance import correlated_with_others, estimates
 from aatri.camera.parameters.advice import advise
 from aatri.camera.parameters.brown import BROWN_CONRADY
 from aatri.camera.parameters.parameter_set import chosen, scale_of_format

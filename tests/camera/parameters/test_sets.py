@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.camera.brown import brown_correction
+from aatri.camera.models.brown import brown_correction
 from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY, interior_orientation
 from aatri.camera.parameters.catalogue import SETS, parameter_set
 from aatri.camera.parameters.ebner import EBNER12, bauer3

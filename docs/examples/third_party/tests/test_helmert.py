@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from aatri.testing import check_stage
+from aatri.testing.check import check_stage
 
 
 def test_helmert_keeps_its_contract():

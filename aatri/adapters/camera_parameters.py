@@ -1,0 +1,217 @@
+"""Unknown parameters of cameras: sets of additional parameters, and camera models the block leaves open.
+
+A set of additional parameters belongs to a camera, to a session of a camera, or to an image; its parameters are lengths
+in mm, weighted by one standard deviation around zero, or free. Parameters of a camera model are free or weighted as the
+block says (`sigmas` of block.yaml); their measurements must not have been corrected for distortion before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Parameters
+from aatri.camera.models import calibration
+from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical, scale_of_format
+from aatri.errors import InputError
+from aatri.observations.poses import ADDITIONAL, CAMERA
+from aatri.orientation.bundle.adjust import AdjustedParameters
+from aatri.orientation.bundle.block import ParameterRows
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+Text = npt.NDArray[np.str_]
+
+Unit = Literal["camera", "session", "image"]
+
+MODELS = {"none": "pinhole", "brown": "brown", "dbat3": "brown", "bal": "bal", "opencv": "opencv", "fisheye": "fisheye"}
+"""Camera model of each distortion of the block."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """What shares a set of parameters.
+
+    Attributes
+    ----------
+    id : (n,) str
+    camera : (n,) int
+        Camera of each unit.
+    of_image : (n_images,) int
+    """
+
+    id: Text
+    camera: Int
+    of_image: Int
+
+
+def units_of(block: Block, per: Unit) -> Units:
+    """Cameras, sessions of cameras, or images."""
+    camera = block.images.camera
+    if per == "image":
+        return Units(block.images.id, camera, np.arange(len(camera)))
+    if per == "camera":
+        return Units(block.cameras.id, np.arange(len(block.cameras)), camera)
+    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, block.images.session)])
+    ids, first, of_image = np.unique(names, return_index=True, return_inverse=True)
+    return Units(ids, camera[first], of_image.ravel())
+
+
+def camera_scale(block: Block, camera: int) -> SetScale:
+    """Scale of the additional parameters of a camera: its format, else the extent of its measurements."""
+    cameras = block.cameras
+    half = 0.5 * cameras.format[camera]
+    if cameras.kind[camera] == "digital":
+        half = half * cameras.pixel_size_mm[camera]
+    if not np.isfinite(half).all():
+        mine = block.images.camera[block.image_points.image] == camera
+        half = np.abs(block.image_points.xy[mine]).max(axis=0, initial=0.0)
+    return scale_of_format(half, float(cameras.principal_distance_mm[camera]))
+
+
+def additional_parameters(
+    block: Block, image_points: ImagePoints, chosen: ParameterSet, per: Unit, sigma_mm: float | None
+) -> ParameterRows:
+    """Unknowns of a set of additional parameters.
+
+    Parameters
+    ----------
+    per : str
+        camera, session or image.
+    sigma_mm : float or None, mm
+        A-priori standard deviation of every parameter around zero; None leaves them free.
+    """
+    units, m = units_of(block, per), image_points.measurements
+    n, s = len(units.id), len(chosen)
+    basis = np.zeros((len(m), 2, s))
+    xy = np.where(np.isfinite(m.xy_mm), m.xy_mm, 0.0)
+    of_ray = block.images.camera[m.image]
+    for camera in np.unique(of_ray):
+        mine = of_ray == camera
+        basis[mine] = chosen.basis(xy[mine], camera_scale(block, int(camera)))
+    weighted = np.full((n, s), sigma_mm is not None)
+    covariance = np.tile(np.eye(s) * (sigma_mm or 1.0) ** 2, (n, 1, 1))
+    zero = np.zeros((n, s))
+    return ParameterRows(ADDITIONAL, units.id, chosen.parameters, zero, np.ones((n, s), dtype=bool), zero, covariance,
+                         weighted, units.of_image[m.image], basis, per_image=per == "image")  # fmt: skip
+
+
+def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
+    """Unknowns of the camera models; None where the corrected measurements are those of a central projection.
+
+    Raises
+    ------
+    InputError
+        If a camera's distortion has been corrected although its parameters are unknown, or has not been corrected
+        although it is a table.
+    """
+    corrected = "distortion" in image_points.corrections.name
+    open_ = np.unique(block.camera_parameters.camera[_is_open(block)])
+    distorted = block.cameras.distortion != "none"
+    if corrected and len(open_):
+        raise InputError(
+            "the distortion has been corrected, although camera parameters are to be estimated",
+            where=f"camera {block.cameras.id[open_[0]]}",
+            remedy="set `distortion: false` in image_refinement, or fix the parameters (`sigmas` in block.yaml)",
+        )
+    if corrected or not (len(open_) or distorted.any()):
+        return None
+    for k, name in enumerate(block.cameras.distortion):
+        if name not in MODELS:
+            raise InputError(f"distortion {name} has not been corrected", where=f"camera {block.cameras.id[k]}",
+                             remedy="correct it by image_refinement/systematic")  # fmt: skip
+    return _by_image(block, _camera_rows(block, image_points))
+
+
+def _is_open(block: Block) -> npt.NDArray[np.bool_]:
+    sigma = block.camera_parameters.sigma
+    return np.asarray(block.camera_parameters.free | (np.isfinite(sigma) & (sigma > 0)))
+
+
+def _camera_rows(block: Block, image_points: ImagePoints) -> ParameterRows:
+    models = tuple(MODELS[str(d)] for d in block.cameras.distortion)
+    n, s = len(models), max(len(calibration.PARAMETERS[m]) for m in models)
+    start, free, sigma = np.zeros((n, s)), np.zeros((n, s), dtype=bool), np.zeros((n, s))
+    for k, model in enumerate(models):
+        names = calibration.PARAMETERS[model]
+        start[k, 0] = block.cameras.principal_distance_mm[k]
+        if "q" in names:
+            start[k, names.index("q")] = 1.0
+    given = block.camera_parameters
+    for row in range(len(given)):
+        k, name = int(given.camera[row]), str(given.name[row])
+        names = calibration.PARAMETERS[models[k]]
+        if name not in names:
+            continue
+        j = names.index(name)
+        if np.isfinite(given.value[row]):
+            start[k, j] = given.value[row]
+        free[k, j] = given.free[row] or given.sigma[row] > 0
+        sigma[k, j] = 0.0 if given.free[row] else np.nan_to_num(given.sigma[row])
+    covariance = np.where(sigma[:, :, None] > 0, sigma[:, :, None] ** 2, 1.0) * np.eye(s)
+    longest = max((calibration.PARAMETERS[m] for m in models), key=len)
+    block_of_ray = block.images.camera[image_points.measurements.image]
+    return ParameterRows(CAMERA, block.cameras.id, longest, start, free, start, covariance, sigma > 0, block_of_ray,
+                         None, models)  # fmt: skip
+
+
+def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
+    """Where every image has a camera of its own, the camera joins its image: it fills nothing in."""
+    camera = block.images.camera
+    if len(np.unique(camera)) < len(camera) or len(camera) < len(block.cameras):
+        return rows
+    image_of = np.empty(len(camera), dtype=np.int64)
+    image_of[camera] = np.arange(len(camera))
+    return ParameterRows(rows.group, block.cameras.id[camera], rows.labels, rows.start[camera], rows.free[camera],
+                         rows.prior[camera], rows.covariance[camera], rows.weighted[camera], image_of[rows.block],
+                         None, tuple(rows.model[k] for k in camera), per_image=True)  # fmt: skip
+
+
+def parameter_table(adjusted: AdjustedParameters, names: tuple[str, ...] | None = None) -> Parameters:
+    """Adjusted parameters as a table; held ones only where they belong to a camera model."""
+    given = adjusted.given
+    variance = np.einsum("nii->ni", adjusted.covariance)
+    camera = given.group == CAMERA
+    listed = given.free.copy()
+    labels = np.array([given.labels] * len(given.free), dtype=np.str_).reshape(given.free.shape)
+    if camera:
+        for k, model in enumerate(given.model):
+            own = calibration.PARAMETERS[model]
+            labels[k, : len(own)] = own
+            listed[k] = np.arange(given.free.shape[1]) < len(own)
+    elif names is not None:
+        labels[:] = names
+    row, column = np.nonzero(listed)
+    sigma = np.sqrt(variance[row, column])
+    return Parameters(
+        group=np.full(len(row), given.group),
+        object=np.asarray(given.ids, dtype=np.str_)[row],
+        name=labels[row, column],
+        value=adjusted.value[row, column],
+        sigma=np.where(given.free[row, column], sigma, 0.0),
+    )
+
+
+def classical_table(block: Block, adjusted: AdjustedParameters, chosen: ParameterSet, per: Unit) -> Parameters:
+    """Additional parameters in their classical units."""
+    units = units_of(block, per)
+    values, sigmas = [], []
+    for k in range(len(units.id)):
+        value, covariance = classical(
+            chosen, camera_scale(block, int(units.camera[k])), adjusted.value[k], adjusted.covariance[k]
+        )
+        values.append(value)
+        sigmas.append(np.sqrt(np.diag(covariance)))
+    n, s = len(units.id), len(chosen)
+    return Parameters(
+        group=np.full(n * s, ADDITIONAL),
+        object=np.repeat(units.id, s),
+        name=np.tile(np.array(chosen.parameters), n),
+        value=np.concatenate(values),
+        sigma=np.concatenate(sigmas),
+    )

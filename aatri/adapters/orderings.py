@@ -1,0 +1,62 @@
+"""Orders of elimination of a bundle: the textbook's half bandwidth, and what is found in this block."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figures
+from aatri.adjustment.structure.index_problem import Ordering
+from aatri.artifacts.solution import Orderings
+from aatri.observations.poses import POSE
+from aatri.orientation.bundle.adjust import BundleResult
+from aatri.orientation.bundle.strip_numbering import StripNumbering
+from aatri.progress import Reporter
+
+CHAINS: tuple[Ordering, ...] = ("across_strips", "along_strips")
+
+
+def report_orderings(result: BundleResult, numbering: StripNumbering, used: Ordering, reporter: Reporter) -> Orderings:
+    """Compare the order in use with those of the textbook, in the log and as a table.
+
+    Parameters
+    ----------
+    result : BundleResult
+    numbering : StripNumbering
+        Of all images of the block.
+    used : str
+    reporter : Reporter
+    """
+    problem = result.adjusted.problem
+    position = problem.layout.position.copy()
+    vertex = problem.layout.vertex[POSE]
+    position[vertex[vertex >= 0]] = numbering.place[vertex >= 0]
+    found = ordering_figures(problem, used, [name for name in CHAINS if name != used], position)
+    textbook = numbering.textbook
+    if textbook:
+        n, N = numbering.images, numbering.strips
+        better = "across" if n > 2 * N - 1 else "along"
+        reporter.log(f"{N} parallel strips of up to {n} images; the textbook numbers {better} the strips, n {n}, "
+                     f"2N - 1 {2 * N - 1}")  # fmt: skip
+    for figures in found:
+        reporter.log(
+            _told(figures, textbook.get(figures.ordering), len(problem.tree.nodes) == 1 and figures is found[0])
+        )
+    return Orderings(
+        ordering=np.array([f.ordering for f in found]),
+        used=np.arange(len(found)) == 0,
+        textbook_images=np.array([textbook.get(f.ordering, -1) for f in found], dtype=np.int32),
+        images=np.array([f.half_bandwidth for f in found], dtype=np.int32),
+        unknowns=np.array([f.half_bandwidth_unknowns for f in found], dtype=np.int64),
+        border=np.array([f.border_unknowns for f in found], dtype=np.int64),
+        stored=np.array([f.stored for f in found], dtype=np.int64),
+        gflop=np.array([1e-9 * f.flops for f in found]),
+    )
+
+
+def _told(f: OrderingFigures, textbook: int | None, one_front: bool) -> str:
+    expected = f" (textbook {textbook})" if textbook is not None else ""
+    band = f"half bandwidth {f.half_bandwidth} images{expected}, {f.half_bandwidth_unknowns} unknowns, "
+    return (
+        f"{f.ordering}{', one front' if one_front else ''}: {band if f.ordering in CHAINS else ''}"
+        f"border {f.border_unknowns}, {f.stored:,} elements stored, {f.flops / 1e9:.3g} Gflop"
+    )

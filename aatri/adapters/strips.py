@@ -1,0 +1,176 @@
+"""Between artifacts and the methods that orient strips: strip points in, a Solution back out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adapters import solution as assemble
+from aatri.adapters.orientations import Control, Positions
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.strips import Strips
+from aatri.artifacts.suspects import Suspects
+from aatri.geometry.rotations import angles_from_rotation
+from aatri.geometry.similarity import Similarity
+from aatri.geometry.vectors import finite_rows
+from aatri.orientation.free_block.component_growth import StripPoints
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer[Any]]
+Bool = npt.NDArray[np.bool_]
+Text = npt.NDArray[np.str_]
+
+SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
+
+
+def given_coordinates(control: Control) -> Bool:
+    """Which coordinates of control points are control, (n, 3) bool."""
+    return control.observed | control.held
+
+
+def origin_of(control: Control, positions: Positions) -> Float:
+    """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
+    known = np.concatenate([np.where(given_coordinates(control), control.xyz_m, np.nan), positions.position_m])
+    sums, counts = np.nansum(known, axis=0), np.isfinite(known).sum(axis=0)
+    return np.asarray(np.round(sums / np.maximum(counts, 1)))
+
+
+def strip_points_of(strips: Strips) -> StripPoints:
+    """Points of free strips."""
+    table = strips.strip_points
+    return StripPoints(table.strip.astype(np.int64), table.point.astype(np.int64), table.xyz, table.covariance)
+
+
+def tested(
+    *, kind: str, row: Int, image: Text, point: Text, stage: str, size_m: Float, test: Float, began: Bool, active: Bool
+) -> Suspects:
+    """Suspects of one kind of observation: what was rejected, and what was rejected before and is believed again.
+
+    Parameters
+    ----------
+    row, image, point : (n,)
+        Of all observations.
+    size_m : (n, 3) float64, m
+        Estimated gross errors; NaN where a coordinate is not observed.
+    test : (n,) float64
+    began, active : (n,) bool
+        Used before and after the test.
+    """
+    listed = np.flatnonzero(~active | ~began)
+    size, statistic = np.sqrt(np.nansum(size_m[listed] ** 2, axis=1)), test[listed]
+    known = np.isfinite(statistic) & (statistic > 0)
+    return Suspects(
+        kind=np.full(len(listed), kind),
+        row=row[listed].astype(np.int32),
+        image=image[listed],
+        point=point[listed],
+        stage=np.full(len(listed), stage),
+        size=size,
+        unit=np.full(len(listed), "m"),
+        sigma=np.where(known, size / np.where(known, statistic, 1.0), np.nan),
+        test=statistic,
+        verdict=np.where(active[listed], "readmitted", "rejected"),
+    )
+
+
+def rejected_before(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
+    """Which observations, by the ids of image (or strip) and point, an earlier stage has rejected: (n,) bool."""
+    rows = np.flatnonzero((suspects.kind == kind) & (suspects.verdict == "rejected"))
+    known = set(zip(suspects.image[rows].tolist(), suspects.point[rows].tolist()))
+    return np.array([pair in known for pair in zip(image.tolist(), point.tolist())], dtype=bool)
+
+
+def carried_on(suspects: Suspects, *kinds: str) -> Suspects:
+    """Suspects of an earlier stage without the kinds that are tested anew."""
+    return suspects.take(~np.isin(suspects.kind, kinds))
+
+
+def similarity_rows(name: str, similarity: Similarity, origin_m: Float) -> StripTransformations:
+    """The seven parameters from the free strip to the ground; angles omega, phi, kappa of the rotation."""
+    values = [
+        *(similarity.translation + origin_m),
+        similarity.scale,
+        *angles_from_rotation(similarity.rotation, "omega-phi-kappa"),
+    ]
+    return transformation_rows(name, "similarity", SIMILARITY_PARAMETERS, values)
+
+
+def transformation_rows(
+    name: str, model: str, parameters: tuple[str, ...], values: npt.ArrayLike, sigma: npt.ArrayLike = np.nan
+) -> StripTransformations:
+    """Parameters of one strip's transformation."""
+    n = len(parameters)
+    return StripTransformations(
+        id=np.full(n, name),
+        model=np.full(n, model),
+        parameter=np.array(parameters, dtype=np.str_),
+        value=np.asarray(values, dtype=np.float64),
+        sigma=np.broadcast_to(np.asarray(sigma, dtype=np.float64), n),
+    )
+
+
+def precision_row(name: str, tau_m: float) -> Parameters:
+    """The deformation of strips that was added to the standard deviation of their points."""
+    return Parameters(
+        group=np.array(["strip_precision"]),
+        object=np.array([name]),
+        name=np.array(["tau_m"]),
+        value=np.array([tau_m]),
+        sigma=np.array([np.nan]),
+    )
+
+
+def solution_of(
+    *,
+    block: Block,
+    image_points: ImagePoints,
+    method: str,
+    position_m: Float,
+    ground_from_image: Float,
+    point_m: Float,
+    counts: tuple[int, int],
+    sigma0: float,
+    iterations: int,
+    transformations: StripTransformations,
+    parameters: Parameters,
+    residuals: Residuals,
+    suspects: Suspects,
+) -> Solution:
+    """A Solution without covariances.
+
+    Parameters
+    ----------
+    position_m : (n_images, 3) float64, m
+        NaN where not oriented.
+    ground_from_image : (n_images, 3, 3) float64
+    point_m : (n_points, 3) float64, m
+        NaN where not determined.
+    counts : (int, int)
+        Observations and unknowns.
+    """
+    oriented, solved = finite_rows(position_m), finite_rows(point_m)
+    measured = image_points.measurements
+    used = measured.active & finite_rows(measured.xy_mm) & oriented[measured.image] & solved[measured.point]
+    return Solution(
+        method=method,
+        observations=counts[0],
+        unknowns=counts[1],
+        redundancy=counts[0] - counts[1],
+        sigma0=sigma0,
+        sigma0_um=float("nan"),
+        iterations=iterations,
+        images=assemble.oriented_images(
+            block, position_m, ground_from_image, np.bincount(measured.image[used], minlength=len(oriented))
+        ),
+        points=assemble.ground_points(block, point_m, np.bincount(measured.point[used], minlength=len(solved))),
+        cameras=assemble.solved_cameras(block),
+        transformations=transformations,
+        parameters=parameters,
+        residuals=residuals,
+        history=Iterations.empty(),
+        suspects=suspects,
+    )

@@ -1,0 +1,48 @@
+"""Covariances under exact constraints: those of N reduced by W W', in every block and every record.
+
+    Q = N^-1 - Z S^-1 Z' = N^-1 - W W',    W = Z R^-T,    S = R R'          (see `constraints`)
+
+A record with Jacobian J loses J W (J W)'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.constraints import gram, linearised_constraints
+from aatri.adjustment.elimination.chunks import CHUNK
+from aatri.adjustment.elimination.right_hand_sides import backward, forward
+from aatri.adjustment.records import whitened
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+
+
+def covariance_reduction(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:
+    """W by group and block, (n, k, number of constraints) each; nothing without constraints."""
+    if not problem.constraints:
+        return {}
+    _, right = linearised_constraints(problem, state)
+    u = forward(problem, factored, state, right)
+    R = np.linalg.cholesky(gram(problem, u))
+    Z = backward(problem, factored, state, u)
+    return {group: np.linalg.solve(R, z.swapaxes(1, 2)).swapaxes(1, 2) for group, z in Z.items()}
+
+
+def reduce_covariances(
+    problem: Problem, state: State, W: Mapping[str, Float], groups: Mapping[str, Float], records: tuple[Float, ...]
+) -> None:
+    """Take W W' off the covariances of all blocks and records, in place."""
+    for group, w in W.items():
+        groups[group][:] -= w @ w.swapaxes(1, 2)
+    for r, found in zip(problem.records, records):
+        known = np.flatnonzero(np.isfinite(found).all(axis=(1, 2)))
+        for first in range(0, len(known) if W else 0, CHUNK):
+            rows = known[first : first + CHUNK]
+            _, jacobians = whitened(r, state, rows)
+            T = sum(J @ W[group][block[rows]] for (group, block), J in zip(r.touches, jacobians))
+            found[rows] -= T @ np.swapaxes(T, 1, 2)

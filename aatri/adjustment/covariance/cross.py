@@ -1,0 +1,127 @@
+"""Covariance of any two blocks of unknowns, by solves.
+
+Marginal covariances come from one way down the tree; the covariance of two blocks that share no front needs the columns
+of one of them: N Q_.b = E_b for a kept block b. An eliminated block p, with D and C = E'A of its own observations, has
+
+    Q_p. = -D^-1 C Q_x.,      Q_pq = -D^-1 C Q_xq    (p and q different)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.adjust import Adjusted
+from aatri.adjustment.covariance.constrained import covariance_reduction
+from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.records import whitened
+from aatri.adjustment.stepping.robust import refuse_covariances
+from aatri.adjustment.structure.index import part_columns
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+Block = tuple[str, int]
+"""Group and number of a block of unknowns."""
+
+
+def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]]) -> list[Float]:
+    """Covariance of each pair of different blocks, a priori (sigma0 = 1).
+
+    Parameters
+    ----------
+    adjusted : Adjusted
+    pairs : sequence of ((group, block), (group, block))
+
+    Returns
+    -------
+    list of (k, l) float64
+        Zero for held scalars.
+
+    Raises
+    ------
+    ValueError
+        If the two blocks of a pair are the same: that is a marginal covariance.
+    """
+    refuse_covariances(adjusted.down_weighted)
+    problem = adjusted.problem
+    factored = factorise(problem, adjusted.state)
+    W = covariance_reduction(problem, factored, adjusted.state)
+    found = []
+    for first, second in pairs:
+        if first == second:
+            raise ValueError(f"{first} with itself: use marginal_covariances")
+        columns = _columns_of(adjusted, factored, second)
+        found.append(_rows_of(adjusted, factored, first, columns))
+        if W:
+            found[-1] -= W[first[0]][first[1]] @ W[second[0]][second[1]].T
+    return found
+
+
+def _columns_of(adjusted: Adjusted, factored: Factored, block: Block) -> Float:
+    """Covariance of all kept unknowns with a block, (n_kept, k)."""
+    problem = adjusted.problem
+    kept, weights = _in_kept(adjusted, factored, block)
+    right = np.zeros((problem.layout.n_kept, weights.shape[0]))
+    np.add.at(right, kept[kept >= 0], weights.T[kept >= 0])
+    return solve_kept(problem, factored, right)
+
+
+def _rows_of(adjusted: Adjusted, factored: Factored, block: Block, columns: Float) -> Float:
+    kept, weights = _in_kept(adjusted, factored, block)
+    return np.asarray(weights[:, kept >= 0] @ columns[kept[kept >= 0]])
+
+
+def _in_kept(adjusted: Adjusted, factored: Factored, block: Block) -> tuple[Int, Float]:
+    """A block as a linear function of the kept unknowns: their columns (n,) and weights (k, n)."""
+    problem, (group, number) = adjusted.problem, block
+    size = next(u.size for u in problem.unknowns if u.name == group)
+    if group != problem.layout.eliminated or problem.layout.block[number] < 0:
+        return problem.layout.columns(group, size)[number], np.eye(size)
+    rays = problem.rays
+    assert rays is not None
+    p = int(np.flatnonzero(rays.block == number)[0])
+    some = slice(int(rays.ray_start[p]), int(rays.ray_start[p + 1]))
+    _, jacobians = whitened(rays.records, adjusted.state, rays.rows[some])
+    touches = [g for g, _ in rays.records.touches]
+    A = np.concatenate([J for g, J in zip(touches, jacobians) if g != group], axis=2)
+    B = jacobians[touches.index(group)] * problem.block_free[p]
+    columns = part_columns(rays.parts, problem.layout, some)
+    C = np.einsum("nia,nib->bna", A, B).reshape(size, -1)
+    L = np.zeros((3, 3))
+    L[[0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2]] = factored.block_factor[p]
+    weights = -np.linalg.solve(L.T, np.linalg.solve(L, C)) * problem.block_free[p][:, None]
+    return columns.ravel(), weights
+
+
+def solve_kept(problem: Problem, factored: Factored, right: Float) -> Float:
+    """Solve the reduced normal equations for given right-hand sides.
+
+    Parameters
+    ----------
+    right : (n_kept, m) float64
+
+    Returns
+    -------
+    (n_kept, m) float64
+        Zero for held scalars.
+    """
+    x = np.where(problem.layout.held[:, None], 0.0, right)
+    nodes = problem.tree.nodes
+    for column in range(x.shape[1]):
+        for k, node in enumerate(nodes):
+            if node.panel:
+                front = x[node.columns, column]
+                lapack.forward(factored.panels[k], front)
+                x[node.columns, column] = front
+        for k in range(len(nodes) - 1, -1, -1):
+            node = nodes[k]
+            if node.panel:
+                front = x[node.columns, column]
+                lapack.backward(factored.panels[k], front)
+                x[node.columns[: node.panel], column] = front[: node.panel]
+    return np.where(problem.layout.held[:, None], 0.0, x)

@@ -1,0 +1,173 @@
+"""Exact marginal covariances, by going back down the tree, a priori (sigma0 = 1).
+
+The covariance of a front follows from that of its boundary, which is part of its parent's. While a front's covariance
+is in memory the blocks of its own vertices, of its eliminated blocks, and of the adjusted values of their rays are read
+off. Held scalars have zero covariance.
+
+Redundancy numbers: with the covariance R of the whitened adjusted values of a record, I - R is that of its residuals,
+and its diagonal are the redundancy numbers. Exact constraints reduce what was read off (`constrained_covariances`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.adjust import Adjusted
+from aatri.adjustment.covariance.constrained import covariance_reduction, reduce_covariances
+from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
+from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.chunks import linearised, side_by_side, single_poses
+from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.elimination.schedule import blas_threads, share_out
+from aatri.adjustment.kernels.covariance import block_covariances, part_of
+from aatri.adjustment.kernels.covariance_pose import pose_covariances
+from aatri.adjustment.stepping.robust import refuse_covariances
+from aatri.adjustment.structure.index import part_columns
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.threads import run_all, thread_control
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Covariances:
+    """Marginal covariances of an adjustment.
+
+    Attributes
+    ----------
+    groups : dict of str to (n, k, k) float64
+        Covariance of every block of every group; zero for held scalars.
+    rays : (n, m, m) float64
+        Covariance of the whitened adjusted values of the rays, by row of their records; NaN where not active.
+    records : tuple of (n, m, m) float64
+        The same of all records, in the order of the problem's.
+    """
+
+    groups: dict[str, Float]
+    rays: Float
+    records: tuple[Float, ...]
+
+
+def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covariances:
+    """Covariances of all unknowns at the solution.
+
+    Parameters
+    ----------
+    adjusted : Adjusted
+    blocks : bool
+        Also those of the eliminated blocks and of the rays.
+    """
+    refuse_covariances(adjusted.down_weighted)
+    problem, state = adjusted.problem, adjusted.state
+    factored = factorise(problem, state)
+    reduction = covariance_reduction(problem, factored, state)
+    down = _Down(problem, state, factored, blocks)
+    down.run()
+    found = down.result()
+    reduce_covariances(problem, state, reduction, found.groups, found.records)
+    return found
+
+
+_NOTHING: Float = np.zeros((0, 0), order="F")
+
+
+class _Down:
+    """The way down the tree; a front's covariance lives until its children have taken their parts."""
+
+    def __init__(self, problem: Problem, state: State, factored: Factored, blocks: bool) -> None:
+        self.problem, self.state, self.factored, self.blocks = problem, state, factored, blocks
+        n_vertices = len(problem.layout.size)
+        largest = int(problem.layout.size.max(initial=0))
+        self.vertex_covariance = np.zeros((n_vertices, largest, largest))
+        n_blocks = len(problem.block_free)
+        self.block = np.full((n_blocks, 3, 3), np.nan)
+        rays = problem.rays
+        m = rays.records.rows if rays is not None else 0
+        self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
+        self.fill = problem.ray_lane(state) if rays is not None and blocks else None
+        self.kept = [(k, side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
+        self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
+        self.boundary: dict[int, Float] = {}
+
+    def run(self) -> None:
+        """Go down level by level, then each subtree on its own, depth first, so that few fronts are in memory."""
+        problem = self.problem
+        subtrees, levels = share_out(problem)
+        with thread_control().limit(limits=1, user_api="blas"):
+            if not subtrees:
+                self._several(range(len(problem.tree.nodes)))
+                return
+            with ThreadPoolExecutor(problem.threads) as pool:
+                for level in reversed(levels):
+                    with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
+                        self._several(level)
+                run_all(pool, [partial(self._several, nodes) for nodes in subtrees])
+
+    def _several(self, nodes: Sequence[int]) -> None:
+        """Covariances of some nodes, parents before their children."""
+        tree = self.problem.tree
+        for k in reversed(nodes):
+            node, boundary = tree.nodes[k], self.boundary.pop(k, _NOTHING)
+            S = lapack.panel_covariance(self.factored.panels[k], boundary) if node.panel else boundary
+            self._take(k, node, S)
+            for child in node.children:
+                self.boundary[child] = part_of(S, tree.maps[child])
+
+    def _take(self, k: int, node: Node, S: Float) -> None:
+        held = self.problem.layout.held[node.columns]
+        if held.any():
+            S[held, :] = 0.0
+            S[:, held] = 0.0
+        for i in range(node.own):
+            a, b = int(node.offset[i]), int(node.offset[i + 1])
+            self.vertex_covariance[node.vertices[i], : b - a, : b - a] = S[a:b, a:b]
+        row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)
+        row_of[node.columns] = np.arange(node.size)
+        for kept, jacobians in self.kept:
+            found = self.of_records[place_of(self.problem, kept.records)]
+            kept_covariances(self.problem, kept, jacobians, k, row_of, S, found)
+        if self.fill is None:
+            return
+        rays = self.problem.rays
+        assert rays is not None
+        for p0, p1, _, A, B in linearised(self.problem, self.fill, k, node):
+            base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+            if single_poses(rays.parts, A):
+                pose_covariances(p0, p1, base, rays.ray_start, A, B, rays.loc[base:last], S, self.problem.block_free,
+                                 self.factored.block_factor, self.block, self.ray)  # fmt: skip
+                continue
+            row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
+            block_covariances(p0, p1, base, rays.ray_start, A, B, row, S, self.problem.block_free,
+                              self.factored.block_factor, self.block, self.ray)  # fmt: skip
+
+    def result(self) -> Covariances:
+        """Covariances by group and block, and by row of the rays' records."""
+        layout, groups = self.problem.layout, {}
+        for u in self.problem.unknowns:
+            vertex, first = layout.vertex[u.name], layout.within[u.name]
+            blocks = np.zeros((len(u.free), u.size, u.size))
+            some = vertex >= 0
+            if some.any():
+                part = slice(first, first + u.size)
+                blocks[some] = self.vertex_covariance[vertex[some], part, part]
+            if u.eliminated and self.problem.rays is not None:
+                runaway = self.problem.hold[:, 0, 0] > 0
+                blocks[self.problem.rays.block] = np.where(runaway[:, None, None], np.nan, self.block)
+            groups[u.name] = blocks
+        rays = self.problem.rays
+        if self.blocks:
+            direct_covariances(self.problem, self.state, self.block, self.of_records)
+        if rays is None:
+            return Covariances(groups, self.ray, self.of_records)
+        of_rays = self.of_records[place_of(self.problem, rays.records)]
+        of_rays[rays.rows] = self.ray
+        return Covariances(groups, of_rays, self.of_records)

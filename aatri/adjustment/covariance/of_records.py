@@ -1,0 +1,54 @@
+"""Covariances of the adjusted values of records that are not rays of eliminated blocks: A Q A', whitened.
+
+A record of kept unknowns alone lies in one front, and so does its covariance; that of a record of one eliminated block
+follows from the block's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.elimination.chunks import CHUNK
+from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.structure.index import KeptRecords, part_columns
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+def kept_covariances(
+    problem: Problem, kept: KeptRecords, A: Float, k: int, row_of: Int, S: Float, found: Float
+) -> None:
+    """Those of the kept records of a node, into `found`.
+
+    Parameters
+    ----------
+    A : (n, m, columns) float64
+        Whitened Jacobians of all the kept records, zero where held.
+    k : int
+        The node.
+    row_of : (n_kept,) int
+        Row of its front for each kept column.
+    S : (size, size) float64
+        Covariance of its front.
+    found : (n_records, m, m) float64
+    """
+    for first in range(int(kept.first[k]), int(kept.first[k + 1]), CHUNK):
+        some = slice(first, min(first + CHUNK, int(kept.first[k + 1])))
+        row = row_of[part_columns(kept.parts, problem.layout, some)]
+        found[kept.rows[some]] = A[some] @ S[row[:, :, None], row[:, None, :]] @ A[some].swapaxes(1, 2)
+
+
+def direct_covariances(problem: Problem, state: State, block: Float, found: tuple[Float, ...]) -> None:
+    """Those of the records of one eliminated block alone, into `found`, from `block`, (n_blocks, 3, 3)."""
+    for records, rows, number in problem.direct:
+        _, (J,) = whitened(records, state, rows)
+        found[place_of(problem, records)][rows] = J @ block[number] @ J.swapaxes(1, 2)
+
+
+def place_of(problem: Problem, records: Records) -> int:
+    """Place of an observation type among those of the problem."""
+    return next(i for i, r in enumerate(problem.records) if r is records)

@@ -1,0 +1,67 @@
+"""Free network: covariances of a minimally constrained adjustment carried over to inner constraints.
+
+The observations leave the directions H open (N H = 0, d columns). Let Q_s be the covariance with any d scalars held
+that close them, and D the 0/1 diagonal matrix of the datum: the scalars on which the datum rests. With inner
+constraints G'dx = 0, G = D H, the covariance is
+
+    Q = P Q_s P',    P = I - H M G',    M = (G'H)^-1          (Baarda's S-transformation)
+
+Of all minimal datums it has the smallest trace over the datum; with D = I it is the pseudo-inverse of N. It does not
+depend on what was held: another choice changes Q_s by H times something on either side, and P H = 0. Each block needs
+only its own part of Z = Q_s G, d solves for all of them together:
+
+    Q_bb = Q_s,bb - H_b M Z_b' - Z_b M H_b' + H_b M (G'Z) M H_b'
+
+What the observations determine, residuals and redundancy numbers, does not change, since J H = 0.
+
+Source: Baarda 1973, S-transformations and criterion matrices; photogrammetry.md F17.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.covariance.constrained import covariance_reduction
+from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+
+def s_transformed(
+    problem: Problem, state: State, groups: Mapping[str, Float], H: Mapping[str, Float], datum: Mapping[str, Bool]
+) -> dict[str, Float]:
+    """Covariances of all blocks under inner constraints.
+
+    Parameters
+    ----------
+    problem : Problem
+        With d scalars held that close the open directions.
+    state : mapping
+    groups : mapping of (n, k, k) float64
+        Covariances of that adjustment, see `marginal_covariances`.
+    H : mapping of (n, k, d) float64
+        Open directions by group; groups that are missing are zero.
+    datum : mapping of (n, k) bool
+        Scalars on which the datum rests.
+    """
+    G = {group: h * datum[group][:, :, None] for group, h in H.items() if group in datum}
+    factored = factorise(problem, state)
+    Z = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, G)))
+    W = covariance_reduction(problem, factored, state)
+    if W:
+        common = sum(np.einsum("nkm,nkd->md", W[group], g) for group, g in G.items())
+        Z = {group: z - W[group] @ common for group, z in Z.items()}
+    M = np.linalg.inv(sum(np.einsum("nki,nkj->ij", g, H[group]) for group, g in G.items()))
+    inner = M @ sum(np.einsum("nki,nkj->ij", g, Z[group]) for group, g in G.items()) @ M
+    found = dict(groups)
+    for group, h in H.items():
+        mixed = h @ M @ Z[group].swapaxes(1, 2)
+        found[group] = groups[group] - mixed - mixed.swapaxes(1, 2) + h @ inner @ h.swapaxes(1, 2)
+    return found

@@ -1,0 +1,1 @@
+"""Normalise while eliminating: fronts, panels, the sharing out of work, back substitution."""

@@ -1,0 +1,105 @@
+"""Steps of all unknowns from a factorised linearisation: back down the tree, then block by block.
+
+Back substitution linearises the rays once more instead of keeping their Jacobians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.kernels.eliminate import substitute
+from aatri.adjustment.records import excess, whitened
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+
+
+def kept_step(problem: Problem, factored: Factored) -> Float:
+    """Step of the kept unknowns, (n_kept,)."""
+    if factored.solution is not None:
+        return np.where(problem.layout.held, 0.0, -factored.solution)
+    x = np.zeros(problem.layout.n_kept)
+    for k in range(len(problem.tree.nodes) - 1, -1, -1):
+        node = problem.tree.nodes[k]
+        if not node.panel:
+            continue
+        front = np.concatenate([factored.y[k], x[node.columns[node.panel :]]])
+        lapack.backward(factored.panels[k], front)
+        x[node.columns[: node.panel]] = front[: node.panel]
+    return np.where(problem.layout.held, 0.0, -x)
+
+
+def steps(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:
+    """Step of every group of unknowns at the state of the linearisation, (n, k) each; zero where held."""
+    dx = kept_step(problem, factored)
+    found: dict[str, Float] = {}
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        found[u.name] = np.where(columns >= 0, np.append(dx, 0.0)[columns], 0.0)
+    if problem.rays is not None:
+        found[problem.layout.eliminated][problem.rays.block] = _block_steps(problem, factored, state, dx)
+    return found
+
+
+def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) -> Float:
+    rays = problem.rays
+    assert rays is not None
+    dy = np.zeros((len(rays.block), 3))
+    fill = problem.ray_lane(state)
+    parts, column = rays.parts, problem.ray_columns
+
+    def one(nodes: list[int]) -> None:
+        for k in nodes:
+            for p0, p1, _, A, B in linearised(problem, fill, k, problem.tree.nodes[k]):
+                base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+                substitute(p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start, dx,
+                           problem.block_free, factored.block_factor, factored.block_y, dy)  # fmt: skip
+
+    in_parallel(problem, one)
+    return dy
+
+
+def cost_of(problem: Problem, state: State) -> float:
+    """Cost of all active records: the sum of squares of the whitened residuals, unless there is a loss."""
+    total = np.zeros(len(problem.tree.nodes) + 1)
+    for kept in problem.kept:
+        v, _ = whitened(kept.records, state, kept.rows)
+        total[-1] += float((v**2).sum()) + excess(kept.records, v)
+    for records, rows, _ in problem.direct:
+        v, _ = whitened(records, state, rows)
+        total[-1] += float((v**2).sum()) + excess(records, v)
+    if problem.rays is not None:
+        fill, ray_records = problem.ray_lane(state), problem.rays.records
+
+        def one(nodes: list[int]) -> None:
+            for k in nodes:
+                for _, _, v, _, _ in linearised(problem, fill, k, problem.tree.nodes[k]):
+                    total[k] += float((v**2).sum()) + excess(ray_records, v)
+
+        in_parallel(problem, one)
+    return float(total.sum())
+
+
+def predicted_decrease(problem: Problem, factored: Factored, found: dict[str, Float]) -> float:
+    """Decrease of the cost by the undamped linear model over a damped step.
+
+    With (H + lambda diag H) s = -g it is -g's + lambda s' diag(H) s; the first term is `factored.decrease`.
+    """
+    if factored.damping == 0.0:
+        return factored.decrease
+    held = 0.0
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        diagonal = np.where(columns >= 0, np.append(factored.diagonal, 0.0)[columns], 0.0)
+        held += float((diagonal * found[u.name] ** 2).sum())
+    if problem.rays is not None:
+        l00, l10, l20, l11, l21, l22 = factored.block_factor.T
+        damped = np.stack([l00**2, l10**2 + l11**2, l20**2 + l21**2 + l22**2], axis=1)
+        step = found[problem.layout.eliminated][problem.rays.block]
+        held += float((damped / (1 + factored.damping) * step**2).sum())
+    return factored.decrease + factored.damping * held

@@ -1,0 +1,58 @@
+"""Linearised observations as the kernels take them: rays in chunks, other records side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.records import Fill, whitened
+from aatri.adjustment.structure.index import KeptRecords, Parts, part_columns
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.layout import Layout
+from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+
+CHUNK = 4096
+"""Rays linearised at once: their Jacobians stay in the cache."""
+
+Chunk = tuple[int, int, Float, Float, Float]
+
+
+def single_poses(parts: Parts, A: Float) -> bool:
+    """Whether rays are those of the faster kernels: two residuals, and one part of six unknowns."""
+    return len(parts.size) == 1 and A.shape[1:] == (2, 6)
+
+
+def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chunk]:
+    """Linearised rays of the blocks of a node, in chunks: first and last block, v, A, B."""
+    rays = problem.rays
+    assert rays is not None
+    records = rays.records
+    widths = [next(u.size for u in problem.unknowns if u.name == g) for g, _ in records.touches]
+    is_block = [g == problem.layout.eliminated for g, _ in records.touches]
+    any_held = bool(problem.layout.held[node.columns].any())
+    p0, end = int(rays.first[k]), int(rays.first[k + 1])
+    while p0 < end:
+        p1 = int(np.searchsorted(rays.ray_start, rays.ray_start[p0] + CHUNK, side="right")) - 1
+        p1 = min(max(p1, p0 + 1), end)
+        first, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+        v = np.empty((last - first, records.rows))
+        J = tuple(np.empty((last - first, records.rows, w)) for w in widths)
+        fill(first, last, v, J)
+        kept = [j for j, block in zip(J, is_block) if not block]
+        A = kept[0] if len(kept) == 1 else np.concatenate(kept, axis=2)
+        if any_held:
+            A = A * (part_columns(rays.parts, problem.layout, slice(first, last)) >= 0)[:, None, :]
+        yield p0, p1, v, np.ascontiguousarray(A), next(j for j, block in zip(J, is_block) if block)
+        p0 = p1
+
+
+def side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
+    """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held."""
+    v, jacobians = whitened(kept.records, state, kept.rows)
+    free = part_columns(kept.parts, layout) >= 0
+    return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])

@@ -1,0 +1,206 @@
+"""Normalise while eliminating, front by front.
+
+Each node's front receives the records and eliminated blocks that belong to it and the updates of its children; its
+own unknowns are eliminated by a dense Cholesky factorisation, and what remains goes to its parent. Subtrees are
+independent: they run in parallel, one BLAS thread each, and so do the levels above them. The top of the tree, where
+fronts are large and fewer than threads, runs one after the other with all BLAS threads, on rays taken before. Sums have
+one fixed order whatever the number of threads.
+
+Held scalars have a unit row. Levenberg-Marquardt damping adds `damping` times the diagonal of the undamped matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from threading import Lock
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.chunks import linearised, side_by_side, single_poses
+from aatri.adjustment.elimination.panels import panels_of
+from aatri.adjustment.elimination.schedule import blas_threads, share_out
+from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
+from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
+from aatri.adjustment.records import excess, whitened
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.threads import run_all, thread_control
+from aatri.adjustment.unknowns import State
+from aatri.errors import ResourceError
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
+    """Linearise at a state, form and factorise the normal equations.
+
+    Raises
+    ------
+    ResourceError
+        If the problem is solved by conjugate gradients: there is no factor.
+    """
+    if problem.subtrees is not None:
+        raise ResourceError(
+            f"exact covariances need the factor of the normal equations, {problem.tree.factor_bytes / 1e9:.3g} GB, and "
+            "this block is solved by conjugate gradients, without it",
+            remedy="raise memory_gb, or give more disk to TMPDIR",
+        )
+    work = Work(problem, state, damping)
+    subtrees, levels = share_out(problem)
+    if len(subtrees) < 2:
+        with thread_control().limit(limits=1, user_api="blas"):
+            work.run(range(len(problem.tree.nodes)))
+        return work.result()
+    few = [k for level in levels if len(level) < problem.threads for k in level]
+    with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+        # where threads will be idle later, the rays are taken now
+        run_all(pool, [partial(work.run, nodes) for nodes in subtrees] + [partial(work.assemble, k) for k in few])
+        for level in levels:
+            if len(level) >= problem.threads:
+                run_all(pool, [partial(work.run, [k]) for k in level])
+                continue
+            with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
+                work.run(level)
+    return work.result()
+
+
+class _Room:
+    """Memory of fronts that are done, for those to come: fresh memory costs as much as the work on a small front."""
+
+    def __init__(self) -> None:
+        self._spare: list[Float] = []
+        self._turn = Lock()
+
+    def take(self, n: int) -> Float:
+        """A front of n rows, with anything in it, in the smallest memory that is large enough.
+
+        Where none is, new memory takes the place of the largest that is spare.
+        """
+        with self._turn:
+            self._spare.sort(key=len)
+            fitting = next((k for k, spare in enumerate(self._spare) if len(spare) >= n * n), -1)
+            memory = self._spare.pop(fitting) if self._spare else np.empty(0)
+        if len(memory) < n * n:
+            del memory
+            memory = np.empty(n * n)
+        return memory[: n * n].reshape((n, n), order="F")
+
+    def give(self, front: Float) -> None:
+        """Give back the memory of a front."""
+        memory = front.base
+        assert memory is not None
+        with self._turn:
+            self._spare.append(memory)
+
+
+class Work:
+    """State of one factorisation; a node may be finished in any thread once its children are."""
+
+    def __init__(self, problem: Problem, state: State, damping: float) -> None:
+        self.problem, self.damping = problem, damping
+        n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
+        self.panels = panels_of(problem.tree, problem.spill)
+        self.y: list[Float] = [np.zeros(0)] * n_nodes
+        self.fronts: list[tuple[Float, Float, Float] | None] = [None] * n_nodes
+        self.room = _Room()
+        self.cost = np.zeros(n_nodes + 1)
+        self.weak: list[int] = [-1] * n_nodes
+        self.diagonal = np.zeros(problem.layout.n_kept)
+        self.block_factor, self.block_y = np.ones((n_blocks, 6)), np.zeros((n_blocks, 3))
+        self.determined = np.ones(n_blocks)
+        self.D0, self.h0 = problem.hold.copy(), np.zeros((n_blocks, 3))
+        self._direct(state)
+        self.fill = problem.ray_lane(state) if problem.rays is not None else None
+        self.kept = [(k, *side_by_side(k, problem.layout, state)) for k in problem.kept]
+        self.cost[-1] += sum(excess(k.records, v) for k, v, _ in self.kept)
+
+    def _direct(self, state: State) -> None:
+        for records, rows, block in self.problem.direct:
+            v, (J,) = whitened(records, state, rows)
+            J = J * self.problem.block_free[block][:, None, :]
+            np.add.at(self.D0, block, np.einsum("nki,nkj->nij", J, J))
+            np.add.at(self.h0, block, np.einsum("nki,nk->ni", J, v))
+            self.cost[-1] += float((v**2).sum()) + excess(records, v)
+
+    def run(self, nodes: Iterable[int]) -> None:
+        """Work on some nodes in their order."""
+        for k in nodes:
+            self.assemble(k)
+            self.finish(k)
+
+    def assemble(self, k: int) -> None:
+        """Start a front with its records and eliminated blocks, unless that has been done."""
+        if self.fronts[k] is not None:
+            return
+        node = self.problem.tree.nodes[k]
+        F, g, d = self.room.take(node.size), np.zeros(node.size), np.zeros(node.size)
+        clear_lower(F)
+        for records, v, A in self.kept:
+            first, last = int(records.first[k]), int(records.first[k + 1])
+            if last > first:
+                p = records.parts
+                self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
+        if self.problem.rays is not None:
+            self._blocks(k, node, F, g, d)
+        self.fronts[k] = F, g, d
+
+    def finish(self, k: int) -> None:
+        """Add the updates of the children and eliminate; the front stays for its parent."""
+        node, front = self.problem.tree.nodes[k], self.fronts[k]
+        assert front is not None
+        n, m = node.size, node.panel
+        F, g, d = front
+        for child in node.children:
+            update = self.fronts[child]
+            if update is not None:
+                extend_add(*update, self.problem.tree.nodes[child].panel, self.problem.tree.maps[child], F, g, d)
+                self.room.give(update[0])
+            self.fronts[child] = None
+        held = self.problem.layout.held[node.columns[:m]]
+        i = np.arange(m)
+        F[i, i] += np.where(held, 1.0, self.damping * d[:m])
+        if m:
+            self._eliminate(k, node, F, g, d, held)
+        if n == m:
+            self.room.give(F)
+            self.fronts[k] = None
+
+    def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: npt.NDArray[np.bool_]) -> None:
+        m = node.panel
+        info = lapack.cholesky_panel(F, m)
+        pivot = np.diagonal(F)[:m] ** 2
+        weak = np.flatnonzero(~held & ~(pivot > RANK_TOLERANCE * d[:m]))
+        if info or len(weak):
+            self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
+        self.panels[k] = F[:, :m]
+        self.diagonal[node.columns[:m]] = d[:m]
+        lapack.forward(F[:, :m], g)
+        self.y[k] = g[:m].copy()
+
+    def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float) -> None:
+        rays = self.problem.rays
+        assert rays is not None
+        assert self.fill is not None
+        common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
+                  self.block_factor, self.block_y, self.determined)  # fmt: skip
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, k, node):
+            self.cost[k] += excess(rays.records, v)
+            base = int(rays.ray_start[p0])
+            loc = rays.loc[base : int(rays.ray_start[p1])]
+            if single_poses(rays.parts, A):
+                self.cost[k] += eliminate_pose(p0, p1, base, rays.ray_start, v, A, B, loc, *common)
+            else:
+                parts = rays.parts
+                self.cost[k] += eliminate(p0, p1, base, rays.ray_start, v, A, B, loc, parts.size, parts.start, *common)
+
+    def result(self) -> Factored:
+        """All that later steps need."""
+        weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
+        return Factored(self.panels, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak,
+                        float(self.cost.sum()), self.damping)  # fmt: skip

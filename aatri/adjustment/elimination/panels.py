@@ -1,0 +1,115 @@
+"""Panels of the factor, in memory or in a file.
+
+A front leaves the panel L11, L21 of its own unknowns. Nothing needs it again until the way back down the tree, so that
+under a memory limit it may wait in a temporary file, at a place the tree has set. The file has no name where the
+operating system allows that, and is gone with the factor, after an error too. What is read is what was written, bit
+for bit.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from collections.abc import Sequence
+from threading import Lock
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.structure.tree import Tree
+from aatri.errors import ResourceError
+
+Float = npt.NDArray[np.float64]
+
+
+class Panels(Protocol):
+    """One panel for each node, (n, m) float64, column-major."""
+
+    def __getitem__(self, k: int) -> Float:
+        """Panel of a node."""
+
+    def __setitem__(self, k: int, panel: Float) -> None:
+        """Keep a panel; it is copied, and its front may be used again."""
+
+    def clear(self) -> None:
+        """Give back the room; no panel can be read any more."""
+
+
+def panels_of(tree: Tree, spill: bool) -> Panels:
+    """Room for the panels of a tree, in memory or in a file."""
+    if spill:
+        return PanelsInFile([(node.size, node.panel) for node in tree.nodes])
+    return PanelsInMemory(len(tree.nodes))
+
+
+class PanelsInMemory:
+    """Panels as arrays."""
+
+    def __init__(self, n_nodes: int) -> None:
+        self._panels: list[Float] = [np.zeros((0, 0))] * n_nodes
+
+    def __getitem__(self, k: int) -> Float:
+        return self._panels[k]
+
+    def __setitem__(self, k: int, panel: Float) -> None:
+        self._panels[k] = np.array(panel, order="F")
+
+    def clear(self) -> None:
+        """Give back the room; no panel can be read any more."""
+        self._panels.clear()
+
+
+class PanelsInFile:
+    """Panels in one temporary file; threads take turns at it.
+
+    Parameters
+    ----------
+    shapes : sequence of (int, int)
+        Rows and columns of each panel.
+
+    Raises
+    ------
+    ResourceError
+        If there is no room for the file.
+    """
+
+    def __init__(self, shapes: Sequence[tuple[int, int]]) -> None:
+        self._shapes = list(shapes)
+        self._first = np.concatenate([[0], np.cumsum([8 * n * m for n, m in shapes])]).tolist()
+        self._turn = Lock()
+        try:
+            self._file = tempfile.TemporaryFile(prefix="aatri-panels-", buffering=0)  # noqa: SIM115
+        except OSError as error:
+            raise _no_room(self._first[-1], error) from error
+        self._closed = weakref.finalize(self, self._file.close)
+
+    def __getitem__(self, k: int) -> Float:
+        panel = np.empty(self._shapes[k], order="F")
+        with self._turn:
+            self._file.seek(self._first[k])
+            rest = panel.T.data.cast("B")
+            while rest:
+                rest = rest[self._file.readinto(rest) :]
+        return panel
+
+    def __setitem__(self, k: int, panel: Float) -> None:
+        with self._turn:
+            try:
+                self._file.seek(self._first[k])
+                rest = np.asfortranarray(panel).T.data.cast("B")
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+            except OSError as error:
+                raise _no_room(self._first[-1], error) from error
+
+    def clear(self) -> None:
+        """Give back the room; no panel can be read any more."""
+        self._closed()
+
+
+def _no_room(size: int, error: OSError) -> ResourceError:
+    return ResourceError(
+        f"{tempfile.gettempdir()} has no room for the factor of {size / 1e9:.2g} GB ({error.strerror})",
+        remedy="set TMPDIR to a larger disk, or memory_gb to more memory",
+    )

@@ -1,0 +1,160 @@
+"""Several right-hand sides to one factorisation, over all unknowns, the eliminated ones too.
+
+The normal matrix is N = L L', eliminated blocks first. With the 3x3 factor L_p of a block and its part E_p = B'A with
+the kept unknowns, N Z = R goes in two steps,
+
+    U = L^-1 R:    U_p = L_p^-1 R_p,              U_x = L_x^-1 (R_x - sum E_p' L_p^-T U_p)
+    Z = L^-T U:    Z_x = L_x^-T U_x,              Z_p = L_p^-T (U_p - L_p^-1 E_p Z_x)
+
+The first step touches only blocks and fronts with a right-hand side below them; U'U = R'N^-1 R needs no more than it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.kernels.eliminate import substitute
+from aatri.adjustment.records import whitened
+from aatri.adjustment.structure.index import part_columns
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Sides:
+    """m right-hand sides R, or U = L^-1 R.
+
+    Attributes
+    ----------
+    kept : (n_kept, m) float64
+        Zero for held scalars.
+    block : (k,) int64
+        Eliminated blocks that are not zero, ascending, by their place among the rays' blocks.
+    of_block : (k, 3, m) float64
+    """
+
+    kept: Float
+    block: Int
+    of_block: Float
+
+    def gram(self) -> Float:
+        """Products of all pairs of columns, (m, m)."""
+        flat = self.of_block.reshape(-1, self.kept.shape[1])
+        return np.asarray(self.kept.T @ self.kept + flat.T @ flat)
+
+
+def sides_of(problem: Problem, groups: Mapping[str, Float]) -> Sides:
+    """Right-hand sides from their blocks by group, (n, k, m) each; what is held counts as zero.
+
+    Parameters
+    ----------
+    groups : mapping
+        Groups that are missing are zero.
+    """
+    m = next(iter(groups.values())).shape[2]
+    kept = np.zeros((problem.layout.n_kept, m))
+    block, of_block = np.zeros(0, dtype=np.int64), np.zeros((0, 3, m))
+    for u in problem.unknowns:
+        if u.name not in groups:
+            continue
+        columns = problem.layout.columns(u.name, u.size)
+        kept[columns[columns >= 0]] = groups[u.name][columns >= 0]
+        if u.eliminated and problem.rays is not None:
+            inner = groups[u.name][problem.rays.block] * problem.block_free[:, :, None]
+            block = np.flatnonzero(inner.any(axis=(1, 2)))
+            of_block = inner[block]
+    return Sides(kept, block, of_block)
+
+
+def forward(problem: Problem, factored: Factored, state: State, right: Sides) -> Sides:
+    """U = L^-1 R."""
+    x, of_block = right.kept.copy(), right.of_block
+    if len(right.block):
+        inverse = inverse_factors(factored.block_factor[right.block])
+        of_block = inverse @ of_block
+        _subtract_blocks(problem, state, right.block, inverse.swapaxes(1, 2) @ of_block, x)
+    for k, node in enumerate(problem.tree.nodes):
+        front = x[node.columns]
+        some = np.flatnonzero(front[: node.panel].any(axis=0))
+        if not len(some):
+            continue
+        part = np.asfortranarray(front[:, some])
+        lapack.forward_columns(factored.panels[k], part)
+        x[np.ix_(node.columns, some)] = part
+    return Sides(x, right.block, of_block)
+
+
+def backward(problem: Problem, factored: Factored, state: State, u: Sides) -> dict[str, Float]:
+    """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars."""
+    x = u.kept.copy()
+    for k in range(len(problem.tree.nodes) - 1, -1, -1):
+        node = problem.tree.nodes[k]
+        if node.panel and x.shape[1]:
+            front = np.asfortranarray(x[node.columns])
+            lapack.backward_columns(factored.panels[k], front)
+            x[node.columns[: node.panel]] = front[: node.panel]
+    x[problem.layout.held] = 0.0
+    padded = np.vstack([x, np.zeros((1, x.shape[1]))])
+    found: dict[str, Float] = {}
+    for unknowns in problem.unknowns:
+        columns = problem.layout.columns(unknowns.name, unknowns.size)
+        found[unknowns.name] = np.where(columns[:, :, None] >= 0, padded[columns], 0.0)
+    if problem.rays is not None and len(problem.rays.block):
+        found[problem.layout.eliminated][problem.rays.block] = _blocks_back(problem, factored, state, u, x)
+    return found
+
+
+def inverse_factors(factor: Float) -> Float:
+    """L^-1 of the 3x3 factors of eliminated blocks, (k, 6) -> (k, 3, 3)."""
+    L = np.zeros((len(factor), 3, 3))
+    L[:, [0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2]] = factor
+    return np.asarray(np.linalg.inv(L))
+
+
+def _subtract_blocks(problem: Problem, state: State, block: Int, w: Float, x: Float) -> None:
+    """x -= sum E_p' w_p over some eliminated blocks, w (k, 3, m)."""
+    rays = problem.rays
+    assert rays is not None
+    count = rays.ray_start[block + 1] - rays.ray_start[block]
+    place = np.repeat(np.arange(len(block)), count)
+    ray = np.arange(count.sum()) + np.repeat(rays.ray_start[block] - (np.cumsum(count) - count), count)
+    _, jacobians = whitened(rays.records, state, rays.rows[ray])
+    touches = [group for group, _ in rays.records.touches]
+    B = jacobians[touches.index(problem.layout.eliminated)] * problem.block_free[block[place]][:, None, :]
+    A = np.concatenate([J for g, J in zip(touches, jacobians) if g != problem.layout.eliminated], axis=2)
+    columns = part_columns(rays.parts, problem.layout)[ray]
+    value = A.swapaxes(1, 2) @ (B @ w[place])
+    np.subtract.at(x, columns[columns >= 0], value[columns >= 0])
+
+
+def _blocks_back(problem: Problem, factored: Factored, state: State, u: Sides, x: Float) -> Float:
+    """Z of the eliminated blocks, (n_blocks, 3, m): each linearisation serves all columns."""
+    rays = problem.rays
+    assert rays is not None
+    m = x.shape[1]
+    right = np.zeros((m, len(rays.block), 3))
+    right[:, u.block] = -np.moveaxis(u.of_block, 2, 0)
+    found, columns = np.zeros_like(right), np.ascontiguousarray(x.T)
+    fill, parts = problem.ray_lane(state), rays.parts
+    first = np.where(parts.vertex >= 0, problem.layout.start[np.maximum(parts.vertex, 0)] + parts.shift, -1)
+
+    def one(nodes: list[int]) -> None:
+        for k in nodes:
+            for p0, p1, _, A, B in linearised(problem, fill, k, problem.tree.nodes[k]):
+                base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+                for j in range(m):
+                    substitute(p0, p1, base, rays.ray_start, A, B, first[base:last], parts.size, parts.start,
+                               columns[j], problem.block_free, factored.block_factor, right[j], found[j])  # fmt: skip
+
+    in_parallel(problem, one)
+    return np.moveaxis(found, 0, 2)

@@ -1,0 +1,1 @@
+"""Conjugate gradients with a preconditioner of fronts, where a factor would be too large."""

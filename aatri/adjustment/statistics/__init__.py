@@ -1,0 +1,1 @@
+"""What residuals and cofactors say: reliability, data snooping, significance, removal of parameters."""

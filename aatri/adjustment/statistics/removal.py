@@ -1,0 +1,101 @@
+"""Which parameters of a group to leave out: not determined, not separable, not significant.
+
+A parameter held at zero changes the others, in the linear model exactly, by
+
+    p <- p - C_.i p_i / C_ii,    C <- C - C_.i C_i. / C_ii
+
+so that one after the other can be taken out without a new adjustment between. The order is: what the data do not
+determine; one of two that cannot be told apart (|correlation| >= 0.999), the less significant; what is not significant,
+smallest |t| first. Tests are repeated after each step: a parameter that looked idle beside its twin may be
+significant alone.
+
+Source: Gruen 1980, Precision and reliability aspects in close-range photogrammetry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.statistics.significance import (
+    INSEPARABLE,
+    UNDETERMINED_SHARE,
+    Estimates,
+    correlated_pairs,
+    parameter_tests,
+)
+
+
+@dataclass(frozen=True)
+class Removal:
+    """A parameter to leave out, and why."""
+
+    name: str
+    reason: str
+
+
+def held_at_zero(e: Estimates, name: str) -> Estimates:
+    """The other parameters' estimates if one is held at zero."""
+    i = e.names.index(name)
+    rest = np.arange(len(e.names)) != i
+    if not np.isfinite(e.covariance[i, i]):
+        gain = np.zeros(len(e.names))
+    else:
+        gain = e.covariance[:, i] / e.covariance[i, i]
+    values = e.values - gain * (e.values[i] if np.isfinite(e.values[i]) else 0.0)
+    covariance = e.covariance - np.outer(gain, np.where(np.isfinite(e.covariance[i]), e.covariance[i], 0.0))
+    names = tuple(n for n in e.names if n != name)
+    return Estimates(
+        names, values[rest], covariance[np.ix_(rest, rest)], e.prior_sigma[rest], e.sigma0, e.redundancy
+    )  # fmt: skip
+
+
+def propose_removal(e: Estimates, alpha: float = 0.05, keep: Collection[str] = ()) -> Removal | None:
+    """The parameter to leave out next, or None if all that remain are determined, separable and significant.
+
+    Parameters
+    ----------
+    keep : collection of str
+        Never proposed.
+    """
+    tests = parameter_tests(e, alpha)
+    open_rows = [i for i, name in enumerate(e.names) if name not in keep]
+    share = np.where(np.isfinite(tests.data_share), tests.data_share, -1.0)
+    weak = [i for i in open_rows if share[i] < UNDETERMINED_SHARE]
+    if weak:
+        i = min(weak, key=lambda k: share[k])
+        why = "not determined" if share[i] < 0 else f"only {share[i]:.0%} of its value comes from the data"
+        return Removal(e.names[i], why)
+    strength = np.where(np.isfinite(tests.t), np.abs(tests.t), -1.0)
+    for pair in correlated_pairs(e, INSEPARABLE):
+        both = [i for i in open_rows if e.names[i] in (pair.first, pair.second)]
+        if both:
+            i = min(both, key=lambda k: strength[k])
+            other = pair.second if e.names[i] == pair.first else pair.first
+            return Removal(e.names[i], f"cannot be told from {other}: correlation {pair.correlation:.5f}")
+    idle = [i for i in open_rows if not tests.significant[i]]
+    if idle:
+        i = min(idle, key=lambda k: strength[k])
+        return Removal(e.names[i], f"not significant: |t| = {strength[i]:.2f}, p = {tests.p_value[i]:.2f}")
+    return None
+
+
+def stepwise_removal(
+    e: Estimates, alpha: float = 0.05, keep: Collection[str] = ()
+) -> tuple[Estimates, tuple[Removal, ...]]:
+    """Leave out one parameter after the other until all that remain are worth keeping.
+
+    Returns
+    -------
+    Estimates
+        Of the parameters that remain, as a new adjustment would give them (but for its non-linearity).
+    tuple of Removal
+        What was left out, in order.
+    """
+    removals: list[Removal] = []
+    while (removal := propose_removal(e, alpha, keep)) is not None:
+        removals.append(removal)
+        e = held_at_zero(e, removal.name)
+    return e, tuple(removals)

@@ -1,0 +1,1 @@
+"""From one iteration to the next: damping, robust weights, linearity, blocks that run away."""

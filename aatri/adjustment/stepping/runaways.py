@@ -1,0 +1,142 @@
+"""Eliminated blocks that few records within the bound of their loss determine, steadied on their own.
+
+Beyond the bound a loss grows linearly and determines nothing along the residual. A point of two rays, one or both
+beyond, slides along until a ray comes within the bound. Not to hold up all others, each such point is moved to its own
+optimum, everything else held, by damped Newton steps,
+
+    (D + lambda diag D) dy = -h,    D = sum B'B, h = sum B'v of its own rays, weighted by the loss
+
+each block with its own lambda; a step that raises the block's cost is refused. The cost of the whole only falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.loss import NEWTON, Huber
+from aatri.adjustment.records import whitened
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.unknowns import State
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Int = npt.NDArray[np.integer]
+
+STEPS = 20
+"""Most steps of a block."""
+
+SETTLED = 1e-8
+"""A block is left alone when its Newton decrement squared is below."""
+
+FIRST, LESS, MORE, LEAST = 1e-3, 0.2, 8.0, 1e-9
+"""Damping at first, its factors after a step that was taken or refused, and its lower bound."""
+
+Veto = Callable[[State, State], str]
+
+
+def steadied(problem: Problem, state: dict[str, Any], veto: Veto | None = None) -> dict[str, Any]:
+    """The state with its open blocks moved to their own optimum, everything else held.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : dict
+    veto : callable, optional
+        What it refuses is not done.
+    """
+    if problem.rays is None or problem.rays.records.loss is None:
+        return state
+    blocks = _open(problem, state)
+    if not len(blocks):
+        return state
+    moved = _moved(problem, state, blocks, problem.rays.records.loss)
+    return state if veto and veto(state, moved) else moved
+
+
+def rays_beyond(problem: Problem, state: State) -> Bool:
+    """Which rays lie beyond the bound of their loss, in the order of the rays."""
+    rays = problem.rays
+    if rays is None or rays.records.loss is None:
+        return np.zeros(0, dtype=bool)
+    loss, fill = rays.records.loss, problem.ray_lane(state)
+    beyond = np.zeros(len(rays.rows), dtype=bool)
+
+    def one(nodes: list[int]) -> None:
+        for k in nodes:
+            for p0, p1, v, _, _ in linearised(problem, fill, k, problem.tree.nodes[k]):
+                beyond[rays.ray_start[p0] : rays.ray_start[p1]] = loss.beyond(v)
+
+    in_parallel(problem, one)
+    return beyond
+
+
+def _open(problem: Problem, state: State) -> Int:
+    """Blocks that their records within the bound do not determine; others than these have their own observations."""
+    rays = problem.rays
+    assert rays is not None
+    beyond, n = rays_beyond(problem, state), len(rays.block)
+    block = np.repeat(np.arange(n), np.diff(rays.ray_start))
+    within = rays.records.rows * np.bincount(block[~beyond], minlength=n)
+    found = (np.bincount(block[beyond], minlength=n) > 0) & (within < problem.block_free.sum(axis=1))
+    found &= problem.hold[:, 0, 0] == 0.0
+    for _, _, observed in problem.direct:
+        found[observed] = False
+    return np.flatnonzero(found)
+
+
+def _moved(problem: Problem, state: dict[str, Any], blocks: Int, loss: Huber) -> dict[str, Any]:
+    """Damped Newton steps of all blocks at once, each accepted or refused by its own cost."""
+    rays, group = problem.rays, problem.layout.eliminated
+    assert rays is not None
+    unknowns = next(u for u in problem.unknowns if u.name == group)
+    records = replace(rays.records, loss=replace(loss, curvature=NEWTON))
+    curved = replace(problem, rays=replace(rays, records=records))
+    cost, D, h = _normal_equations(curved, state, blocks)
+    damping = np.full(len(blocks), FIRST)
+    for _ in range(STEPS):
+        dy = _steps(D, h, damping)
+        go = -np.einsum("ni,ni->n", h, dy) > SETTLED
+        blocks, cost, D, h, damping, dy = (a[go] for a in (blocks, cost, D, h, damping, dy))
+        if not len(blocks):
+            break
+        step = np.zeros((len(unknowns.free), 3))
+        step[rays.block[blocks]] = dy
+        trial = {**state, group: unknowns.retract(state[group], step)}
+        new_cost, new_D, new_h = _normal_equations(curved, trial, blocks)
+        better = new_cost < cost
+        step[rays.block[blocks[~better]]] = 0.0
+        state = {**state, group: unknowns.retract(state[group], step)}
+        cost, damping = np.where(better, new_cost, cost), np.maximum(damping * np.where(better, LESS, MORE), LEAST)
+        D, h = np.where(better[:, None, None], new_D, D), np.where(better[:, None], new_h, h)
+    return state
+
+
+def _steps(D: Float, h: Float, damping: Float) -> Float:
+    diagonal = np.einsum("nii->ni", D)
+    added = np.where(diagonal > 0, damping[:, None] * diagonal, 1.0)  # held scalars have a unit row
+    return np.asarray(-np.linalg.solve(D + added[:, :, None] * np.eye(3), h[:, :, None])[:, :, 0])
+
+
+def _normal_equations(problem: Problem, state: State, blocks: Int) -> tuple[Float, Float, Float]:
+    """Cost (n,), D (n, 3, 3) and h (n, 3) of some blocks by their own rays."""
+    rays = problem.rays
+    assert rays is not None
+    assert rays.records.loss is not None
+    count = np.diff(rays.ray_start)[blocks]
+    first = np.cumsum(count) - count
+    ray = np.repeat(rays.ray_start[blocks] - first, count) + np.arange(count.sum())
+    v, jacobians = whitened(rays.records, state, rays.rows[ray])
+    at = [group for group, _ in rays.records.touches].index(problem.layout.eliminated)
+    B = jacobians[at] * np.repeat(problem.block_free[blocks], count, axis=0)[:, None, :]
+    return (
+        np.add.reduceat(rays.records.loss.costs(v), first),
+        np.add.reduceat(np.einsum("nki,nkj->nij", B, B), first),
+        np.add.reduceat(np.einsum("nki,nk->ni", B, v), first),
+    )

@@ -1,0 +1,1 @@
+"""From unknowns and records to an index: layout, graph, order of elimination, tree."""

@@ -1,0 +1,203 @@
+"""Which records and eliminated blocks belong to which front, and where in it.
+
+An eliminated block belongs to the node that eliminates the first of the kept vertices its rays meet: all of them lie in
+that node's front. Its rays come in the order of elimination. A record of kept unknowns alone belongs to the node of the
+first vertex it touches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.kernels.graph import counting_order, lexical_order, sort_within
+from aatri.adjustment.records import Records
+from aatri.adjustment.structure.layout import Layout
+from aatri.adjustment.structure.tree import Tree
+from aatri.adjustment.threads import taken
+from aatri.adjustment.unknowns import Unknowns
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+SORTED_IMAGES = 12
+"""Images by which the blocks of a node are sorted: blocks of nearly the same images are eliminated at once."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The kept unknowns that records touch, joined groups taken together.
+
+    Attributes
+    ----------
+    vertex : (n, parts) int32
+        Vertex of each part; -1 where it is held.
+    shift : (parts,) int64
+        First scalar of the part within its vertex.
+    size, start : (parts,) int32
+        Scalars of a part, and its first column among the Jacobians laid side by side.
+    """
+
+    vertex: Int
+    shift: Int
+    size: Int
+    start: Int
+
+
+@dataclass(frozen=True)
+class KeptRecords:
+    """Records of kept unknowns alone, sorted by node.
+
+    Attributes
+    ----------
+    records : Records
+    rows : (n,) int64
+        Rows of the records, in order.
+    first : (n_nodes + 1,) int64
+    parts : Parts
+    loc : (n, parts) int32
+        Row of each part in the front of the record's node.
+    """
+
+    records: Records
+    rows: Int
+    first: Int
+    parts: Parts
+    loc: Int
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays of eliminated blocks, sorted by node, block and order of elimination.
+
+    Attributes
+    ----------
+    records : Records
+    rows : (n,) int64
+        Rows of the records, in order.
+    ray_start : (n_blocks + 1,) int64
+    block : (n_blocks,) int64
+        Block of the eliminated group, in order.
+    first : (n_nodes + 1,) int64
+        First block of each node.
+    parts : Parts
+    loc : (n, parts) int32
+    """
+
+    records: Records
+    rows: Int
+    ray_start: Int
+    block: Int
+    first: Int
+    parts: Parts
+    loc: Int
+
+
+def parts_of(records: Records, rows: Int, layout: Layout, size_of: dict[str, int]) -> Parts:
+    """Parts of some rows of an observation type, in the order of its touches; blocks that are eliminated give none."""
+    found: list[tuple[Int, int, int, int]] = []
+    column = 0
+    for group, blocks in records.touches:
+        vertex, shift, size = layout.vertex[group][blocks[rows]], layout.within[group], size_of[group]
+        if group == layout.eliminated and not (layout.block[blocks[rows]] < 0).all():
+            continue
+        last = found[-1] if found else None
+        if last and last[1] + last[2] == shift and shift > 0 and np.array_equal(last[0], vertex):
+            found[-1] = (last[0], last[1], last[2] + size, last[3])
+        else:
+            found.append((vertex, shift, size, column))
+        column += size
+    return Parts(
+        np.stack([f[0] for f in found], axis=1).astype(np.int32) if found else np.zeros((len(rows), 0), dtype=np.int32),
+        np.array([f[1] for f in found], dtype=np.int64),
+        np.array([f[2] for f in found], dtype=np.int32),
+        np.array([f[3] for f in found], dtype=np.int32),
+    )
+
+
+def part_columns(parts: Parts, layout: Layout, some: slice = slice(None)) -> Int:
+    """Kept column of each column of the Jacobians, (n, columns) int64; -1 where the unknown is held."""
+    vertex = parts.vertex[some]
+    first = np.where(vertex >= 0, layout.start[np.maximum(vertex, 0)] + parts.shift, -1)
+    columns = [np.where(vertex[:, [i]] >= 0, first[:, [i]] + np.arange(s), -1) for i, s in enumerate(parts.size)]
+    found = np.concatenate(columns, axis=1) if columns else np.zeros((len(vertex), 0), dtype=np.int64)
+    if not layout.n_kept:
+        return found.astype(np.int64)
+    return np.where((found >= 0) & ~layout.held[np.maximum(found, 0)], found, -1).astype(np.int64)
+
+
+def group_sizes(unknowns: Sequence[Unknowns]) -> dict[str, int]:
+    """Scalars per block of each group."""
+    return {u.name: u.size for u in unknowns}
+
+
+def index_kept(records: Records, rows: Int, layout: Layout, tree: Tree, size_of: dict[str, int]) -> KeptRecords:
+    """Sort records of kept unknowns by node."""
+    parts = parts_of(records, rows, layout, size_of)
+    node = _first_node(parts.vertex, tree)
+    first, order = counting_order(len(tree.nodes), node)
+    ordered = Parts(np.ascontiguousarray(parts.vertex[order]), parts.shift, parts.size, parts.start)
+    return KeptRecords(records, rows[order], first, ordered, _places(ordered, node[order], tree))
+
+
+def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout: Layout, tree: Tree) -> Rays:
+    """Sort the active rays of eliminated blocks by node, images of the block, block, and order of elimination.
+
+    Parameters
+    ----------
+    records
+    rows, of_block : (n,) int
+        Rows of the rays, and the number of the eliminated block of each.
+    parts : Parts
+        What they touch.
+    """
+    n_blocks = int(layout.block.max(initial=-1)) + 1
+    lead = parts.vertex[:, 0] if parts.vertex.shape[1] else np.full(len(rows), -1)
+    place = np.take(np.append(tree.place, len(tree.place)).astype(np.int32), lead)  # held, -1, comes last
+    start, order = counting_order(n_blocks, of_block)
+    sort_within(start, order, place)
+    node_of_block = _block_nodes(parts.vertex, of_block, n_blocks, tree)
+    count = np.diff(start)
+    # within a node by their images, so that neighbouring blocks meet nearly the same places of the front
+    by_images = lexical_order(len(tree.place) + 1, start, taken(place, order), SORTED_IMAGES)
+    first, block = counting_order(len(tree.nodes), node_of_block[by_images])
+    block = by_images[block]
+    ray_start = np.concatenate([[0], np.cumsum(count[block])]).astype(np.int64)
+    within = np.arange(len(rows)) - np.repeat(ray_start[:-1], count[block])
+    order = taken(order, np.repeat(start[block], count[block]) + within)
+    ordered = Parts(taken(parts.vertex, order), parts.shift, parts.size, parts.start)
+    loc = _places(ordered, np.repeat(node_of_block[block], count[block]), tree)
+    original = np.flatnonzero(layout.block >= 0)[block]
+    return Rays(records, taken(rows, order), ray_start, original, first, ordered, loc)
+
+
+def _first_node(vertex: Int, tree: Tree) -> Int:
+    """Node of the first vertex of each record; the last node where it has none."""
+    last = len(tree.nodes) - 1
+    node = np.where(vertex >= 0, tree.node_of[np.maximum(vertex, 0)], last) if vertex.size else vertex
+    return np.asarray(node.min(axis=1, initial=last), dtype=np.int32)
+
+
+def _block_nodes(vertex: Int, of_block: Int, n_blocks: int, tree: Tree) -> Int:
+    node = np.full(n_blocks, len(tree.nodes) - 1, dtype=np.int32)
+    np.minimum.at(node, of_block, _first_node(vertex, tree))
+    return node
+
+
+def _places(parts: Parts, node: Int, tree: Tree) -> Int:
+    """Row of each part in the front of the given node of each record; records sorted by node."""
+    loc = np.full(parts.vertex.shape, -1, dtype=np.int32)
+    row = np.zeros(len(tree.place), dtype=np.int64)
+    bounds = np.searchsorted(node, np.arange(len(tree.nodes) + 1))
+    for k, front in enumerate(tree.nodes):
+        some = slice(bounds[k], bounds[k + 1])
+        if bounds[k] == bounds[k + 1]:
+            continue
+        row[front.vertices] = front.offset[:-1]
+        vertex = parts.vertex[some]
+        loc[some] = np.where(vertex >= 0, row[np.maximum(vertex, 0)] + parts.shift, -1)
+    return loc

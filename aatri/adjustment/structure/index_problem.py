@@ -1,0 +1,186 @@
+"""From unknowns and records to a problem with its index: graph, order, tree, places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.kernels.graph import counting_order, neighbours
+from aatri.adjustment.records import Records
+from aatri.adjustment.structure.graph import Graph, OrderedNode, border_vertices, chain, nested_dissection
+from aatri.adjustment.structure.index import Parts, group_sizes, index_kept, index_rays, parts_of
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.layout import Layout, layout_of, ray_records
+from aatri.adjustment.structure.minimum_degree import minimum_degree
+from aatri.adjustment.structure.tree import Tree, build_tree
+from aatri.adjustment.threads import default_threads
+from aatri.adjustment.unknowns import Unknowns
+
+Int = npt.NDArray[np.integer]
+Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
+
+DENSE_VERTICES = 80
+"""Up to this many vertices (some 500 unknowns) everything is one front."""
+
+MOST_COMPARED = 3000
+"""Beyond this many vertices with positions nested dissection has always been the better order."""
+
+COMPARED_FLOPS = 5e5
+"""Work per vertex above which a second order costs less than a better one is likely to save."""
+
+
+def prepare(
+    unknowns: Sequence[Unknowns],
+    records: Sequence[Records],
+    *,
+    ordering: Ordering = "auto",
+    threads: int | None = None,
+    reproducible: bool = False,
+) -> Problem:
+    """Index a problem.
+
+    Parameters
+    ----------
+    unknowns, records
+    ordering : str
+        `nested_dissection`, `minimum_degree`, `auto`: the better of the two; or the chains `across_strips` and
+        `along_strips`: by the second or the first coordinate of the blocks' positions.
+    threads : int, optional
+        Default: all processors.
+    reproducible : bool
+        The same bits for any number of threads.
+    """
+    layout = layout_of(unknowns, records)
+    sizes = group_sizes(unknowns)
+    rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
+    kept, direct = _sorted_out(records, rays_of, layout)
+    ray_parts = _ray_parts(rays_of, layout, sizes) if rays_of is not None else None
+    graph = _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], ray_parts)
+    tree = tree_of(graph, layout, ordering)
+    rays = index_rays(rays_of, *ray_parts, layout, tree) if rays_of is not None and ray_parts is not None else None
+    free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
+    return Problem(
+        tuple(unknowns),
+        tuple(records),
+        layout,
+        tree,
+        rays,
+        tuple(index_kept(r, rows, layout, tree, sizes) for r, rows in kept),
+        tuple((r, rows, position[layout.block[blocks]]) for r, rows, blocks in direct),
+        free,
+        threads or default_threads(),
+        reproducible,
+        np.zeros((len(free), 3, 3)),
+    )
+
+
+def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout) -> Graph:
+    """Which vertices are observed together."""
+    sizes = group_sizes(unknowns)
+    rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
+    kept, _ = _sorted_out(records, rays_of, layout)
+    ray_parts = _ray_parts(rays_of, layout, sizes) if rays_of is not None else None
+    return _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], ray_parts)
+
+
+def tree_of(graph: Graph, layout: Layout, ordering: Ordering, one_front: int | None = None) -> Tree:
+    """The tree of an order of elimination; up to `one_front` vertices (DENSE_VERTICES) it is one front."""
+    if ordering == "auto":
+        return _better_tree(graph, layout)
+    return _tree(graph, layout, _order(graph, layout, ordering, one_front))
+
+
+def _sorted_out(
+    records: Sequence[Records], rays: Records | None, layout: Layout
+) -> tuple[list[tuple[Records, Int]], list[tuple[Records, Int, Int]]]:
+    """Records of kept unknowns alone, and those of one eliminated block alone."""
+    kept: list[tuple[Records, Int]] = []
+    direct: list[tuple[Records, Int, Int]] = []
+    for r in records:
+        eliminated = np.zeros(len(r.active), dtype=bool)
+        for group, blocks in r.touches:
+            if group == layout.eliminated:
+                eliminated |= layout.block[blocks] >= 0
+        own = np.flatnonzero(r.active & ~eliminated)
+        if len(own):
+            kept.append((r, own))
+        if r is not rays and eliminated.any():
+            rows = np.flatnonzero(r.active & eliminated)
+            direct.append((r, rows, r.touches[0][1][rows]))
+    return kept, direct
+
+
+def _block_status(unknowns: Sequence[Unknowns], layout: Layout, block: Int | None) -> tuple[np.ndarray, Int]:
+    """Free scalars of the eliminated blocks in the order of the rays' blocks, and the place of each block number."""
+    if not layout.eliminated:
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    group = next(u for u in unknowns if u.eliminated)
+    original = np.flatnonzero(layout.block >= 0) if block is None else block
+    position = np.empty(len(original), dtype=np.int64)
+    position[layout.block[original]] = np.arange(len(original))
+    return np.ascontiguousarray(group.free[original], dtype=np.float64), position
+
+
+def _ray_parts(rays: Records, layout: Layout, sizes: dict[str, int]) -> tuple[Int, Int, Parts]:
+    """Rows of the active rays of eliminated blocks, the number of the block of each, and the parts they touch."""
+    block = np.take(layout.block, next(b for g, b in rays.touches if g == layout.eliminated))
+    rows = np.flatnonzero(rays.active & (block >= 0))
+    return rows, np.take(block, rows), parts_of(rays, rows, layout, sizes)
+
+
+def _graph(layout: Layout, kept: list[Parts], rays: tuple[Int, Int, Parts] | None) -> Graph:
+    """Vertices that some record or eliminated block meets together."""
+    n = len(layout.size)
+    member, group, first = [], [], 0
+    if rays is not None:
+        _, block, parts = rays
+        member.append(parts.vertex.ravel())
+        group.append(np.repeat(block, parts.vertex.shape[1]))
+        first = int(layout.block.max(initial=-1)) + 1
+    for parts in kept:
+        count, width = parts.vertex.shape
+        if width < 2:
+            continue
+        member.append(parts.vertex.ravel())
+        group.append(np.repeat(first + np.arange(count), width))
+        first += count
+    if not member:
+        return Graph(np.zeros(n + 1, dtype=np.int64), np.zeros(0, dtype=np.int32))
+    members, groups = np.concatenate(member).astype(np.int32), np.concatenate(group).astype(np.int32)
+    known = members >= 0
+    if not known.all():
+        members, groups = members[known], groups[known]
+    start, order = counting_order(first, groups)
+    vertex_start, vertex_order = counting_order(n, members)
+    found = neighbours(n, start, np.take(members, order), vertex_start, np.take(groups, vertex_order))
+    return Graph(*found)
+
+
+def _better_tree(graph: Graph, layout: Layout) -> Tree:
+    """Nested dissection, or minimum degree where that is less work and finding it out is worth the while."""
+    tree = _tree(graph, layout, _order(graph, layout, "nested_dissection"))
+    without_position = ~np.isfinite(layout.position).all(axis=1) & ~border_vertices(graph)
+    worth = graph.n <= MOST_COMPARED and tree.flops > COMPARED_FLOPS * graph.n
+    if graph.n <= DENSE_VERTICES or not (worth or without_position.any()):
+        return tree
+    other = _tree(graph, layout, _order(graph, layout, "minimum_degree"))
+    return other if other.flops < tree.flops else tree
+
+
+def _tree(graph: Graph, layout: Layout, order: list[OrderedNode]) -> Tree:
+    return build_tree(graph, order, layout.size, layout.start)
+
+
+def _order(graph: Graph, layout: Layout, ordering: Ordering, one_front: int | None = None) -> list[OrderedNode]:
+    if graph.n <= (DENSE_VERTICES if one_front is None else one_front):
+        return [OrderedNode(np.arange(graph.n), ())]
+    if ordering == "nested_dissection":
+        return nested_dissection(graph, layout.position)
+    if ordering == "minimum_degree":
+        return minimum_degree(graph, layout.size)
+    axis = 0 if ordering == "across_strips" else 1
+    place = np.where(np.isfinite(layout.position), layout.position, np.inf)
+    return chain(graph, np.lexsort((place[:, 1 - axis], place[:, axis])))

@@ -1,0 +1,125 @@
+"""An adjustment problem with its index, and a factorised linearisation of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.elimination.panels import Panels
+from aatri.adjustment.records import Fill, Records, in_order
+from aatri.adjustment.structure.index import KeptRecords, Rays
+from aatri.adjustment.structure.layout import Layout
+from aatri.adjustment.structure.tree import Tree
+from aatri.adjustment.unknowns import State, Unknowns
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An adjustment problem with its index: made once, used in every iteration.
+
+    Attributes
+    ----------
+    unknowns, records
+    layout : Layout
+    tree : Tree
+    rays : Rays or None
+    kept : tuple of KeptRecords
+    direct : tuple of (Records, rows (n,), block in order (n,))
+        Records that touch one eliminated block and nothing else.
+    block_free : (n_blocks, 3) float64
+        1 where a scalar of an eliminated block is free, in the order of the rays' blocks.
+    threads : int
+    reproducible : bool
+        The same bits for any number of threads: one BLAS thread throughout.
+    hold : (n_blocks, 3, 3) float64
+        Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
+        finite optimum, whose steps it shortens.
+    constraints : tuple of Records
+        What must hold exactly; see `constraints`.
+    spill : bool
+        The panels of the factor go to a file.
+    subtrees : tuple of tuple of int, optional
+        Solve by conjugate gradients, with these subtrees factorised (`preconditioner`).
+    piece : int
+        Then: how many of the other unknowns are factorised together, at most.
+    """
+
+    unknowns: tuple[Unknowns, ...]
+    records: tuple[Records, ...]
+    layout: Layout
+    tree: Tree
+    rays: Rays | None
+    kept: tuple[KeptRecords, ...]
+    direct: tuple[tuple[Records, Int, Int], ...]
+    block_free: Float
+    threads: int
+    reproducible: bool
+    hold: Float
+    constraints: tuple[Records, ...] = ()
+    spill: bool = False
+    subtrees: tuple[tuple[int, ...], ...] | None = None
+    piece: int = 0
+
+    @cached_property
+    def ray_lane(self) -> Callable[[State], Fill]:
+        """The rays' observation type in the order of the rays."""
+        assert self.rays is not None
+        return in_order(self.rays.records, self.rays.rows)
+
+    @cached_property
+    def ray_columns(self) -> Int:
+        """First kept column of each part of each ray, (n, parts); -1 where it is held."""
+        assert self.rays is not None
+        parts = self.rays.parts
+        return np.append(self.layout.start[:-1], -1)[parts.vertex] + np.where(parts.vertex >= 0, parts.shift, 0)
+
+
+@dataclass
+class Factored:
+    """A factorised linearisation.
+
+    Attributes
+    ----------
+    panels : Panels of (n, m) float64
+        L11 and L21 of each node.
+    y : list of (m,) float64
+        Forward-substituted gradient of each node.
+    block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
+    determined : (n_blocks,) float64
+        0 where an eliminated block is not determined.
+    diagonal : (n_kept,) float64
+        Diagonal of A'A.
+    weak : list of (node, row)
+        First pivot of each front that is not positive.
+    cost : float
+    damping : float
+    multiplier, violation : (m,) float64
+        Of the constraints, if any.
+    solution : (n_kept,) float64, optional
+        Of the kept unknowns, where it was found without a factor.
+    """
+
+    panels: Panels
+    y: list[Float]
+    block_factor: Float
+    block_y: Float
+    determined: Float
+    diagonal: Float
+    weak: list[tuple[int, int]]
+    cost: float
+    damping: float
+    multiplier: Float = field(default_factory=lambda: np.zeros(0))
+    violation: Float = field(default_factory=lambda: np.zeros(0))
+    solution: Float | None = None
+
+    @property
+    def decrease(self) -> float:
+        """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
+        return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())

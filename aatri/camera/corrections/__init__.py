@@ -1,0 +1,1 @@
+"""Corrections of image coordinates by the atmosphere and the figure of the earth."""

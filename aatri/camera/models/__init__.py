@@ -1,0 +1,1 @@
+"""Camera models: distortion as a correction of the measurement, forward models, their inversion."""

@@ -1,0 +1,140 @@
+"""Lens distortion: from measured photo coordinates to those of a perfect central projection.
+
+`brown` and `table` are corrections added to the measured coordinate. `opencv`, `fisheye` and `bal` are forward models,
+ideal to distorted, in normalised coordinates: the measured coordinate divided by c is the distorted one, and is
+inverted by iteration. Their origin is the principal point; OpenCV's v axis points down, the photo's y axis up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.camera.models import forward_models
+from aatri.camera.models.brown import PARAMETERS as BROWN_PARAMETERS
+from aatri.camera.models.brown import brown_correction, brown_derivative
+from aatri.camera.models.folds import first_folded
+from aatri.camera.models.inversion import invert
+from aatri.camera.models.radial_table import table_correction
+from aatri.errors import InputError
+from aatri.ids import did_you_mean
+
+Float = npt.NDArray[np.float64]
+
+MODELS = ("none", "brown", "table", "opencv", "fisheye", "bal")
+"""The models of distortion."""
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Lens distortion of one camera.
+
+    Attributes
+    ----------
+    model : str
+        One of `MODELS`.
+    principal_distance_mm : float
+    parameters : mapping
+        Values by the names of the model.
+    symmetry_point_mm : (2,) float, mm, from the principal point
+    radius_mm, correction_mm : (m,) float64, mm
+        The table of the model `table`.
+    """
+
+    model: str
+    principal_distance_mm: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    symmetry_point_mm: tuple[float, float] = (0.0, 0.0)
+    radius_mm: Float = field(default_factory=lambda: np.zeros(0))
+    correction_mm: Float = field(default_factory=lambda: np.zeros(0))
+
+
+def corrected(distortion: Distortion, xy_mm: Float) -> Float:
+    """Photo coordinates freed from lens distortion.
+
+    Parameters
+    ----------
+    distortion : Distortion
+    xy_mm : (n, 2) float64, mm, from the principal point
+        Measured.
+
+    Returns
+    -------
+    (n, 2) float64, mm, from the principal point
+
+    Raises
+    ------
+    InputError
+        If the model or a parameter is unknown, or the model folds at one of the points.
+    ConvergenceError
+        If a forward model cannot be inverted.
+    """
+    _check_names(distortion)
+    if distortion.model == "none":
+        return xy_mm.copy()
+    if distortion.model == "brown":
+        _refuse_folded_brown(distortion, xy_mm)
+        return np.asarray(xy_mm + brown_correction(xy_mm, distortion.parameters, distortion.symmetry_point_mm))
+    if distortion.model == "table":
+        table = (distortion.radius_mm, distortion.correction_mm)
+        return np.asarray(xy_mm + table_correction(xy_mm, *table, distortion.symmetry_point_mm))
+    return _inverted(distortion, xy_mm)
+
+
+def corner_points(half_format_mm: Float, n: int = 21) -> Float:
+    """Points on the diagonals of the format, from the centre to the corners: where a distortion is checked.
+
+    Parameters
+    ----------
+    half_format_mm : (2,) float64, mm
+
+    Returns
+    -------
+    (4 n, 2) float64, mm
+    """
+    signs = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    steps = np.linspace(0.0, 1.0, n)
+    return np.asarray((steps[:, None, None] * signs * half_format_mm).reshape(-1, 2))
+
+
+def _check_names(distortion: Distortion) -> None:
+    known: dict[str, tuple[str, ...]] = {"none": (), "table": (), "brown": BROWN_PARAMETERS}
+    known |= forward_models.PARAMETERS
+    if distortion.model not in known:
+        raise InputError(
+            f"distortion model {distortion.model!r} is unknown{did_you_mean(distortion.model, MODELS)}",
+            remedy=f"one of {', '.join(MODELS)}",
+        )
+    names = known[distortion.model]
+    for name, value in distortion.parameters.items():
+        if name not in names:
+            raise InputError(
+                f"distortion model {distortion.model} has no parameter {name!r}{did_you_mean(name, names)}",
+                remedy=f"its parameters are {', '.join(names)}" if names else "it has no parameters",
+            )
+        if not np.isfinite(value):
+            raise InputError(f"distortion parameter {name} is {value}", remedy="give a number")
+
+
+def _refuse_folded_brown(distortion: Distortion, xy_mm: Float) -> None:
+    def derivative(xy: Float) -> Float:
+        return np.asarray(np.eye(2) + brown_derivative(xy, distortion.parameters, distortion.symmetry_point_mm))
+
+    row = first_folded(derivative, xy_mm)
+    if row is not None:
+        raise InputError(
+            f"brown distortion folds inside the format, on the way to ({xy_mm[row, 0]:.3f}, {xy_mm[row, 1]:.3f}) mm",
+            remedy="check k1 (mm^-2), k2 (mm^-4), k3 (mm^-6) and their sign: they are added to the measurement",
+        )
+
+
+def _inverted(distortion: Distortion, xy_mm: Float) -> Float:
+    forward = getattr(forward_models, distortion.model)
+    c = distortion.principal_distance_mm
+    y_down = np.array([1.0, -1.0])
+    distorted = xy_mm * y_down / c
+    ideal = invert(lambda uv: forward(uv, distortion.parameters), distorted, what=distortion.model)
+    return np.asarray(ideal * y_down * c)

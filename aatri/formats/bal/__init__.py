@@ -1,0 +1,1 @@
+"""BAL problem files: reader and writer."""

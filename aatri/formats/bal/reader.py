@@ -1,0 +1,204 @@
+"""Reading of Bundle Adjustment in the Large problems as a Block.
+
+A text file of numbers: `cameras points observations`; per observation `camera point x y`; nine numbers per camera,
+rotation vector w, translation t, f, k1, k2; three per point. Cameras and points count from 0. With R = exp([w]x)
+
+    P = R X + t,   p = -P / P_z,   p' = f (1 + k1 |p|^2 + k2 |p|^4) p
+
+in pixels, the origin at the image centre, y up, the camera looking along -z. So in the Block ground_from_image = R',
+X0 = -R' t, and each image has a camera of its own with the distortion `bal`. The file knows no millimetres: a pixel is
+taken as 0.001 mm, which makes c = f um. Camera and image k have the id k, so has point k.
+
+The rotation leaves it open whether a point lies in front of its camera; observations of points behind stay active, as
+the problem defines its cost: half the sum of all squares.
+
+Source: Agarwal, Snavely, Seitz & Szeliski 2010, Bundle adjustment in the large; grail.cs.washington.edu/projects/bal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import APPROXIMATE, Block, CameraParameters, Cameras, GroundPoints, ImagePoints
+from aatri.errors import InputError
+from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
+from aatri.formats.screening import screen_block
+from aatri.formats.tables.images import image_point_order
+from aatri.formats.tables.source import texts
+from aatri.formats.text.number_text import numbers_of
+from aatri.formats.text.text_file import read_lines
+from aatri.geometry.collinearity import in_image_axes
+from aatri.geometry.rotations import angles_from_rotation, exp_rotation
+from aatri.ids import canonical, printable, rows_of
+from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import Float, Int
+
+PIXEL_MM = 0.001
+"""Size given to a pixel; the files have none."""
+
+FREE = ("k1", "k2", "principal_distance")
+FIXED = ("principal_point.x", "principal_point.y")
+
+
+@dataclass(frozen=True)
+class BalProblem:
+    """The numbers of a file, and the lines they begin in.
+
+    Attributes
+    ----------
+    camera, point : (m,) int32
+    xy_px : (m, 2) float64, px
+    cameras : (n, 9) float64
+        w1 w2 w3 t1 t2 t3 f k1 k2; f in px.
+    points : (p, 3) float64
+    lines : (m,), (n,), (p,) int32
+    """
+
+    camera: Int
+    point: Int
+    xy_px: Float
+    cameras: Float
+    points: Float
+    lines: tuple[Int, Int, Int]
+
+
+def read_bal(
+    path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True, reporter: Reporter = SILENT
+) -> Block:  # fmt: skip
+    """Read a problem.
+
+    Parameters
+    ----------
+    path : Path
+    image_sigma_px : float, px
+        Standard deviation of image coordinates; the files have none.
+    calibrate : bool
+        f, k1 and k2 of every image are free, as the problem has it. Else they are fixed.
+    reporter : Reporter
+
+    Raises
+    ------
+    InputError
+        If the file is missing or not of this form.
+    """
+    problem = read_problem(path, reporter)
+    ids = [str(k) for k in range(len(problem.cameras))]
+    image_ids, point_ids = canonical(ids), canonical(str(k) for k in range(len(problem.points)))
+    image, point = rows_of(ids, image_ids), rows_of([str(k) for k in range(len(problem.points))], point_ids)
+    image_from_ground = exp_rotation(problem.cameras[:, :3])
+    ground_from_image = image_from_ground.swapaxes(1, 2)
+    position = -np.einsum("nij,nj->ni", ground_from_image, problem.cameras[:, 3:6])
+    behind = in_image_axes(position[problem.camera], ground_from_image[problem.camera], problem.points[problem.point])
+    if (count := int((behind[:, 2] >= 0).sum())) > 0:
+        reporter.log(f"{count} image points of points behind their camera at the start: kept")
+    order = np.argsort(image)
+    block = plain_block(
+        name=path.stem,
+        files=[path],
+        cameras=_cameras(image_ids, problem.cameras[order]),
+        camera_parameters=_camera_parameters(problem.cameras[order], calibrate),
+        images=image_table(ids, image, np.arange(1.0, len(ids) + 1), 0, problem.lines[1]),
+        point_ids=point_ids,
+        image_points=_image_points(problem, image, point, image_sigma_px),
+        ground_points=_ground_points(problem, point),
+        exterior=approximate_exterior(image, position, angles_from_rotation(ground_from_image), 0, problem.lines[1]),
+    )
+    return screen_block(block, reporter)
+
+
+def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
+    """The numbers of a file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or not of this form.
+    """
+    rows = [line.split() for line in read_lines(path, reporter)]
+    line = np.repeat(np.arange(1, len(rows) + 1, dtype=np.int32), [len(row) for row in rows])
+    words = [word for row in rows for word in row]
+    values, bad = numbers_of(words)
+    if bad:
+        what = f"{printable(words[bad[0]])!r} is no number"
+        raise InputError(what, where=f"{path}:{line[bad[0]]}", remedy="the file holds numbers only")
+    head = values[:3]
+    if len(head) < 3 or (head < 1).any() or (head != np.floor(head)).any():
+        raise InputError(
+            "the file does not begin with the numbers of cameras, points and observations", where=f"{path}:1",
+            remedy="unpack it if it is compressed; give a BAL problem",
+        )  # fmt: skip
+    cameras, points, observations = (int(v) for v in head)
+    wanted = 3 + 4 * observations + 9 * cameras + 3 * points
+    if len(values) != wanted:
+        what = f"{len(values)} numbers where {cameras} cameras, {points} points and {observations} observations need"
+        raise InputError(f"{what} {wanted}", where=str(path), remedy="the file is incomplete: get it again")
+    starts = np.cumsum([3, 4 * observations, 9 * cameras])
+    measured, camera_rows, point_rows = np.split(values, starts)[1:]
+    measured = measured.reshape(-1, 4)
+    _check_numbers(measured, (cameras, points), line[starts[0] :: 4], path)
+    camera_rows = camera_rows.reshape(-1, 9)
+    if (camera_rows[:, 6] <= 0).any():
+        k = int(np.flatnonzero(camera_rows[:, 6] <= 0)[0])
+        where = f"{path}:{line[starts[1] + 9 * k + 6]}"
+        raise InputError(f"camera {k} has the focal length {camera_rows[k, 6]:g}", where=where, remedy="it is positive")
+    return BalProblem(
+        camera=measured[:, 0].astype(np.int32), point=measured[:, 1].astype(np.int32), xy_px=measured[:, 2:],
+        cameras=camera_rows, points=point_rows.reshape(-1, 3),
+        lines=(line[starts[0] : starts[1] : 4], line[starts[1] : starts[2] : 9], line[starts[2] :: 3]),
+    )  # fmt: skip
+
+
+def _check_numbers(measured: Float, counts: tuple[int, int], line: Int, path: Path) -> None:
+    for column, (what, count) in enumerate(zip(("camera", "point"), counts)):
+        number = measured[:, column]
+        wrong = np.flatnonzero((number < 0) | (number >= count) | (number != np.floor(number)))
+        if len(wrong):
+            k = int(wrong[0])
+            message = f"{what} {number[k]:g}, but there are {count}, counted from 0"
+            raise InputError(message, where=f"{path}:{line[k]}", remedy="mend the number")
+
+
+def _cameras(ids: list[str], rows: Float) -> Cameras:
+    n = len(ids)
+    return pixel_cameras(
+        ids=ids, pixel_size_mm=np.full((n, 2), PIXEL_MM), origin="image-centre", y="up",
+        format_px=np.full((n, 2), np.nan), principal_distance_mm=rows[:, 6] * PIXEL_MM,
+        principal_point_mm=np.zeros((n, 2)), distortion=["bal"] * n,
+    )  # fmt: skip
+
+
+def _camera_parameters(rows: Float, calibrate: bool) -> CameraParameters:
+    """k1, k2 and what is free of the interior orientation, by camera and name."""
+    n, names = len(rows), (*FREE, *FIXED)
+    value = np.full((n, len(names)), np.nan)
+    value[:, :2] = rows[:, 7:]
+    free = np.tile(np.array([calibrate and name in FREE for name in names]), n)
+    return CameraParameters(
+        camera=np.repeat(np.arange(n, dtype=np.int32), len(names)), name=texts(names * n), value=value.reshape(-1),
+        sigma=np.where(free, np.nan, 0.0), free=free,
+    )  # fmt: skip
+
+
+def _image_points(problem: BalProblem, image: Int, point: Int, sigma_px: float) -> ImagePoints:
+    n = len(problem.camera)
+    table = ImagePoints(
+        image=image[problem.camera], point=point[problem.point], xy=problem.xy_px,
+        sigma_mm=np.full((n, 2), sigma_px * PIXEL_MM), group=np.zeros(n, "U1"), active=np.ones(n, bool),
+        row_time_s=np.full(n, np.nan), file=np.zeros(n, np.int32), line=problem.lines[0],
+    )  # fmt: skip
+    return table.take(image_point_order(table))
+
+
+def _ground_points(problem: BalProblem, point: npt.NDArray[np.int32]) -> GroundPoints:
+    """All points as start values."""
+    n = len(point)
+    table = GroundPoints(
+        point=point, xyz_m=problem.points, covariance_m2=np.zeros((n, 3, 3)),
+        role=np.full((n, 3), APPROXIMATE, np.int32), datum=np.zeros(n, bool), file=np.zeros(n, np.int32),
+        line=problem.lines[2],
+    )  # fmt: skip
+    return table.take(np.argsort(table.point))

@@ -1,0 +1,138 @@
+"""COLMAP's sparse model as binary files: little-endian, counts first.
+
+    cameras.bin    count | id u32, model i32, width u64, height u64, parameters f64 ...
+    images.bin     count | id u32, q 4 f64, t 3 f64, camera u32, name with zero byte,
+                   count u64 of (x f64, y f64, point3D i64)
+    points3D.bin   count | id u64, xyz 3 f64, rgb 3 u8, error f64, count u64 of (image u32, index u32)
+
+Source: colmap.github.io, Output format.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import InputError
+from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
+from aatri.formats.text.text_file import missing
+from aatri.tables.schema import Float, Int
+
+OBSERVATION = np.dtype([("x", "<f8"), ("y", "<f8"), ("point", "<i8")])
+
+
+def binary_paths(folder: Path) -> list[Path]:
+    """The three files."""
+    return [folder / f"{name}.bin" for name in NAMES]
+
+
+def read_binary(folder: Path) -> ColmapModel:
+    """Read binary files.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or ends early.
+    """
+    paths = binary_paths(folder)
+    data = [_Bytes(path) for path in paths]
+    return ColmapModel(_cameras(data[0]), _images(data[1]), *_points(data[2]), paths)
+
+
+def write_binary(model: ColmapModel) -> None:
+    """Write binary files at `model.paths`."""
+    numbers = {name: k for k, name in enumerate(MODELS)}
+    cameras = [struct.pack("<Q", len(model.cameras))]
+    for c in model.cameras:
+        form = f"<IiQQ{len(c.parameters)}d"
+        cameras.append(struct.pack(form, c.id, numbers[c.model], c.width, c.height, *c.parameters))
+    images = [struct.pack("<Q", len(model.images))]
+    for image in model.images:
+        images.append(struct.pack("<I7dI", image.id, *image.quaternion, *image.translation, image.camera))
+        rows = np.zeros(len(image.point), OBSERVATION)
+        rows["x"], rows["y"], rows["point"] = image.xy_px[:, 0], image.xy_px[:, 1], image.point
+        images.append(image.name.encode() + b"\0" + struct.pack("<Q", len(rows)) + rows.tobytes())
+    points = [struct.pack("<Q", len(model.points))]
+    for name, xyz, error, track in zip(model.points.tolist(), model.xyz, model.error_px, model.tracks()):
+        points.append(struct.pack("<Q3d3BdQ", name, *xyz, 0, 0, 0, error, len(track)))
+        points.append(np.array(track, dtype="<u4").tobytes())
+    for path, parts in zip(model.paths, (cameras, images, points)):
+        path.write_bytes(b"".join(parts))
+
+
+class _Bytes:
+    """A binary file being read."""
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise missing(path)
+        self.path, self.data, self.at = path, path.read_bytes(), 0
+
+    def take(self, form: str) -> tuple[Any, ...]:
+        """The next values, by a format of struct, little-endian."""
+        size = struct.calcsize("<" + form)
+        self._need(size)
+        values = struct.unpack_from("<" + form, self.data, self.at)
+        self.at += size
+        return values
+
+    def text(self) -> str:
+        """The next text, ended by a zero byte."""
+        end = self.data.find(b"\0", self.at)
+        if end < 0:
+            self._need(len(self.data))
+        text = self.data[self.at : end].decode("utf-8", errors="replace")
+        self.at = end + 1
+        return text
+
+    def array(self, dtype: np.dtype[Any], count: int) -> npt.NDArray[Any]:
+        """The next `count` items."""
+        self._need(dtype.itemsize * count)
+        values = np.frombuffer(self.data, dtype, count, self.at)
+        self.at += dtype.itemsize * count
+        return values
+
+    def _need(self, size: int) -> None:
+        if self.at + size > len(self.data):
+            what = f"ends at byte {len(self.data)}, where {size} bytes from {self.at} are expected"
+            raise InputError(what, where=str(self.path), remedy="the file is incomplete or no COLMAP file")
+
+
+def _cameras(data: _Bytes) -> list[ColmapCamera]:
+    cameras = []
+    for _ in range(data.take("Q")[0]):
+        number, model, width, height = data.take("IiQQ")
+        if not 0 <= model < len(MODELS):
+            raise InputError(
+                f"camera {number} has the model number {model}", where=str(data.path),
+                remedy=f"known are 0 to {len(MODELS) - 1}: convert it",
+            )  # fmt: skip
+        name = list(MODELS)[model]
+        cameras.append(ColmapCamera(number, name, width, height, data.take(f"{MODELS[name]}d")))
+    return cameras
+
+
+def _images(data: _Bytes) -> list[ColmapImage]:
+    images = []
+    for _ in range(data.take("Q")[0]):
+        number, *pose, camera = data.take("I7dI")
+        name = data.text()
+        rows = data.array(OBSERVATION, data.take("Q")[0])
+        xy = np.stack([rows["x"], rows["y"]], axis=1)
+        images.append(ColmapImage(number, tuple(pose[:4]), tuple(pose[4:]), camera, name, xy, rows["point"].copy()))
+    return images
+
+
+def _points(data: _Bytes) -> tuple[npt.NDArray[np.int64], Float, Int]:
+    ids, xyz = [], []
+    for _ in range(data.take("Q")[0]):
+        number, x, y, z, _, _, _, _, track = data.take("Q3d3BdQ")
+        ids.append(number)
+        xyz.append((x, y, z))
+        data.take(f"{2 * track}I")
+    n = len(ids)
+    return np.array(ids, dtype=np.int64), np.array(xyz, dtype=np.float64).reshape(n, 3), np.zeros(n, dtype=np.int32)

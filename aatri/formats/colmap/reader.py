@@ -1,0 +1,256 @@
+"""Reading of a COLMAP sparse model as a Block.
+
+COLMAP's camera axes are x right, y down, z forward, ours x right, y up, z backward: u = diag(1, -1, -1) P. With
+P = R(q) X + t:  ground_from_image = R(q)' diag(1, -1, -1),  X0 = -R(q)' t. Image coordinates keep COLMAP's origin, the
+upper left corner of the image. Images have the name of their file as id, points and cameras their numbers.
+
+The models of COLMAP become ours, r from the principal point in normalised coordinates:
+
+    SIMPLE_PINHOLE, PINHOLE           none
+    SIMPLE_RADIAL, RADIAL             bal: 1 + k1 r^2 + k2 r^4
+    OPENCV, FULL_OPENCV               opencv
+    OPENCV_FISHEYE, RADIAL_FISHEYE, SIMPLE_RADIAL_FISHEYE, FISHEYE, SIMPLE_FISHEYE      fisheye
+
+The model knows no millimetres: a pixel is 0.001 mm wide, so c = fx um; its height is 0.001 fx / fy mm, which represents
+two focal lengths exactly. Features without a point are no observations of a block; their number is logged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aatri.artifacts.block import (
+    APPROXIMATE,
+    OBSERVED_VALUE,
+    Block,
+    CameraParameters,
+    Cameras,
+    Exterior,
+    GroundPoints,
+    ImagePoints,
+)
+from aatri.camera.models.forward_models import PARAMETERS
+from aatri.errors import InputError, raise_all
+from aatri.formats.colmap.binary import binary_paths, read_binary
+from aatri.formats.colmap.control import with_control
+from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
+from aatri.formats.colmap.text import read_text, text_paths
+from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
+from aatri.formats.screening import screen_block
+from aatri.formats.tables.images import image_point_order
+from aatri.formats.tables.source import texts
+from aatri.formats.text.text_file import missing
+from aatri.geometry.rotations import angles_from_rotation
+from aatri.ids import canonical, is_valid, printable, rows_of
+from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import Float
+
+PIXEL_MM = 0.001
+"""Width given to a pixel; the model has none."""
+
+Y_UP = np.array([1.0, -1.0, -1.0])
+
+CAMERAS, IMAGES, POINTS = 0, 1, 2
+"""Rows of the files of a model."""
+
+DISTORTIONS = {
+    "SIMPLE_PINHOLE": ("none", ()), "PINHOLE": ("none", ()), "SIMPLE_RADIAL": ("bal", ("k1",)),
+    "RADIAL": ("bal", ("k1", "k2")), "OPENCV": ("opencv", ("k1", "k2", "p1", "p2")),
+    "FULL_OPENCV": ("opencv", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    "OPENCV_FISHEYE": ("fisheye", ("k1", "k2", "k3", "k4")), "SIMPLE_RADIAL_FISHEYE": ("fisheye", ("k1",)),
+    "RADIAL_FISHEYE": ("fisheye", ("k1", "k2")), "SIMPLE_FISHEYE": ("fisheye", ()), "FISHEYE": ("fisheye", ()),
+}  # fmt: skip
+"""Models of COLMAP: our distortion and the names of its parameters, which follow f and the principal point."""
+
+INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
+
+
+def read_colmap(
+    folder: Path, *, image_sigma_px: float = 1.0, position_sigma_m: float | None = None, control: Path | None = None,
+    calibrate: bool = False, reporter: Reporter = SILENT,
+) -> Block:  # fmt: skip
+    """Read a sparse model, text or binary.
+
+    Parameters
+    ----------
+    folder : Path
+    image_sigma_px : float, px
+        Standard deviation of image coordinates.
+    position_sigma_m : float, m, optional
+        The positions of the images are observations with this standard deviation; None: start values.
+    control : Path, optional
+        A ground_points.csv of the block folder, with the ids of the points of the model.
+    calibrate : bool
+        c, principal point and the distortion parameters of each model are free. Else they are fixed.
+    reporter : Reporter
+
+    Raises
+    ------
+    InputError
+        If a file is missing or not of its form, or a camera model has none of ours.
+    """
+    model = _read(folder, reporter)
+    _check(model)
+    camera_ids = canonical(str(c.id) for c in model.cameras)
+    image_ids = canonical(i.name for i in model.images)
+    names = [str(p) for p in model.points.tolist()]
+    images = model.images
+    cameras = sorted(model.cameras, key=lambda c: str(c.id))
+    lines = [image.line for image in images]
+    rows = rows_of([image.name for image in images], image_ids)
+    rotation, position = _poses(images)
+    exterior = approximate_exterior(rows, position, angles_from_rotation(rotation), IMAGES, lines)
+    ground, paths = with_control(_ground_points(model, names), names, model.paths, control, reporter)
+    block = plain_block(
+        name=folder.resolve().name,
+        files=paths,
+        cameras=_cameras(cameras),
+        camera_parameters=_camera_parameters(cameras, calibrate),
+        images=image_table(
+            [i.name for i in images], rows_of([str(i.camera) for i in images], camera_ids),
+            np.arange(1.0, len(images) + 1), IMAGES, lines,
+        ),
+        point_ids=ground.ids,
+        image_points=_image_points(model, image_ids, ground.ids, cameras, image_sigma_px, reporter),
+        ground_points=ground.table,
+        exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
+    )  # fmt: skip
+    return screen_block(block, reporter)
+
+
+def _read(folder: Path, reporter: Reporter) -> ColmapModel:
+    if not folder.is_dir():
+        raise missing(folder)
+    binary = not any(p.exists() for p in text_paths(folder)) and any(p.exists() for p in binary_paths(folder))
+    return read_binary(folder) if binary else read_text(folder, reporter)
+
+
+def _check(model: ColmapModel) -> None:
+    """References, names and camera models."""
+    problems = []
+    known = {c.id for c in model.cameras}
+    for camera in model.cameras:
+        where = _place(model, CAMERAS, camera.line)
+        if camera.model not in DISTORTIONS:
+            what = f"camera {camera.id} has the model {camera.model}, which has no like here"
+            problems.append(InputError(what, where=where, remedy=f"convert it to one of {', '.join(DISTORTIONS)}"))
+        elif min(_focal_lengths(camera)) <= 0 or min(camera.width, camera.height) <= 0:
+            problems.append(InputError(f"camera {camera.id} has no positive focal length and size", where=where))
+    if not model.images:
+        problems.append(InputError("no image", where=str(model.paths[IMAGES]), remedy="export a reconstruction"))
+    seen: dict[str, int] = {}
+    for image in model.images:
+        where = _place(model, IMAGES, image.line)
+        if image.camera not in known:
+            problems.append(
+                InputError(f"image {image.id} names camera {image.camera}, which is not there", where=where)
+            )
+        if not any(image.quaternion):
+            problems.append(InputError(f"image {image.name} has no rotation: its quaternion is 0", where=where))
+        if not is_valid(image.name):
+            problems.append(InputError(f"{printable(image.name)!r} is no name of an image", where=where))
+        if seen.setdefault(image.name, image.id) != image.id:
+            problems.append(InputError(f"images {seen[image.name]} and {image.id} have one name", where=where))
+        unknown = np.setdiff1d(image.point[image.point != NO_POINT], model.points)
+        if len(unknown):
+            what = f"image {image.name} shows point {unknown[0]}, which is not in points3D"
+            problems.append(InputError(what, where=where, remedy="export the model again"))
+    if len(np.unique(model.points)) < len(model.points):
+        problems.append(InputError("a point stands twice", where=str(model.paths[POINTS]), remedy="remove one"))
+    raise_all(problems)
+
+
+def _place(model: ColmapModel, file: int, line: int) -> str:
+    return f"{model.paths[file]}:{line}" if line else str(model.paths[file])
+
+
+def _poses(images: list[ColmapImage]) -> tuple[Float, Float]:
+    """ground_from_image (n, 3, 3) and positions (n, 3)."""
+    w, x, y, z = np.array([image.quaternion for image in images]).T
+    ground_from_colmap = Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix().swapaxes(1, 2)
+    translation = np.array([image.translation for image in images])
+    return ground_from_colmap * Y_UP, -np.einsum("nij,nj->ni", ground_from_colmap, translation)
+
+
+def _focal_lengths(camera: ColmapCamera) -> tuple[float, float]:
+    one = len(camera.parameters) == 3 + len(DISTORTIONS[camera.model][1])
+    return camera.parameters[0], camera.parameters[0 if one else 1]
+
+
+def _pixel_mm(camera: ColmapCamera) -> Float:
+    fx, fy = _focal_lengths(camera)
+    return PIXEL_MM * np.array([1.0, fx / fy])
+
+
+def _cameras(cameras: list[ColmapCamera]) -> Cameras:
+    pixel = np.array([_pixel_mm(c) for c in cameras])
+    size = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
+    first = [len(c.parameters) - len(DISTORTIONS[c.model][1]) - 2 for c in cameras]
+    centre = np.array([c.parameters[k : k + 2] for c, k in zip(cameras, first)])
+    return pixel_cameras(
+        ids=[str(c.id) for c in cameras], pixel_size_mm=pixel, origin="top-left-corner", y="down", format_px=size,
+        principal_distance_mm=np.array([_focal_lengths(c)[0] * PIXEL_MM for c in cameras]),
+        principal_point_mm=(centre - size / 2) * pixel * Y_UP[:2],
+        distortion=[DISTORTIONS[c.model][0] for c in cameras],
+    )  # fmt: skip
+
+
+def _camera_parameters(cameras: list[ColmapCamera], calibrate: bool) -> CameraParameters:
+    """Distortion parameters and interior orientation, by camera and name; free are those the model of COLMAP has."""
+    rows = []
+    for k, camera in enumerate(cameras):
+        distortion, names = DISTORTIONS[camera.model]
+        given = dict(zip(names, camera.parameters[len(camera.parameters) - len(names) :]))
+        values = dict.fromkeys(PARAMETERS.get(distortion, ()), 0.0) | given | dict.fromkeys(INTERIOR, np.nan)
+        free = {*names, *INTERIOR} if calibrate else set()
+        rows += [(k, name, values[name], name in free) for name in sorted(values)]
+    camera_row, name, value, is_free = zip(*rows)
+    return CameraParameters(
+        camera=np.array(camera_row, np.int32), name=texts(name), value=np.array(value), free=np.array(is_free),
+        sigma=np.where(is_free, np.nan, 0.0),
+    )  # fmt: skip
+
+
+def _image_points(
+    model: ColmapModel, image_ids: list[str], point_ids: list[str], cameras: list[ColmapCamera], sigma_px: float,
+    reporter: Reporter,
+) -> ImagePoints:  # fmt: skip
+    row_of_point = {name: k for k, name in enumerate(point_ids)}
+    pixel = {c.id: _pixel_mm(c) for c in cameras}
+    used = [image.point != NO_POINT for image in model.images]
+    counts = [int(mask.sum()) for mask in used]
+    if without := sum(map(len, used)) - sum(counts):
+        reporter.log(f"{without} features without a point are no image points of the block")
+    n = sum(counts)
+    points = np.concatenate([image.point[mask] for image, mask in zip(model.images, used)])
+    table = ImagePoints(
+        image=np.repeat(rows_of([image.name for image in model.images], image_ids), counts),
+        point=np.array([row_of_point[str(p)] for p in points.tolist()], np.int32),
+        xy=np.concatenate([image.xy_px[mask] for image, mask in zip(model.images, used)]),
+        sigma_mm=sigma_px * np.repeat([pixel[image.camera] for image in model.images], counts, axis=0),
+        group=texts([""] * n), active=np.ones(n, bool), row_time_s=np.full(n, np.nan),
+        file=np.full(n, IMAGES, np.int32), line=np.repeat([i.line + (i.line > 0) for i in model.images], counts),
+    )  # fmt: skip
+    return table.take(image_point_order(table))
+
+
+def _ground_points(model: ColmapModel, names: list[str]) -> GroundPoints:
+    """All points as start values, in the order of the file."""
+    n = len(names)
+    return GroundPoints(
+        point=np.arange(n, dtype=np.int32), xyz_m=model.xyz, covariance_m2=np.zeros((n, 3, 3)),
+        role=np.full((n, 3), APPROXIMATE, np.int32), datum=np.zeros(n, bool), file=np.full(n, POINTS, np.int32),
+        line=model.point_lines,
+    )  # fmt: skip
+
+
+def _observed(exterior: Exterior, sigma_m: float) -> Exterior:
+    n = len(exterior)
+    return replace(
+        exterior, position_use=np.full(n, OBSERVED_VALUE, np.int32),
+        position_covariance_m2=np.tile(np.eye(3) * sigma_m**2, (n, 1, 1)),
+    )  # fmt: skip

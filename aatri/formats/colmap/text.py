@@ -1,0 +1,159 @@
+"""COLMAP's sparse model as text files.
+
+    cameras.txt    id model width height params ...
+    images.txt     id qw qx qy qz tx ty tz camera name | x y point3D x y point3D ...     two lines per image
+    points3D.txt   id X Y Z R G B error image index image index ...
+
+`#` begins a comment. A point3D of -1 is a feature without a point. Rigs and frames (rigs.txt, frames.txt of COLMAP
+3.12) repeat the poses of the images and are not needed. Numbers are written so that they read back to the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import InputError
+from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
+from aatri.formats.text.number_text import number_of, numbers_of
+from aatri.formats.text.text_file import read_lines
+from aatri.ids import did_you_mean, printable
+from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import Float, Int
+
+
+def text_paths(folder: Path) -> list[Path]:
+    """The three files."""
+    return [folder / f"{name}.txt" for name in NAMES]
+
+
+def read_text(folder: Path, reporter: Reporter = SILENT) -> ColmapModel:
+    """Read text files.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or not of its form.
+    """
+    paths = text_paths(folder)
+    cameras = [_camera(row) for row in _rows(paths[0], reporter)]
+    images = _images(paths[1], reporter)
+    return ColmapModel(cameras, images, *_points(_rows(paths[2], reporter)), paths)
+
+
+def write_text(model: ColmapModel) -> None:
+    """Write text files at `model.paths`."""
+    cameras = ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"]
+    cameras += [f"{c.id} {c.model} {c.width} {c.height} {_joined(c.parameters)}" for c in model.cameras]
+    images = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", "# POINTS2D[] as X Y POINT3D_ID"]
+    for image in model.images:
+        images.append(f"{image.id} {_joined((*image.quaternion, *image.translation))} {image.camera} {image.name}")
+        rows = zip(image.xy_px.tolist(), image.point.tolist())
+        images.append(" ".join(f"{x!r} {y!r} {point}" for (x, y), point in rows))
+    points = ["# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX"]
+    tracks = model.tracks()
+    for k, (name, xyz) in enumerate(zip(model.points.tolist(), model.xyz.tolist())):
+        track = " ".join(f"{image} {row}" for image, row in tracks[k])
+        points.append(f"{name} {_joined(xyz)} 0 0 0 {model.error_px[k]!r} {track}")
+    for path, lines in zip(model.paths, (cameras, images, points)):
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _joined(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """The words of a line, and where it stands."""
+
+    words: list[str]
+    path: Path
+    line: int
+
+    def error(self, what: str, remedy: str) -> InputError:
+        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
+
+    def numbers(self, start: int, stop: int | None = None) -> Float:
+        words = self.words[start:stop]
+        values, bad = numbers_of(words)
+        if bad:
+            raise self.error(f"{printable(words[bad[0]])!r} is no number", "write it like -1234.5")
+        return values
+
+    def integer(self, k: int) -> int:
+        try:
+            value = number_of(self.words[k])
+        except ValueError as error:
+            raise self.error(f"{printable(self.words[k])!r}: {error}", "it is a whole number") from error
+        if value != int(value):
+            raise self.error(f"{printable(self.words[k])!r} is no whole number", "mend the number")
+        return int(self.words[k])
+
+    def at_least(self, width: int, what: str) -> None:
+        if len(self.words) < width:
+            raise self.error(f"{len(self.words)} words where {what} should stand", f"write at least {width}")
+
+
+def _rows(path: Path, reporter: Reporter) -> list[_Row]:
+    rows = [_Row(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
+    return [row for row in rows if row.words and not row.words[0].startswith("#")]
+
+
+def _camera(row: _Row) -> ColmapCamera:
+    row.at_least(5, "id model width height params")
+    model = row.words[1]
+    if model not in MODELS:
+        raise row.error(f"camera model {printable(model)!r} is unknown{did_you_mean(model, MODELS)}", "convert it")
+    if len(row.words) != 4 + MODELS[model]:
+        what = f"{len(row.words) - 4} parameters of a {model}"
+        raise row.error(what, f"it has {MODELS[model]}")
+    return ColmapCamera(
+        row.integer(0), model, row.integer(2), row.integer(3), tuple(row.numbers(4).tolist()), row.line
+    )  # fmt: skip
+
+
+def _images(path: Path, reporter: Reporter) -> list[ColmapImage]:
+    images: list[ColmapImage] = []
+    head: _Row | None = None
+    for k, text in enumerate(read_lines(path, reporter), 1):
+        row = _Row(text.split(), path, k)
+        if row.words and row.words[0].startswith("#"):
+            continue
+        if head is not None:
+            images.append(_image(head, row))
+            head = None
+        elif row.words:
+            row.at_least(10, "id qw qx qy qz tx ty tz camera name")
+            head = row
+    if head is not None:
+        images.append(_image(head, _Row([], path, head.line)))
+    return images
+
+
+def _image(head: _Row, features: _Row) -> ColmapImage:
+    if len(features.words) % 3:
+        what = f"{len(features.words)} words where `x y point3D` should repeat"
+        raise features.error(what, "each image has two lines, the second may be empty")
+    values = features.numbers(0).reshape(-1, 3)
+    if (values[:, 2] != np.floor(values[:, 2])).any():
+        raise features.error("the number of a point3D is no whole number", "the line is `x y point3D x y point3D ...`")
+    pose = head.numbers(1, 8).tolist()
+    return ColmapImage(
+        head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), values[:, :2],
+        values[:, 2].astype(np.int64), head.line,
+    )  # fmt: skip
+
+
+def _points(rows: list[_Row]) -> tuple[npt.NDArray[np.int64], Float, Int]:
+    for row in rows:
+        row.at_least(8, "id X Y Z R G B error")
+    return (
+        np.array([row.integer(0) for row in rows], dtype=np.int64),
+        np.array([row.numbers(1, 4) for row in rows], dtype=np.float64).reshape(-1, 3),
+        np.array([row.line for row in rows], dtype=np.int32),
+    )

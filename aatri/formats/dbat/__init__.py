@@ -1,0 +1,1 @@
+"""DBAT projects: reader."""

@@ -1,0 +1,247 @@
+"""The files of DBAT, the Damped Bundle Adjustment Toolbox: PhotoModeler's text export, and control point files.
+
+The export (`*-pmexport.txt`) is whitespace-separated; blank lines separate its parts, photos are counted from 0:
+
+    title
+    tolerance  iterations  width height                      px
+    nine default standard deviations                         not used
+    c px py  format width height  K1 K2 K3 P1 P2             mm, the default camera
+    their ten standard deviations                            not used
+    per photo:  k path | k X Y Z kappa phi omega | their standard deviations | blank | k camera | its deviations
+    control points   id X Y Z sX sY sZ                       the part may be empty
+    object points    id X Y Z sX sY sZ                       control points again among them
+    marks            k id x y sx sy                          px
+    lines and pairs                                          not used
+
+px, py are counted from the upper left corner of the format, y down. Angles are in degrees. A control file is
+`id, name, X, Y, Z` with no standard deviation (fixed), one for all, or three; `#` begins a comment.
+
+Source: the files of the DBAT data folder; Börlin & Grussenmeyer, Bundle adjustment with and without damping, 2013.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+
+from aatri.errors import InputError, raise_all
+from aatri.formats.text.text_file import read_lines
+from aatri.formats.wucaps.files import Record
+from aatri.ids import is_valid, printable
+from aatri.progress import SILENT, Reporter
+
+ROUNDING_MM = 6e-4
+"""Cameras of photos are printed with three decimals, the default camera with four."""
+
+
+@dataclass(frozen=True)
+class DefaultCamera:
+    """The default camera: image size in px, c, px, py and format in mm, K1 K2 K3 P1 P2 in powers of mm."""
+
+    size_px: tuple[float, float]
+    c_mm: float
+    principal_point_mm: tuple[float, float]
+    format_mm: tuple[float, float]
+    distortion: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo: name of its file, X Y Z in m, kappa phi omega in degrees, line of its orientation."""
+
+    name: str
+    position_m: tuple[float, ...]
+    kappa_phi_omega_deg: tuple[float, ...]
+    record: Record
+
+
+@dataclass(frozen=True)
+class Given:
+    """Given coordinates of a point in m, its standard deviations, where it stands."""
+
+    xyz_m: tuple[float, ...]
+    sigma_m: tuple[float, ...]
+    record: Record
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A measured image point: row of the photo, id of the point, x y and their standard deviations in px."""
+
+    photo: int
+    point: str
+    xy_px: tuple[float, ...]
+    sigma_px: tuple[float, ...]
+    record: Record
+
+
+@dataclass(frozen=True)
+class Export:
+    """What an export says. `control` is as PhotoModeler adjusted it, not as it was given."""
+
+    title: str
+    camera: DefaultCamera
+    photos: list[Photo]
+    control: dict[str, Given]
+    points: dict[str, Given]
+    marks: list[Mark]
+
+
+def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
+    """Read PhotoModeler's text export.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or a line is not of its form.
+    """
+    lines = [Record(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
+    title = " ".join(lines[0].words)
+    source = _Lines(lines, 1)
+    size = _numbers(source.next(4, "tolerance, iterations, image width and height"))
+    source.next(9, "default standard deviations")
+    camera_line = source.next(10, "the default camera")
+    camera = _camera(camera_line, size)
+    source.next(10, "standard deviations of the camera")
+    photos: list[Photo] = []
+    while source.more():
+        photos.append(_photo(source, len(photos), camera))
+    if not photos:
+        raise camera_line.error("no photo follows the cameras", "export the project with its photos")
+    source.skip_blank()
+    control = _points(source)
+    source.skip_blank()
+    points = _points(source)
+    source.skip_blank()
+    marks = _marks(source, len(photos))
+    if not marks:
+        raise InputError("no image point is marked", where=str(path), remedy="export the project with its marks")
+    return Export(title, camera, photos, control, points, marks)
+
+
+def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, Given]:
+    """Read a control point file; a point without standard deviations is fixed, its sigmas are 0.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or a line is not of its form.
+    """
+    control: dict[str, Given] = {}
+    problems: list[InputError] = []
+    for k, text in enumerate(read_lines(path, reporter), 1):
+        if not text.strip() or text.lstrip().startswith("#"):
+            continue
+        record = Record([cell.strip() for cell in text.split(",")], path, k)
+        try:
+            _add(control, _control_point(record), record)
+        except InputError as error:
+            problems.append(error)
+    raise_all(problems)
+    if not control:
+        raise InputError("no control point", where=str(path), remedy="write lines `id, name, X, Y, Z, sX, sY, sZ`")
+    return control
+
+
+@dataclass
+class _Lines:
+    """Lines being read, and the next one."""
+
+    lines: list[Record]
+    at: int
+
+    def more(self) -> bool:
+        """Whether the next line belongs to this part: it is there and not blank."""
+        return self.at < len(self.lines) and bool(self.lines[self.at].words)
+
+    def next(self, width: int, what: str) -> Record:
+        """The next line, of at least one and (but for paths, width 0) exactly `width` words."""
+        if self.at >= len(self.lines):
+            raise self.lines[-1].error(f"the file ends where {what} should stand", "export the project again")
+        record = self.lines[self.at]
+        if len(record.words) != width and width:
+            raise record.error(f"{len(record.words)} words where {what} should stand", f"write {width} of them")
+        self.at += 1
+        return record
+
+    def skip_blank(self) -> None:
+        """Pass the blank line between two parts."""
+        if self.at < len(self.lines) and not self.lines[self.at].words:
+            self.at += 1
+
+
+def _camera(record: Record, size: list[float]) -> DefaultCamera:
+    value = _numbers(record)
+    if not (value[0] > 0 and min(*value[3:5], *size[2:]) > 0):
+        raise record.error("principal distance, format and image size are not all positive", "mend the camera")
+    return DefaultCamera((size[2], size[3]), value[0], (value[1], value[2]), (value[3], value[4]), tuple(value[5:]))
+
+
+def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
+    """The six lines of a photo, the fourth of them blank."""
+    head = source.next(0, "a photo")
+    if len(head.words) < 2 or head.words[0] != str(row):
+        raise head.error(f"{printable(head.words[0])!r} where photo {row} should begin", "photos count from 0")
+    name = PureWindowsPath(" ".join(head.words[1:])).name
+    if not is_valid(name):
+        raise head.error(f"{printable(name)!r} is no name of an image")
+    orientation = source.next(7, "photo X Y Z kappa phi omega")
+    source.next(7, "their standard deviations")
+    source.skip_blank()
+    record = source.next(11, "photo and its camera")
+    source.next(11, "standard deviations of the camera")
+    own = _camera(Record(record.words[1:], record.path, record.line), [0.0, 0.0, *camera.size_px])
+    pairs = zip((own.c_mm, *own.principal_point_mm, *own.format_mm),
+                (camera.c_mm, *camera.principal_point_mm, *camera.format_mm))  # fmt: skip
+    if any(abs(a - b) > ROUNDING_MM for a, b in pairs):
+        raise record.error(f"photo {name} has another camera than the default", "exports of one camera are read")
+    value = _numbers(orientation)
+    return Photo(name, tuple(value[1:4]), tuple(value[4:]), orientation)
+
+
+def _points(source: _Lines) -> dict[str, Given]:
+    points: dict[str, Given] = {}
+    while source.more():
+        record = source.next(7, "id X Y Z sX sY sZ")
+        value = [record.number(k) for k in range(1, 7)]
+        _add(points, Given(tuple(value[:3]), tuple(value[3:]), record), record)
+    return points
+
+
+def _marks(source: _Lines, photos: int) -> list[Mark]:
+    marks = []
+    while source.more():
+        record = source.next(6, "photo id x y sx sy")
+        photo, value = record.count(0), [record.number(k) for k in range(2, 6)]
+        if photo >= photos:
+            raise record.error(f"photo {photo}, but the photos are 0 to {photos - 1}", "mend the number")
+        if min(value[2:]) <= 0:
+            raise record.error(f"standard deviations {value[2]:g}, {value[3]:g}", "they are positive, in pixels")
+        marks.append(Mark(photo, record.words[1], tuple(value[:2]), tuple(value[2:]), record))
+    return marks
+
+
+def _control_point(record: Record) -> Given:
+    if len(record.words) not in (5, 6, 8):
+        raise record.error(
+            f"{len(record.words)} values", "write `id, name, X, Y, Z`, and no, one or three standard deviations"
+        )
+    value = [record.number(k) for k in range(2, len(record.words))]
+    sigma = {5: [0.0] * 3, 6: value[3:] * 3, 8: value[3:]}[len(record.words)]
+    if min(sigma) < 0:
+        raise record.error(f"a standard deviation of {min(sigma):g}", "it is 0 (fixed) or positive")
+    return Given(tuple(value[:3]), tuple(sigma), record)
+
+
+def _add(points: dict[str, Given], point: Given, record: Record) -> None:
+    name = record.words[0]
+    if not is_valid(name):
+        raise record.error(f"{printable(name)!r} is no id")
+    if name in points:
+        earlier = points[name].record.line
+        raise record.error(f"point {printable(name)} twice, first in line {earlier}", "remove one")
+    points[name] = point
+
+
+def _numbers(record: Record) -> list[float]:
+    return [record.number(k) for k in range(len(record.words))]

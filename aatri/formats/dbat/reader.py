@@ -1,0 +1,238 @@
+"""Reading of DBAT's files, a PhotoModeler export with its control points, as a Block.
+
+The form of the files is that of `dbat_files`. DBAT's model, in the notation of the Block (R maps image to ground):
+
+- R = Rx(omega) Ry(phi) Rz(kappa), so its angles are the international ones; the export lists them kappa phi omega.
+- A pixel coordinate u (right), v (down) stands at u and v times the pixel size from the upper left corner of the
+  format: the origin is top-left-corner, without half a pixel.
+- The principal point px, py is counted from that corner; here x0 = px - width/2, y0 = height/2 - py.
+
+The measured coordinate is corrected and then compared with the central projection (`backward` models), Brown with x
+and y from the principal point, mm:
+
+    model 1, `brown`:   x = x_photo - x0,            y = y_photo - y0
+    model 3, `dbat3`:   x = (1 + as)(x_photo - x0),  y = y_photo - y0,    pixels square: height / rows
+    corrected: x + x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y
+               y + y (k1 r^2 + k2 r^4 + k3 r^6) + p2 (r^2 + 2 y^2) + 2 p1 x y
+
+Residuals are those of the corrected coordinates; in model 3 both are divided by the square pixel. DBAT scales x before
+it subtracts px (1 + as), and its reports print px: the same as above.
+
+Coordinates of the export are reduced by a constant. They are start values only; here they are shifted so that their
+control points lie, in the mean, on those of the control file, whose frame is that of the Block.
+
+Source: Börlin & Grussenmeyer 2016, External verification of the bundle adjustment in photogrammetric software using
+the Damped Bundle Adjustment Toolbox; checked against the reports of DBAT 0.9.2.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from aatri.artifacts.block import (
+    APPROXIMATE,
+    CONTROL,
+    Block,
+    CameraParameters,
+    Cameras,
+    GroundPoints,
+    ImagePoints,
+    Rejects,
+)
+from aatri.errors import GeometryError, InputError, raise_all
+from aatri.formats.dbat.files import DefaultCamera, Export, Given, Photo, read_control, read_export
+from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
+from aatri.formats.screening import NOT_SEEN, screen_block
+from aatri.formats.tables.images import image_point_order
+from aatri.formats.tables.source import texts
+from aatri.ids import canonical, did_you_mean, rows_of
+from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import Float
+
+CAMERA = "camera"
+"""Id of the camera; the files give it none."""
+
+EXPORT, CONTROL_FILE = 0, 1
+
+CameraModel = Literal["brown", "dbat3"]
+
+
+def read_dbat(
+    export: Path, control: Path | None = None, *, camera_model: CameraModel = "brown", calibrate: bool = False,
+    image_sigma_px: float | None = None, set_aside: bool = False, reporter: Reporter = SILENT,
+) -> Block:  # fmt: skip
+    """Read a PhotoModeler export and a control file of DBAT.
+
+    Parameters
+    ----------
+    export : Path
+    control : Path, optional
+        None: no point is control, the datum is free.
+    camera_model : str
+        brown (DBAT's model 1) or dbat3 (its model 3).
+    calibrate : bool
+        The interior orientation is free: c, x0, y0, k1, k2, k3, p1, p2, and `as` of dbat3. Else it is fixed.
+    image_sigma_px : float, px, optional
+        Standard deviation of image coordinates; None: that of each mark.
+    set_aside : bool
+        Points that cannot be determined are set aside. Else they are refused, as DBAT does.
+    reporter : Reporter
+
+    Raises
+    ------
+    InputError
+        If a file is missing or a line is not of its form.
+    GeometryError
+        If an object point has no image point, or one and no control.
+    """
+    source = read_export(export, reporter)
+    given = {} if control is None else read_control(control, reporter)
+    if source.control and control is None:
+        reporter.warn(f"{export}: its {len(source.control)} control points are adjusted values, not used as control")
+    shift = _shift(source, given, control, reporter)
+    if not set_aside:
+        _refuse_undetermined(source, given)
+    photos = _distinct(source.photos)
+    image_ids = canonical(p.name for p in photos)
+    point_ids = canonical([*(m.point for m in source.marks), *source.points, *given])
+    names, lines = [p.name for p in photos], [p.record.line for p in photos]
+    pixel_mm = _pixel_mm(source.camera, camera_model)
+    block = plain_block(
+        name=export.stem,
+        files=[export] if control is None else [export, control],
+        cameras=_cameras(source.camera, camera_model),
+        camera_parameters=_parameters(source.camera, camera_model, calibrate),
+        images=image_table(names, np.zeros(len(photos), np.int32), np.arange(1.0, len(photos) + 1), EXPORT, lines),
+        point_ids=point_ids,
+        image_points=_image_points(source, image_ids, point_ids, pixel_mm, image_sigma_px),
+        ground_points=_ground_points(source, given, point_ids, shift),
+        exterior=approximate_exterior(
+            rows_of(names, image_ids), np.array([p.position_m for p in photos]) + shift,
+            np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]), EXPORT, lines,
+        ),
+        rejects=_not_seen(source, given),
+    )  # fmt: skip
+    return screen_block(block, reporter)
+
+
+def _refuse_undetermined(source: Export, given: dict[str, Given]) -> None:
+    """Object points that their image points cannot determine: none at all, or one without control."""
+    rays = Counter(name for name, _ in {(m.point, m.photo) for m in source.marks})
+    remedy = "measure it in two images at least, remove it, or set `undetermined_points: set_aside`"
+    listed = {m.point: m.record for m in reversed(source.marks)} | {p: g.record for p, g in source.points.items()}
+    problems = []
+    for name, record in sorted(listed.items(), key=lambda item: item[1].line):
+        if name not in given and rays[name] < 2:
+            seen = "one image only, which does not determine it" if rays[name] else "no image"
+            where = f"{record.path}:{record.line}"
+            problems.append(GeometryError(f"object point {name} is seen in {seen}", where=where, remedy=remedy))
+    raise_all(problems)
+
+
+def _not_seen(source: Export, given: dict[str, Given]) -> Rejects:
+    seen = {m.point for m in source.marks}
+    names = canonical(name for name in source.points if name not in seen and name not in given)
+    n = len(names)
+    return Rejects(
+        kind=texts(["ground_point"] * n), id=texts(names), reason=texts([NOT_SEEN] * n),
+        file=np.full(n, EXPORT, np.int32), line=np.array([source.points[p].record.line for p in names], np.int32),
+    )  # fmt: skip
+
+
+def _distinct(photos: list[Photo]) -> list[Photo]:
+    """The photos; an error if two have files of one name."""
+    first: dict[str, Photo] = {}
+    problems = []
+    for photo in photos:
+        if first.setdefault(photo.name, photo) is not photo:
+            earlier = first[photo.name].record.line
+            problems.append(photo.record.error(f"photo {photo.name} twice, first in line {earlier}", "rename one"))
+    raise_all(problems)
+    return photos
+
+
+def _shift(source: Export, given: dict[str, Given], control: Path | None, reporter: Reporter) -> Float:
+    """Mean of the control file minus the export over common points, (3,) m."""
+    if not given:
+        return np.zeros(3)
+    common = [name for name in given if name in source.points]
+    if not common:
+        name = next(iter(given))
+        what = f"no control point is an object point of the export{did_you_mean(name, source.points)}"
+        raise InputError(what, where=str(control), remedy="give points the same ids in both files")
+    differences = np.array([given[p].xyz_m for p in common]) - np.array([source.points[p].xyz_m for p in common])
+    shift = np.asarray(differences.mean(axis=0))
+    scatter = float(np.abs(differences - shift).max())
+    reporter.log(f"export shifted by {shift.round(6).tolist()} m onto the control; it differs by up to {scatter:.3g} m")
+    return shift
+
+
+def _pixel_mm(camera: DefaultCamera, model: CameraModel) -> Float:
+    size = np.array(camera.format_mm) / np.array(camera.size_px)
+    return size if model == "brown" else np.full(2, size[1])
+
+
+def _aspect(camera: DefaultCamera, model: CameraModel) -> float:
+    """Start value of `as`: pixel width over height, minus 1."""
+    width, height = np.array(camera.format_mm) / np.array(camera.size_px)
+    return 0.0 if model == "brown" else float(width / height - 1.0)
+
+
+def _cameras(camera: DefaultCamera, model: CameraModel) -> Cameras:
+    pixel, size = _pixel_mm(camera, model), np.array(camera.size_px)
+    px, py = camera.principal_point_mm
+    px = px / (1.0 + _aspect(camera, model))
+    return pixel_cameras(
+        ids=[CAMERA], pixel_size_mm=pixel[None], origin="top-left-corner", y="down", format_px=size[None],
+        principal_distance_mm=np.array([camera.c_mm]), distortion=[model],
+        principal_point_mm=(np.array([px, -py]) - np.array([1, -1]) * pixel * size / 2)[None],
+    )  # fmt: skip
+
+
+def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> CameraParameters:
+    """Distortion parameters, and for the interior orientation whether it is free (NaN and free) or fixed (0)."""
+    values = dict(zip(("k1", "k2", "k3", "p1", "p2"), camera.distortion))
+    values |= dict.fromkeys(("principal_distance", "principal_point.x", "principal_point.y"), np.nan)
+    if model == "dbat3":
+        values["as"] = _aspect(camera, model)
+    names = sorted(values)
+    n = len(names)
+    return CameraParameters(
+        camera=np.zeros(n, np.int32), name=texts(names), value=np.array([values[name] for name in names]),
+        sigma=np.full(n, np.nan if calibrate else 0.0), free=np.full(n, calibrate),
+    )  # fmt: skip
+
+
+def _image_points(source: Export, image_ids: list[str], point_ids: list[str], pixel_mm: Float,
+                  sigma_px: float | None) -> ImagePoints:  # fmt: skip
+    n = len(source.marks)
+    row_of_photo = rows_of([p.name for p in source.photos], image_ids)
+    sigma = np.array([m.sigma_px for m in source.marks]) if sigma_px is None else np.full((n, 2), sigma_px)
+    table = ImagePoints(
+        image=row_of_photo[[m.photo for m in source.marks]], point=rows_of([m.point for m in source.marks], point_ids),
+        xy=np.array([m.xy_px for m in source.marks]), sigma_mm=sigma * pixel_mm, group=texts([""] * n),
+        active=np.ones(n, bool), row_time_s=np.full(n, np.nan), file=np.full(n, EXPORT, np.int32),
+        line=np.array([m.record.line for m in source.marks], np.int32),
+    )  # fmt: skip
+    return table.take(image_point_order(table))
+
+
+def _ground_points(source: Export, given: dict[str, Given], point_ids: list[str], shift_m: Float) -> GroundPoints:
+    """Control as given; all other object points as start values."""
+    names = canonical([*source.points, *given])
+    points = [given.get(p) or source.points[p] for p in names]
+    n = len(names)
+    is_control = np.array([p in given for p in names], dtype=bool)
+    xyz = np.array([p.xyz_m for p in points]).reshape(n, 3)
+    sigma = np.where(is_control[:, None], np.array([p.sigma_m for p in points]).reshape(n, 3), 0.0)
+    return GroundPoints(
+        point=rows_of(names, point_ids), xyz_m=np.where(is_control[:, None], xyz, xyz + shift_m),
+        covariance_m2=sigma[:, :, None] ** 2 * np.eye(3),
+        role=np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE).astype(np.int32),
+        datum=np.zeros(n, bool), file=np.where(is_control, CONTROL_FILE, EXPORT).astype(np.int32),
+        line=np.array([p.record.line for p in points], np.int32),
+    )  # fmt: skip

@@ -1,0 +1,106 @@
+"""exterior.csv as a table: metres and radians, right-handed axes of the first frame.
+
+Angles always refer to the right-handed axes of the first frame, whatever the order of the axes in the tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE, Exterior
+from aatri.errors import InputError
+from aatri.formats.tables.images import ImageTables
+from aatri.formats.tables.positions import (
+    COORDINATES,
+    POSITION,
+    SIGMAS,
+    ask_for_sigma,
+    covariance_m2,
+    frames_of,
+    positions,
+    stacked,
+)
+from aatri.formats.tables.source import Source, angles_rad, choice, look_up, no_repeats, not_negative, texts
+from aatri.formats.text.csv_table import Column, CsvTable
+
+Float = npt.NDArray[np.float64]
+
+ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")
+
+EXTERIOR = {
+    "image": ID, "X": NUMBER, "Y": NUMBER, "Z": NUMBER, **POSITION, "a1": TEXT, "a2": TEXT, "a3": TEXT,
+    "s1": NUMBER, "s2": NUMBER, "s3": NUMBER, "use": TEXT, "refers_to": TEXT, "frame": TEXT, "drift_group": TEXT,
+}  # fmt: skip
+
+
+def exterior_table(source: Source, images: ImageTables) -> Exterior:
+    """Exterior orientation sorted by image."""
+    table = source.table("exterior.csv", EXTERIOR)
+    if table is None:
+        return Exterior.empty()
+    no_repeats(table, ["image"], "image")
+    image = look_up(table, "image", images.row, "image", "add it to images.csv, or mend the id")
+    use = choice(table, "use", ("", "observed", "approximate"), "")
+    refers = choice(table, "refers_to", ("projection_centre", "antenna"), "projection_centre")
+    frame = frames_of(source, table)
+    xyz, sigma = stacked(table, COORDINATES), stacked(table, SIGMAS)
+    position_use = _use(source, table, use, xyz, sigma, "position")
+    angles, angle_sigma, angle_use = _attitudes(source, table, use, frame)
+    if source.problems:
+        return Exterior.empty()
+    default = source.settings.sigma.position
+    if default is not None:
+        sigma = np.where(np.isnan(sigma), default, sigma)
+    sigma[(position_use == 0)[:, None] | np.isnan(xyz)] = np.nan
+    xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
+    rows = Exterior(
+        image=image, position_m=xyz, position_covariance_m2=covariance, angles_rad=angles, angle_sigma_rad=angle_sigma,
+        position_use=position_use, angle_use=angle_use,
+        refers_to=np.where(np.array(refers) == "antenna", ANTENNA, PROJECTION_CENTRE).reshape(-1),
+        drift_group=texts(table.text["drift_group"]), file=source.file("exterior.csv", len(table)), line=table.line,
+    )  # fmt: skip
+    return rows.take(np.argsort(rows.image, kind="stable"))
+
+
+def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float,
+         key: str) -> npt.NDArray[np.int32]:  # fmt: skip
+    """1 where the values are observed: said so, or with a standard deviation in the row."""
+    given = np.isfinite(values).any(axis=1)
+    said = np.array(use, dtype=np.str_).reshape(-1)
+    observed = given & ((said == "observed") | ((said == "") & np.isfinite(sigma).any(axis=1)))
+    lacking = observed[:, None] & np.isfinite(values) & np.isnan(sigma)
+    default = getattr(source.settings.sigma, key)
+    unit = "ground" if key == "position" else "angle"
+    if default is None:
+        ask_for_sigma(source, table, lacking, key, unit)
+    for name in SIGMAS if key == "position" else ("s1", "s2", "s3"):
+        not_negative(table, name, zero=True)
+    return np.asarray(observed, dtype=np.int32)
+
+
+def _attitudes(source: Source, table: CsvTable, use: Sequence[str],
+               frame: npt.NDArray[np.int32]) -> tuple[Float, Float, npt.NDArray[np.int32]]:  # fmt: skip
+    """Angles, their standard deviations (NaN where approximate) and use."""
+    angles = np.stack([angles_rad(source, table, name) for name in ("a1", "a2", "a3")], axis=1)
+    sigma = stacked(table, ("s1", "s2", "s3"))
+    angle_use = _use(source, table, use, angles, sigma, "attitude")
+    given = np.isfinite(angles).any(axis=1)
+    if given.any() and source.settings.rotation is None:
+        where = source.document.where()
+        source.problems.append(InputError(f"rotation is missing, but {table.path.name} has angles", where=where,
+                                          remedy="add rotation: omega-phi-kappa (or another)"))  # fmt: skip
+    table.complain(np.flatnonzero(given & (frame > 0)), "frame", "angles cannot be converted from frame {}",
+                   "give angles in the first frame of block.yaml")  # fmt: skip
+    factor = source.settings.units.sigma_angle_rad
+    if factor is None and (angle_use == 1).any():
+        where = source.document.where("units")
+        source.problems.append(InputError("units.sigma_angle is missing, but there are observed angles", where=where,
+                                          remedy="add units: {sigma_angle: deg} (or gon, rad, arcsec)"))  # fmt: skip
+    if source.settings.sigma.attitude is not None:
+        sigma = np.where(np.isnan(sigma), source.settings.sigma.attitude, sigma)
+    sigma = sigma * (factor or np.nan)
+    sigma[(angle_use == 0)[:, None] | np.isnan(angles)] = np.nan
+    return angles, sigma, angle_use

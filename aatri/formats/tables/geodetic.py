@@ -1,0 +1,217 @@
+"""geodetic.csv and covariances.csv as tables: metres and radians, in canonical order.
+
+`value` and `sigma` are in the block's ground or angle unit, whichever the type of the observation has. An observation
+from a station to itself, or a distance that is not positive, is set aside with its reason.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from aatri.artifacts.block import Geodetic, GeodeticCovariances, Rejects
+from aatri.errors import InputError
+from aatri.formats.tables.source import Source, choice, look_up, rad_of, texts, yes_no
+from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.formats.text.number_text import number_of
+from aatri.units import ANGLE_RAD
+
+ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")
+
+ANGLES = ("direction", "azimuth", "angle", "zenith")
+DISTANCES = ("distance", "horizontal_distance")
+TYPES = (*DISTANCES, *ANGLES, "height_difference", "dX", "dY", "dZ")
+REDUCED = ("no", "horizon", "ellipsoid", "map")
+
+GEODETIC = {
+    "type": Column("text", "cell"), "from": ID, "to": ID, "value": Column("text", "cell"),
+    "sigma": Column("text", "cell"), "via": Column("id"), "from_kind": TEXT, "to_kind": TEXT, "set": TEXT,
+    "group": TEXT, "h_from": NUMBER, "h_to": NUMBER, "active": TEXT, "reduced": TEXT,
+}  # fmt: skip
+COVARIANCES = {"table": Column("text", "cell"), "row_a": Column("number", "cell"), "row_b": Column("number", "cell"),
+               "value": Column("number", "cell")}  # fmt: skip
+
+TO_ITSELF = "from a station to itself"
+NOT_POSITIVE = "distance not positive"
+
+
+class GeodeticTables(NamedTuple):
+    """Geodetic observations, their covariances, and what was set aside."""
+
+    geodetic: Geodetic
+    covariances: GeodeticCovariances
+    rejects: Rejects
+
+
+def geodetic_tables(source: Source, images: Iterable[str], points: Iterable[str]) -> GeodeticTables:
+    """Geodetic observations in canonical order, with their covariances."""
+    nothing = GeodeticTables(Geodetic.empty(), GeodeticCovariances.empty(), Rejects.empty())
+    table = source.table("geodetic.csv", GEODETIC)
+    if table is None:
+        if (source.folder / "covariances.csv").exists() and not (source.folder / "geodetic.csv").exists():
+            source.problems.append(InputError("there is no geodetic.csv", where=str(source.folder / "covariances.csv"),
+                                              remedy="covariances are between its rows"))  # fmt: skip
+        return nothing
+    types = choice(table, "type", TYPES, "")
+    kinds = {end: choice(table, f"{end}_kind", ("point", "image"), "point") for end in ("from", "to")}
+    _check_ids(table, kinds, list(images), list(points))
+    _check_types(table, types)
+    value, sigma = _values(source, table, types, "value"), _values(source, table, types, "sigma")
+    table.complain(np.flatnonzero(sigma <= 0), "sigma", "sigma is {}", "a standard deviation is more than 0")
+    if source.problems:
+        return nothing
+    units = source.settings.units
+    rows = Geodetic(
+        type=texts(_own_axis(source, t) for t in types), start=texts(table.text["from"]), end=texts(table.text["to"]),
+        via=texts(table.text["via"]), start_kind=texts(kinds["from"]), end_kind=texts(kinds["to"]), value=value,
+        sigma=sigma, set=texts(table.text["set"]), group=texts(table.text["group"]),
+        start_height_m=table.number["h_from"] * units.ground_m, end_height_m=table.number["h_to"] * units.ground_m,
+        active=yes_no(table, "active", True), reduced=texts(choice(table, "reduced", REDUCED, "no")),
+        file=source.file("geodetic.csv", len(table)), line=table.line,
+    )  # fmt: skip
+    reasons = unusable(rows)
+    order = geodetic_order(rows)
+    covariances = _covariances(source, types, rows, order)
+    rejects = _rejects(rows, reasons)
+    active = rows.active & np.array([not reason for reason in reasons], dtype=bool)
+    return GeodeticTables(dataclasses.replace(rows, active=active).take(order), covariances, rejects)
+
+
+def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], points: list[str]) -> None:
+    known = {"point": {name: k for k, name in enumerate(points)}, "image": {name: k for k, name in enumerate(images)}}
+    for end in ("from", "to"):
+        for kind in ("point", "image"):
+            chosen = [cell if kinds[end][k] == kind else "" for k, cell in enumerate(table.text[end])]
+            part = CsvTable(table.path, table.header, table.line, {end: chosen}, {}, table.source, table.problems)
+            look_up(part, end, known[kind], f"station ({kind})",
+                    "add it to ground_points.csv (empty coordinates will do), or set from_kind, to_kind")  # fmt: skip
+    look_up(table, "via", known["point"], "station", "add it to ground_points.csv (empty coordinates will do)")
+
+
+def _check_types(table: CsvTable, types: list[str]) -> None:
+    via, sets = table.text["via"], table.text["set"]
+    table.complain([k for k, t in enumerate(types) if t == "angle" and not via[k]], "via", "an angle needs `via`",
+                   "name the vertex")  # fmt: skip
+    table.complain([k for k, t in enumerate(types) if t == "direction" and not sets[k]], "set",
+                   "a direction needs `set`", "name the set: its directions share an orientation")  # fmt: skip
+
+
+def _values(source: Source, table: CsvTable, types: list[str], column: str) -> npt.NDArray[np.float64]:
+    """Values in m or rad, by type."""
+    units = source.settings.units
+    values = np.full(len(table), np.nan)
+    bad = []
+    for k, cell in enumerate(table.text[column]):
+        try:
+            values[k] = rad_of(cell, units.angle) if types[k] in ANGLES else number_of(cell) * units.ground_m
+        except ValueError:
+            if cell:
+                bad.append(k)
+    table.complain(bad, column, f"{column} is {{}}, not a number", f"angles are in {units.angle or 'units.angle'}")
+    if units.angle is None and any(t in ANGLES for t in types):
+        source.problems.append(InputError("units.angle is missing, but geodetic.csv has angles",
+                                          where=source.document.where("units"),
+                                          remedy="add units: {angle: gon} (or deg, rad, dms)"))  # fmt: skip
+    return values
+
+
+def _own_axis(source: Source, kind: str) -> str:
+    """dX, dY of a table with axes north, east, up are dY, dX of the right-handed axes."""
+    if kind not in ("dX", "dY", "dZ"):
+        return kind
+    return "d" + right_handed_axis(source, kind[1])
+
+
+def right_handed_axis(source: Source, axis: str) -> str:
+    """The axis of the Block that the tables call X, Y or Z."""
+    name = next(iter(source.settings.frames.values())).axes["XYZ".index(axis)]
+    return {"east": "X", "north": "Y", "up": "Z"}.get(name, name.upper())
+
+
+def unusable(rows: Geodetic) -> list[str]:
+    """Per observation the reason why it cannot be used, or empty."""
+    itself = (rows.start == rows.end) & (rows.start_kind == rows.end_kind)
+    short = np.isin(rows.type, DISTANCES) & (rows.value <= 0)
+    return [TO_ITSELF if a else NOT_POSITIVE if b else "" for a, b in zip(itself, short)]
+
+
+def geodetic_order(rows: Geodetic) -> npt.NDArray[np.intp]:
+    """The canonical order: by type, set, via, start, end, and the figures."""
+    names = ("type", "set", "via", "start", "end", "start_kind", "end_kind", "group", "reduced")
+    columns = [[str(text).encode() for text in getattr(rows, name)] for name in names]
+    figures = [np.nan_to_num(getattr(rows, name), nan=-1.0).tolist()
+               for name in ("value", "sigma", "start_height_m", "end_height_m")]  # fmt: skip
+    keys = list(zip(*columns, *figures))
+    return np.array(sorted(range(len(rows)), key=lambda k: keys[k]), dtype=np.intp)
+
+
+def reject_name(rows: Geodetic, k: int) -> str:
+    """How an observation is called in the list of rejects."""
+    return f"{rows.type[k]} {rows.start[k]} {rows.end[k]}"
+
+
+def _rejects(rows: Geodetic, reasons: list[str]) -> Rejects:
+    found = [k for k, reason in enumerate(reasons) if reason and rows.active[k]]
+    if not found:
+        return Rejects.empty()
+    return Rejects(kind=texts(["geodetic"] * len(found)), id=texts(reject_name(rows, k) for k in found),
+                   reason=texts(reasons[k] for k in found), file=rows.file[found], line=rows.line[found])  # fmt: skip
+
+
+def _covariances(source: Source, types: list[str], rows: Geodetic, order: npt.NDArray[np.intp]) -> GeodeticCovariances:
+    """Covariances with the row numbers of the canonical order, the smaller one first."""
+    table = source.table("covariances.csv", COVARIANCES)
+    if table is None:
+        return GeodeticCovariances.empty()
+    choice(table, "table", ("geodetic",), "geodetic")
+    numbers = np.stack([table.number["row_a"], table.number["row_b"]], axis=1)
+    for axis, name in enumerate(("row_a", "row_b")):
+        wrong = (numbers[:, axis] % 1 != 0) | (numbers[:, axis] < 1) | (numbers[:, axis] > len(rows))
+        table.complain(np.flatnonzero(wrong), name, f"{name} is {{}}, but geodetic.csv has rows 1 to {len(rows)}",
+                       "rows are counted from 1, without the header")  # fmt: skip
+    table.complain(np.flatnonzero(numbers[:, 0] == numbers[:, 1]), "row_b", "a variance, not a covariance",
+                   "the variance is the square of sigma in geodetic.csv")  # fmt: skip
+    if source.problems:
+        return GeodeticCovariances.empty()
+    unit = np.array([_unit(source, t) for t in types])
+    given = numbers.astype(np.intp) - 1
+    value = table.number["value"] * (unit[given[:, 0]] * unit[given[:, 1]])
+    place = np.argsort(order)
+    pair = np.sort(place[given], axis=1)
+    first = np.lexsort((pair[:, 1], pair[:, 0]))
+    pair, value = pair[first], value[first]
+    twice = np.flatnonzero((np.diff(pair, axis=0) == 0).all(axis=1))
+    table.complain(first[twice + 1], "row_a", "this pair of rows is given twice", "remove one")
+    result = GeodeticCovariances(row_a=pair[:, 0].astype(np.int32), row_b=pair[:, 1].astype(np.int32), value=value)
+    _check_definite(table, result, rows.sigma[order], first)
+    return result
+
+
+def _unit(source: Source, kind: str) -> float:
+    units = source.settings.units
+    return ANGLE_RAD["deg" if units.angle == "dms" else units.angle or "rad"] if kind in ANGLES else units.ground_m
+
+
+def _check_definite(table: CsvTable, rows: GeodeticCovariances, sigma: npt.NDArray[np.float64],
+                    place: npt.NDArray[np.intp]) -> None:  # fmt: skip
+    """A fault for each set of correlated observations whose covariance matrix is not positive definite."""
+    n = len(sigma)
+    graph = coo_array((np.ones(len(rows)), (rows.row_a, rows.row_b)), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    for group in np.unique(label[rows.row_a]).tolist():
+        members = np.flatnonzero(label == group)
+        inside = np.flatnonzero(label[rows.row_a] == group)
+        local = {int(m): k for k, m in enumerate(members)}
+        correlation = np.eye(len(members))
+        for k in inside.tolist():
+            a, b = int(rows.row_a[k]), int(rows.row_b[k])
+            correlation[local[a], local[b]] = correlation[local[b], local[a]] = rows.value[k] / (sigma[a] * sigma[b])
+        if np.linalg.eigvalsh(correlation).min() <= 0:
+            table.complain([int(place[inside[0]])], "value", "covariance {}: the matrix is not positive definite",
+                           "a covariance is smaller than the product of its two sigmas")  # fmt: skip

@@ -1,0 +1,123 @@
+"""ground_points.csv as a table: metres, right-handed axes of the first frame, a role per coordinate."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPoints, Points
+from aatri.formats.tables.positions import (
+    COORDINATES,
+    POSITION,
+    SIGMAS,
+    ask_for_sigma,
+    covariance_m2,
+    frames_of,
+    in_own_order,
+    positions,
+    stacked,
+    warn_of_unusual,
+)
+from aatri.formats.tables.source import Source, no_repeats, not_negative, yes_no
+from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.ids import did_you_mean, printable, rows_of
+
+ID, TEXT, NEEDED = Column("id", "cell"), Column("text"), Column("number", "column")
+
+GROUND_POINTS = {
+    "point": ID, "X": NEEDED, "Y": NEEDED, "Z": NEEDED, **POSITION, "role": TEXT, "datum": TEXT, "frame": TEXT,
+}  # fmt: skip
+
+ROLES = {"control": CONTROL, "check": CHECK, "approximate": APPROXIMATE, "ignore": NO_ROLE}
+
+SAME_PLACE_SIGMAS = 3.0
+"""Two control points nearer than this many sigmas are pointed out."""
+
+
+def read_ground_points(source: Source) -> CsvTable | None:
+    """ground_points.csv as it stands."""
+    return source.table("ground_points.csv", GROUND_POINTS)
+
+
+def ground_point_table(source: Source, table: CsvTable | None, points: Points) -> GroundPoints:
+    """Ground points sorted by id."""
+    if table is None:
+        return GroundPoints.empty()
+    no_repeats(table, ["point"], "ground point")
+    frame = frames_of(source, table)
+    role = _roles(table)
+    xyz = stacked(table, COORDINATES)
+    role[np.isnan(xyz)] = NO_ROLE
+    for name in SIGMAS:
+        not_negative(table, name, zero=True)
+    needs = role == CONTROL
+    default = source.settings.sigma.control
+    sigma = stacked(table, SIGMAS)
+    if default is None:
+        ask_for_sigma(source, table, needs & np.isnan(sigma), "control", "ground")
+    sigma = np.where(np.isnan(sigma), np.where(needs, default, 0.0) if default else 0.0, sigma)
+    if source.problems:
+        return GroundPoints.empty()
+    warn_of_unusual(source, table, sigma)
+    xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
+    rows = GroundPoints(
+        point=rows_of(table.text["point"], points.id),
+        xyz_m=xyz, covariance_m2=covariance, role=in_own_order(source, frame, role),
+        datum=yes_no(table, "datum", False),
+        file=source.file("ground_points.csv", len(table)), line=table.line,
+    )  # fmt: skip
+    _warn_of_same_place(source, table, rows)
+    return rows.take(np.argsort(rows.point, kind="stable"))
+
+
+def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> None:
+    """Point out control points of two ids at one place."""
+    full = np.flatnonzero((rows.role == CONTROL).all(axis=1))
+    if len(full) < 2:
+        return
+    sigma = np.sqrt(np.trace(rows.covariance_m2[full], axis1=1, axis2=2))
+    near = cKDTree(rows.xyz_m[full]).query_pairs(SAME_PLACE_SIGMAS * float(sigma.max()))
+    for a, b in sorted(near):
+        gap = float(np.linalg.norm(rows.xyz_m[full[a]] - rows.xyz_m[full[b]]))
+        if gap <= SAME_PLACE_SIGMAS * float(np.hypot(sigma[a], sigma[b])):
+            names = [printable(table.text["point"][full[k]]) for k in (a, b)]
+            where = table.where(int(full[b]))
+            source.reporter.warn(f"{where}: control points {names[0]} and {names[1]} are {gap:.3g} m apart: one place?")
+
+
+def _roles(table: CsvTable) -> npt.NDArray[np.int32]:
+    """(n, 3) role per X, Y, Z of the table, from `control`, `XY:control Z:check` and so on."""
+    known: dict[str, list[int]] = {}
+    for cell in set(table.text["role"]):
+        try:
+            known[cell] = _role_of(cell)
+        except ValueError as error:
+            rows = [k for k, text in enumerate(table.text["role"]) if text == cell]
+            remedy = "write control, check, approximate or ignore, or per coordinate XY:control Z:check"
+            table.complain(rows, "role", f"role is {{}}: {error}", remedy)
+            known[cell] = [NO_ROLE] * 3
+    return np.array([known[cell] for cell in table.text["role"]], dtype=np.int32).reshape(-1, 3)
+
+
+def _role_of(cell: str) -> list[int]:
+    if not cell:
+        return [CONTROL] * 3
+    if ":" not in cell:
+        return [_role_named(cell)] * 3
+    roles: list[int] = [NO_ROLE] * 3
+    seen = ""
+    for part in cell.split():
+        axes, _, name = part.partition(":")
+        for axis in axes:
+            if axis not in "XYZ" or axis in seen:
+                raise ValueError(f"{axes!r} does not name coordinates once each")
+            roles["XYZ".index(axis)] = _role_named(name)
+            seen += axis
+    return roles
+
+
+def _role_named(name: str) -> int:
+    if name not in ROLES:
+        raise ValueError(f"unknown role {name!r}{did_you_mean(name, ROLES)}")
+    return ROLES[name]

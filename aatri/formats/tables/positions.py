@@ -1,0 +1,129 @@
+"""Positions as tables give them: coordinates, standard deviations and covariances, in any declared frame.
+
+Coordinates and their standard deviations follow the axes of their frame (column `frame`, else the first one). sX, sY,
+sZ are standard deviations; sXY, sXZ, sYZ covariances in the square of their unit.
+
+A covariance from another frame is rounded so that its variances are squares of standard deviations; a block written
+out and read again is then the same to the bit. The change is one unit in the last place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import AatriError, InputError
+from aatri.formats.tables.source import Source, look_up
+from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.frames.axes import columns_in_order, in_right_handed_order
+from aatri.frames.conversion import Frame, convert
+
+Float = npt.NDArray[np.float64]
+
+COORDINATES, SIGMAS, COVARIANCES = ("X", "Y", "Z"), ("sX", "sY", "sZ"), {"sXY": (0, 1), "sXZ": (0, 2), "sYZ": (1, 2)}
+POSITION = dict.fromkeys((*SIGMAS, *COVARIANCES), Column("number"))
+"""Columns of standard deviations and covariances."""
+
+
+def stacked(table: CsvTable, names: Sequence[str]) -> Float:
+    """Number columns side by side."""
+    return np.stack([table.number[name] for name in names], axis=1)
+
+
+def frames_of(source: Source, table: CsvTable) -> npt.NDArray[np.int32]:
+    """Number of the frame of each row, in the order of block.yaml."""
+    known = {name: k for k, name in enumerate(source.settings.frames)}
+    rows = look_up(table, "frame", known, "frame", "add it to `frames` in block.yaml, or mend the name")
+    return np.maximum(rows, 0)
+
+
+def in_own_order(source: Source, frame: npt.NDArray[np.int32], role: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Roles per X, Y, Z of the table in the order of the right-handed axes."""
+    axes = [f.axes for f in source.settings.frames.values()]
+    order = np.array([columns_in_order(names) for names in axes])[frame]
+    ordered: npt.NDArray[np.int32] = np.take_along_axis(role, order, axis=1)
+    return ordered
+
+
+def ask_for_sigma(source: Source, table: CsvTable, lacking: npt.NDArray[np.bool_], key: str, unit: str) -> None:
+    """A fault if a standard deviation is neither in the row nor in block.yaml."""
+    if lacking.any():
+        row, axis = (int(k) for k in np.argwhere(lacking)[0])
+        names = SIGMAS if unit == "ground" else ("s1", "s2", "s3")
+        what = f"no standard deviation in {int(lacking.any(axis=1).sum())} rows, and no sigma.{key} in block.yaml"
+        measure = "0 is exact" if key == "control" else "in units.sigma_" + unit
+        source.problems.append(InputError(what, where=table.where(row, names[axis]),
+                                          remedy=f"add sigma: {{{key}: [a, b, c]}}, {measure}"))  # fmt: skip
+
+
+def warn_of_unusual(source: Source, table: CsvTable, sigma: Float) -> None:
+    """Warn of standard deviations that look like a wrong unit."""
+    metres = sigma * source.settings.units.sigma_ground_m
+    odd = ((metres > 0) & (metres < 1e-4)) | (metres > 1e3)
+    if odd.any():
+        row, axis = (int(k) for k in np.argwhere(odd)[0])
+        where = table.where(row, SIGMAS[axis])
+        source.reporter.warn(f"{where}: {SIGMAS[axis]} is {metres[row, axis]:g} m; check units.sigma_ground")
+
+
+def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
+    """(n, 3, 3) in m^2, in the order of the table; NaN where a standard deviation is."""
+    factor = source.settings.units.sigma_ground_m
+    s = sigma * factor
+    covariance = np.zeros((len(table), 3, 3))
+    for axis in range(3):
+        covariance[:, axis, axis] = s[:, axis] * s[:, axis]
+    for name, (i, j) in COVARIANCES.items():
+        value = np.nan_to_num(table.number[name]) * (factor * factor)
+        covariance[:, i, j] = covariance[:, j, i] = np.where(np.isnan(s[:, i] + s[:, j]), np.nan, value)
+    bad = []
+    for k in np.flatnonzero(np.any([np.nan_to_num(table.number[name]) != 0 for name in COVARIANCES], axis=0)):
+        block = np.nan_to_num(covariance[k])
+        if np.linalg.eigvalsh(block).min() < -1e-12 * np.trace(block):
+            bad.append(int(k))
+    if bad:
+        column = next(name for name in COVARIANCES if name in table.header)
+        table.complain(bad, column, "sX ... sYZ form no covariance matrix: it has a negative eigenvalue",
+                       "sXY, sXZ, sYZ are covariances, not standard deviations or correlations")  # fmt: skip
+    undefined = np.isnan(s)
+    covariance[undefined[:, :, None] | undefined[:, None, :]] = np.nan
+    return covariance
+
+
+def positions(source: Source, table: CsvTable, frame: npt.NDArray[np.int32], xyz: Float,
+               covariance: Float) -> tuple[Float, Float]:  # fmt: skip
+    """Coordinates and covariances in the right-handed axes of the first frame, m."""
+    frames = [Frame(name, tuple(f.axes), f.crs, f.vertical) for name, f in source.settings.frames.items()]
+    unit = source.settings.units.ground_m
+    result = in_right_handed_order(xyz * unit, frames[0].axes)
+    result_covariance = in_right_handed_order(covariance, frames[0].axes)
+    for number in np.unique(frame[frame > 0]).tolist():
+        rows = np.flatnonzero((frame == number) & np.isfinite(xyz).any(axis=1))
+        partial = rows[~np.isfinite(xyz[rows]).all(axis=1)]
+        table.complain(
+            partial, "frame", "frame {} needs all three coordinates", "only whole positions can be converted"
+        )
+        rows = np.setdiff1d(rows, partial)
+        given = xyz[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
+        unknown = np.isnan(covariance[rows]).any(axis=(1, 2))
+        try:
+            moved, spread = convert(given, np.nan_to_num(covariance[rows]), frames[number], frames[0])
+        except AatriError as error:
+            where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
+            table.problems.append(InputError(error.what, where=where, remedy=error.remedy))
+            continue
+        result[rows] = moved
+        spread = _with_square_variances(spread)
+        spread[unknown] = np.nan
+        result_covariance[rows] = spread
+    return result, result_covariance
+
+
+def _with_square_variances(covariance: Float) -> Float:
+    rounded = (covariance + covariance.transpose(0, 2, 1)) / 2
+    for axis in range(3):
+        s = np.sqrt(rounded[:, axis, axis])
+        rounded[:, axis, axis] = s * s
+    return rounded

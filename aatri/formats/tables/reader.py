@@ -1,0 +1,122 @@
+"""Reading of a block folder, the native input: block.yaml and CSV tables -> Block.
+
+The folder is described in docs/formats.md. Everything is read and checked before anything is said, so that all faults
+come at once, each with file, line and character. What is read is turned into metres, millimetres, radians and
+right-handed axes, sorted into canonical order, and screened (see `screening`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from aatri.artifacts.block import Block, Files, Frames, Points
+from aatri.errors import AatriError, InputError, raise_all
+from aatri.formats.screening import screen_block
+from aatri.formats.tables.cameras import camera_tables
+from aatri.formats.tables.exterior import exterior_table
+from aatri.formats.tables.geodetic import geodetic_tables
+from aatri.formats.tables.ground import ground_point_table, read_ground_points
+from aatri.formats.tables.images import fiducial_point_table, image_point_table, image_tables, read_image_points
+from aatri.formats.tables.relative_control import relative_control_tables
+from aatri.formats.tables.settings import Settings, read_settings
+from aatri.formats.tables.source import FILES, Source, texts
+from aatri.formats.text.text_file import missing
+from aatri.frames.heights import is_tangent_frame
+from aatri.ids import canonical, did_you_mean
+from aatri.progress import SILENT, Reporter
+
+
+def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
+    """Read a block folder.
+
+    Parameters
+    ----------
+    folder : Path
+    reporter : Reporter
+        Gets warnings, and one line per reject.
+
+    Returns
+    -------
+    Block
+
+    Raises
+    ------
+    InputError
+        If the folder or a file is missing or breaks the contract. Several faults come as one `Errors`.
+    """
+    if not folder.exists():
+        raise missing(folder)
+    if not folder.is_dir():
+        raise InputError("is a file, not a block folder", where=str(folder), remedy=f"name the folder {folder.parent}")
+    settings, document = read_settings(folder / "block.yaml")
+    source = Source(folder, settings, document, reporter)
+    _check_files(source)
+    block = _block(source)
+    return screen_block(block, reporter)
+
+
+def _block(source: Source) -> Block:
+    camera = camera_tables(source)
+    images = image_tables(source, camera.cameras)
+    if not len(images.images):
+        raise_all(source.problems)  # else every row that names an image would be one more fault
+    measured, given = read_image_points(source), read_ground_points(source)
+    ids = [name for table in (measured, given) if table is not None for name in set(table.text["point"])]
+    points = Points(id=texts(canonical(ids)))
+    image_points = image_point_table(source, measured, images, camera.cameras, points)
+    fiducial_points = fiducial_point_table(source, images, camera.cameras, camera.fiducials)
+    ground_points = ground_point_table(source, given, points)
+    exterior = exterior_table(source, images)
+    geodetic = geodetic_tables(source, images.row, ids)
+    try:
+        relative, members = relative_control_tables(source, images.row, ids)
+    except AatriError as error:
+        raise_all([*source.problems, error])
+        raise
+    raise_all(source.problems)
+    settings = source.settings
+    height = settings.terrain_height
+    return Block(
+        name=settings.name or source.folder.resolve().name,
+        rotation=settings.rotation or "omega-phi-kappa",
+        earth_curvature=settings.earth_curvature or _earth_curvature(settings),
+        terrain_height_m=np.nan if height is None else float(height),
+        files=Files(path=texts(str(source.folder / name) for name in FILES)),
+        frames=_frames(settings),
+        **camera._asdict(),
+        strips=images.strips, images=images.images, fiducial_points=fiducial_points, points=points,
+        image_points=image_points, ground_points=ground_points, exterior=exterior, geodetic=geodetic.geodetic,
+        geodetic_covariances=geodetic.covariances, relative_control=relative, relative_control_members=members,
+        rejects=geodetic.rejects,
+    )  # fmt: skip
+
+
+def _check_files(source: Source) -> None:
+    """What must be there is there; a table with an unknown name is pointed out."""
+    folder = source.folder
+    here = {entry.name for entry in folder.iterdir()}
+    if "images.csv" not in here and ("geodetic.csv" not in here or "image_points.csv" in here):
+        source.problems.append(missing(folder / "images.csv"))
+    if "images.csv" in here and "image_points.csv" not in here:
+        source.problems.append(missing(folder / "image_points.csv"))
+    for name in sorted(here - set(FILES)):
+        if name.endswith((".csv", ".yaml")) and not name.startswith("x_"):
+            source.reporter.warn(f"{folder / name}: not a table of a block, not read{did_you_mean(name, FILES)}")
+
+
+def _frames(settings: Settings) -> Frames:
+    frames = settings.frames
+    return Frames(
+        id=texts(frames),
+        axes=texts(",".join(f.axes) for f in frames.values()),
+        crs=texts(f.crs for f in frames.values()),
+        vertical=texts(f.vertical for f in frames.values()),
+    )
+
+
+def _earth_curvature(settings: Settings) -> str:
+    """Where the file does not say: images over a map frame need the correction, a Cartesian frame does not."""
+    crs = next(iter(settings.frames.values())).crs
+    return "ignore" if crs == "local" or is_tangent_frame(crs) else "correct"

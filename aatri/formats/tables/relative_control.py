@@ -1,0 +1,218 @@
+"""relative_control.yaml as tables, and back: conditions on points or projection centres.
+
+A list of `{type, points | images | pairs | at and between, value, sigma | exact, axis, radius}`. `sigma` makes a
+condition an observation, `exact: true` a constraint (standard deviation 0). Values are in the block's ground or angle
+unit. Conditions come out sorted by type, axis, members and value; the order of the members is kept.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
+from aatri.errors import InputError
+from aatri.formats.tables.geodetic import right_handed_axis
+from aatri.formats.tables.source import FILES, Source, texts
+from aatri.ids import did_you_mean, printable
+from aatri.strict_yaml import Document, load
+from aatri.units import ANGLE_RAD
+
+FILE = "relative_control.yaml"
+
+
+class Form(NamedTuple):
+    """What a type takes: its members, the least number of them, and its value: `needed`, `optional` or none."""
+
+    members: tuple[str, ...]
+    least: int
+    value: str = ""
+
+
+FORMS = {
+    "distance": Form(("points", "images"), 2, "needed"),
+    "equal_distance": Form(("pairs",), 4),
+    "horizontal_plane": Form(("points",), 2),
+    "vertical_plane": Form(("points",), 3),
+    "plane": Form(("points",), 4),
+    "plumb_line": Form(("points",), 2),
+    "line": Form(("points",), 3),
+    "horizontal_line": Form(("points",), 2),
+    "angle": Form(("at", "between"), 3, "needed"),
+    "equal_height": Form(("points",), 2),
+    "coordinate_difference": Form(("points",), 2, "needed"),
+    "parallel": Form(("pairs",), 4),
+    "perpendicular": Form(("pairs",), 4),
+    "sphere": Form(("points",), 4, "optional"),
+    "cylinder": Form(("points",), 5, "optional"),
+}
+EXACTLY = {"distance": 2, "coordinate_difference": 2, "angle": 3, "parallel": 4, "perpendicular": 4}
+ANGULAR = ("angle", "parallel", "perpendicular")
+KEYS = ("type", "points", "images", "pairs", "at", "between", "value", "radius", "sigma", "exact", "axis")
+
+
+class Condition(NamedTuple):
+    """One condition in inner units."""
+
+    type: str
+    axis: str
+    members: tuple[tuple[str, str], ...]
+    value: float
+    sigma: float
+    line: int
+
+
+def relative_control_tables(source: Source, images: Iterable[str],
+                            points: Iterable[str]) -> tuple[RelativeControl, RelativeControlMembers]:  # fmt: skip
+    """Read relative_control.yaml, if it is there."""
+    path = source.folder / FILE
+    if not path.exists():
+        return RelativeControl.empty(), RelativeControlMembers.empty()
+    document = load(path, InputError)
+    if not isinstance(document.value, list):
+        raise InputError("is no list of conditions", where=document.where(), remedy="begin each one with `- {type: `")
+    known = {"images": set(images), "points": set(points)}
+    found = [_condition(source, document, k, known) for k in range(len(document.value))]
+    conditions = sorted((c for c in found if c is not None), key=_order)
+    return tables_of_conditions(conditions, FILES.index(FILE))
+
+
+def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[RelativeControl, RelativeControlMembers]:
+    """The tables of conditions that are in canonical order."""
+    n = len(conditions)
+    members = [(k, part, name) for k, c in enumerate(conditions) for part, name in c.members]
+    return (
+        RelativeControl(
+            type=texts(c.type for c in conditions), value=np.array([c.value for c in conditions], float),
+            sigma=np.array([c.sigma for c in conditions], float), axis=texts(c.axis for c in conditions),
+            file=np.full(n, file, np.int32), line=np.array([c.line for c in conditions], np.int32),
+        ),
+        RelativeControlMembers(
+            condition=np.array([m[0] for m in members], np.int32), part=texts(m[1] for m in members),
+            id=texts(m[2] for m in members),
+        ),
+    )  # fmt: skip
+
+
+def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, str]) -> None:
+    """Write the conditions in m and rad; `table_axis` says what the tables call the axes X, Y, Z of the block."""
+    rows, members = block.relative_control, block.relative_control_members
+    lines = []
+    for k in range(len(rows)):
+        mine = members.condition == k
+        item: dict[str, Any] = {"type": str(rows.type[k])}
+        for part in dict.fromkeys(members.part[mine].tolist()):
+            ids = members.id[mine & (members.part == part)].tolist()
+            if part == "pairs":
+                item[part] = [ids[i : i + 2] for i in range(0, len(ids), 2)]
+            else:
+                item[part] = ids[0] if part == "at" else ids
+        if np.isfinite(rows.value[k]):
+            item["radius" if rows.type[k] in ("sphere", "cylinder") else "value"] = float(rows.value[k])
+        if rows.axis[k]:
+            item["axis"] = table_axis[str(rows.axis[k])]
+        item |= {"sigma": float(rows.sigma[k])} if rows.sigma[k] > 0 else {"exact": True}
+        lines.append(f"- {json.dumps(item, ensure_ascii=False)}\n")
+    path.write_text("".join(lines), encoding="utf-8", newline="\n")
+
+
+def _order(c: Condition) -> Any:
+    members = [(part.encode(), name.encode()) for part, name in c.members]
+    return (c.type, c.axis, members, np.nan_to_num(c.value, nan=-1.0), c.sigma)
+
+
+def _condition(source: Source, document: Document, k: int, known: dict[str, set[str]]) -> Condition | None:
+    """One item of the list; None if it has faults, which are kept."""
+    item, before = document.value[k], len(source.problems)
+
+    def fault(what: str, *keys: str | int, remedy: str = "") -> None:
+        source.problems.append(InputError(what, where=document.where(k, *keys), remedy=remedy))
+
+    if not isinstance(item, dict) or item.get("type") not in FORMS:
+        kind = str(item.get("type", "")) if isinstance(item, dict) else ""
+        fault(f"unknown condition {printable(kind)!r}{did_you_mean(kind, FORMS)}", "type",
+              remedy=f"types are {', '.join(FORMS)}")  # fmt: skip
+        return None
+    item = {key: value for key, value in item.items() if not key.startswith("x_")}
+    kind = str(item["type"])
+    form = FORMS[kind]
+    for key in item:
+        if key not in KEYS:
+            fault(f"unknown key {printable(key)!r}{did_you_mean(key, KEYS)}", key, remedy="your own start with x_")
+        elif key in ("points", "images", "pairs", "at", "between") and key not in form.members:
+            fault(f"{kind} does not take `{key}`", key, remedy=f"it takes {' or '.join(form.members)}")
+    members = _members(document, k, item, form)
+    exact = EXACTLY.get(kind)
+    if len(members) < form.least or (exact and len(members) != exact):
+        fault(
+            f"{kind} has {len(members)} members", remedy=f"it takes {'exactly' if exact else 'at least'} {form.least}"
+        )
+    if "pairs" in form.members and len(members) % 2:
+        fault("pairs are two ids each", "pairs", remedy="write [[A, B], [C, D]]")
+    if form.members[0] != "pairs" and len(set(members)) < len(members):
+        fault(f"{kind} names a member twice", remedy="remove it")
+    for part, name in members:
+        where = "images" if part == "images" else "points"
+        if name not in known[where]:
+            fault(f"{where[:-1]} {printable(name)!r} is unknown{did_you_mean(name, known[where])}", part,
+                  remedy="mend the id; points must be measured or in ground_points.csv")  # fmt: skip
+    value, sigma = _figures(source, item, kind, form, fault)
+    axis = str(item.get("axis") or "")
+    if (kind == "coordinate_difference") != (axis in ("X", "Y", "Z")) or (axis and axis not in ("X", "Y", "Z")):
+        fault(f"axis is {axis!r}", "axis", remedy="a coordinate_difference, and only it, has axis: X, Y or Z")
+    if len(source.problems) > before:
+        return None
+    line = int(document.where(k).rsplit(":", 2)[1])
+    return Condition(kind, right_handed_axis(source, axis) if axis else "", tuple(members), value, sigma, line)
+
+
+def _members(document: Document, k: int, item: dict[str, Any], form: Form) -> list[tuple[str, str]]:
+    """Ids as they are written, with the part they play."""
+    members = []
+    for part in form.members:
+        if part not in item:
+            continue
+        given = item[part]
+        if not isinstance(given, list):
+            members.append((part, document.text(k, part)))
+            continue
+        for i, inner in enumerate(given):
+            if isinstance(inner, list):
+                members += [(part, document.text(k, part, i, j)) for j in range(len(inner))]
+            else:
+                members.append((part, document.text(k, part, i)))
+    return members
+
+
+def _figures(source: Source, item: dict[str, Any], kind: str, form: Form, fault: Any) -> tuple[float, float]:
+    """Value and standard deviation in m or rad."""
+    units = source.settings.units
+    factor = units.ground_m
+    if kind in ANGULAR:
+        if units.angle is None and ("value" in item or "sigma" in item):
+            fault(f"units.angle is missing in block.yaml, but {kind} is an angle", remedy="add units: {angle: deg}")
+        factor = ANGLE_RAD["deg" if units.angle == "dms" else units.angle or "rad"]
+    key = "radius" if form.value == "optional" else "value"
+    for name in ("value", "radius", "sigma"):
+        if name in item and (isinstance(item[name], bool) or not isinstance(item[name], int | float)
+                             or not np.isfinite(item[name])):  # fmt: skip
+            fault(f"{name} is {item[name]!r}, not a number", name, remedy="write a plain number")
+            return np.nan, np.nan
+    for name in ("value", "radius"):
+        if name in item and (name != key or not form.value):
+            fault(f"{kind} has no `{name}`", name, remedy="remove it")
+    if form.value == "needed" and key not in item:
+        fault(f"{kind} needs `value`", remedy="add value: ...")
+    exact = item.get("exact")
+    if exact not in (None, True, False) or (exact is True) == ("sigma" in item):
+        fault(
+            f"{kind} needs either `sigma` or `exact: true`", remedy="sigma makes it an observation, exact a constraint"
+        )
+    elif "sigma" in item and item["sigma"] <= 0:
+        fault(f"sigma is {item['sigma']}", "sigma", remedy="more than 0; for a constraint write exact: true")
+    value = float(item[key]) * factor if key in item else np.nan
+    return value, float(item.get("sigma", 0.0)) * factor

@@ -1,0 +1,102 @@
+"""Writing of block.yaml, such that reading gives the same settings to the bit.
+
+Texts and keys are in JSON form, which is YAML too; numbers have the fewest digits that give them back. A radial
+correction that is 0.001 times no float has no exact form, as the file has it in um; the nearest is written.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.formats.tables.settings import VECTORS
+
+
+def settings_text(block: Block) -> str:
+    """The text of block.yaml, units m, mm, rad, s."""
+    frames = {
+        str(f): {"axes": a.split(","), "crs": str(c)} | ({"vertical": str(v)} if v else {})
+        for f, a, c, v in zip(block.frames.id, block.frames.axes.tolist(), block.frames.crs, block.frames.vertical)
+    }
+    units = {"ground": "m", "angle": "rad", "sigma_image": "mm", "sigma_ground": "m", "sigma_angle": "rad", "time": "s"}
+    lines = ["aatri_block: 1", f"name: {_yaml(block.name)}", "frames:"]
+    lines += [f"  {_yaml(name)}: {_yaml(frame)}" for name, frame in frames.items()]
+    lines += [f"earth_curvature: {block.earth_curvature}", f"units: {_yaml(units)}", f"rotation: {block.rotation}"]
+    if np.isfinite(block.terrain_height_m):
+        lines.append(f"terrain_height: {_yaml(float(block.terrain_height_m))}")
+    if len(block.cameras):
+        lines.append("cameras:")
+    for k, name in enumerate(block.cameras.id):
+        lines.append(f"  {_yaml(str(name))}:")
+        lines += [f"    {key}: {_yaml(value)}" for key, value in _camera(block, k).items()]
+    return "\n".join(lines) + "\n"
+
+
+def _camera(block: Block, k: int) -> dict[str, Any]:
+    c = block.cameras
+    found: dict[str, Any] = {"kind": str(c.kind[k]), "image_coordinates": str(c.image_coordinates[k])}
+    if np.isfinite(c.pixel_size_mm[k]).all():
+        pixel = {"size": c.pixel_size_mm[k].tolist()}
+        pixel |= {key: str(v) for key, v in (("origin", c.pixel_origin[k]), ("y", c.pixel_y[k])) if v}
+        found["pixel"] = pixel
+    if np.isfinite(c.format[k]).all():
+        found["format"] = c.format[k].tolist()
+    found["principal_distance"] = float(c.principal_distance_mm[k])
+    found["principal_point"] = c.principal_point_mm[k].tolist()
+    found["symmetry_point"] = c.symmetry_point_mm[k].tolist()
+    marks = block.fiducials.camera == k
+    if marks.any():
+        found["fiducials"] = dict(zip(block.fiducials.id[marks].tolist(), block.fiducials.xy_mm[marks].tolist()))
+    found["distortion"], found["sigmas"] = _distortion(block, k), _sigmas(block, k)
+    found["lever_arm"], found["boresight"] = c.lever_arm_m[k].tolist(), c.boresight_rad[k].tolist()
+    return found
+
+
+def _distortion(block: Block, k: int) -> dict[str, Any]:
+    rows, table = block.camera_parameters, block.distortion_table
+    found: dict[str, Any] = {"model": str(block.cameras.distortion[k])}
+    given = (rows.camera == k) & np.isfinite(rows.value)
+    found |= dict(zip(rows.name[given].tolist(), rows.value[given].tolist()))
+    mine = table.camera == k
+    if mine.any():
+        found["radius"] = table.radius_mm[mine].tolist()
+        found["correction"] = [_thousandfold(mm) for mm in table.correction_mm[mine].tolist()]
+    return found
+
+
+def _thousandfold(value: float) -> float:
+    """The number that gives `value` when multiplied by 0.001, if there is one; else the nearest."""
+    near = value * 1e3
+    tried = [near, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)]
+    return min(tried, key=lambda v: abs(v * 1e-3 - value))
+
+
+def _sigmas(block: Block, k: int) -> dict[str, Any]:
+    """Standard deviations by parameter; components of a vector together."""
+    rows = block.camera_parameters
+    mine = (rows.camera == k) & (rows.free | np.isfinite(rows.sigma))
+    single = {n: math.inf if f else s for n, s, f in
+              zip(rows.name[mine].tolist(), rows.sigma[mine].tolist(), rows.free[mine].tolist())}  # fmt: skip
+    found: dict[str, Any] = {}
+    for name, sigma in single.items():
+        vector, dot, _ = name.partition(".")
+        if dot:
+            found[vector] = [single.get(f"{vector}.{axis}", 0.0) for axis in VECTORS[vector]]
+        else:
+            found[name] = sigma
+    return found
+
+
+def _yaml(value: Any) -> str:
+    """A value in flow style; infinity as YAML writes it."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_yaml(str(key))}: {_yaml(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    if isinstance(value, float) and math.isinf(value):
+        return ".inf"
+    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

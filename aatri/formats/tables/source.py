@@ -1,0 +1,159 @@
+"""What the readers of the tables of one block folder share: settings, files, ids and the list of faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import repeat
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import AatriError, Errors, InputError
+from aatri.formats.tables.settings import Settings
+from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
+from aatri.formats.text.number_text import number_of
+from aatri.ids import did_you_mean, printable
+from aatri.progress import SILENT, Reporter
+from aatri.strict_yaml import Document
+from aatri.units import ANGLE_RAD, rad_from_dms
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+Bool = npt.NDArray[np.bool_]
+
+FILES = ("block.yaml", "images.csv", "image_points.csv", "fiducials.csv", "ground_points.csv", "exterior.csv",
+         "geodetic.csv", "covariances.csv", "relative_control.yaml")  # fmt: skip
+
+YES_NO = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A block folder being read."""
+
+    folder: Path
+    settings: Settings
+    document: Document
+    reporter: Reporter = SILENT
+    problems: list[AatriError] = field(default_factory=list)
+
+    def table(self, name: str, columns: Mapping[str, Column]) -> CsvTable | None:
+        """A table of the folder; None if it is not there or its header is wrong (then the fault is kept)."""
+        path = self.folder / name
+        if not path.exists():
+            return None
+        try:
+            return read_csv(path, columns, self.problems, self.reporter)
+        except Errors as several:
+            self.problems.extend(several.errors)
+        except InputError as error:
+            self.problems.append(error)
+        return None
+
+    def file(self, name: str, rows: int) -> Int:
+        """The column `file` of rows read from a file of the folder."""
+        return np.full(rows, FILES.index(name), dtype=np.int32)
+
+
+def texts(values: Iterable[str]) -> npt.NDArray[np.str_]:
+    """A text column."""
+    listed = list(values)
+    return np.array(listed, dtype=np.str_) if listed else np.zeros(0, "U1")
+
+
+def look_up(table: CsvTable, column: str, known: Mapping[str, int], what: str, remedy: str) -> Int:
+    """Rows of the ids in a column; -1 where empty. Each unknown id is a fault at its first place, with its count."""
+    cells = table.text[column]
+    rows = np.fromiter(map(known.get, cells, repeat(-1)), dtype=np.int32, count=len(cells))
+    first: dict[str, tuple[int, int]] = {}
+    for k in np.flatnonzero(rows < 0).tolist():
+        if cells[k]:
+            start, count = first.get(cells[k], (k, 0))
+            first[cells[k]] = (start, count + 1)
+    for name, (k, count) in list(first.items())[:MOST_PER_COLUMN]:
+        often = f", in {count} rows" if count > 1 else ""
+        message = f"{what} {printable(name)!r} is unknown{often}{did_you_mean(name, known)}"
+        table.problems.append(InputError(message, where=table.where(k, column), remedy=remedy))
+    if len(first) > MOST_PER_COLUMN:
+        more = f"{len(first) - MOST_PER_COLUMN} more unknown ids in column {column}"
+        table.problems.append(InputError(more, where=str(table.path), remedy=remedy))
+    return rows
+
+
+def yes_no(table: CsvTable, column: str, default: bool) -> Bool:
+    """A truth column: yes or no; `default` where empty."""
+    cells = table.text[column]
+    if not any(cells):
+        return np.full(len(table), default)
+    values = [YES_NO.get(cell.lower()) if cell else default for cell in cells]
+    table.complain([k for k, v in enumerate(values) if v is None], column, f"{column} is {{}}", "write yes or no")
+    return np.array([bool(v) for v in values], dtype=bool)
+
+
+def choice(table: CsvTable, column: str, allowed: Sequence[str], default: str) -> list[str]:
+    """A column of fixed words; `default` where empty."""
+    cells = [cell or default for cell in table.text[column]]
+    for word in sorted(set(cells) - set(allowed)):
+        rows = [k for k, cell in enumerate(cells) if cell == word]
+        what = f"{column} is {{}}{did_you_mean(word, allowed)}"
+        table.complain(rows, column, what, f"it is one of {', '.join(allowed)}")
+    return cells
+
+
+def no_repeats(table: CsvTable, columns: Sequence[str], what: str) -> None:
+    """A fault for each row whose ids were in an earlier row, naming that one."""
+    first: dict[tuple[str, ...], int] = {}
+    for k, key in enumerate(zip(*(table.text[name] for name in columns))):
+        earlier = first.setdefault(key, k)
+        if earlier != k and all(key):
+            name = printable("/".join(key))
+            message = f"{what} {name!r} twice, first in line {table.line[earlier]}"
+            error = InputError(message, where=table.where(k, columns[0]), remedy="remove or rename one")
+            table.problems.append(error)
+
+
+def not_negative(table: CsvTable, column: str, *, zero: bool) -> None:
+    """A fault for each standard deviation below zero, or zero where that is not allowed."""
+    values = table.number[column]
+    bad = values < 0 if zero else values <= 0
+    limit = "0 (exact) or more" if zero else "more than 0"
+    table.complain(np.flatnonzero(bad), column, f"{column} is {{}}", f"a standard deviation is {limit}")
+
+
+def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike | None = None) -> Float:
+    """A column of angles in the block's unit, in radians; NaN where empty."""
+    unit = source.settings.units.angle
+    cells = table.text[column]
+    values = np.full(len(table), np.nan)
+    chosen = np.arange(len(table)) if rows is None else np.asarray(rows, dtype=np.intp)
+    bad = []
+    for k in chosen.tolist():
+        if cells[k]:
+            try:
+                values[k] = rad_of(cells[k], unit)
+            except ValueError:
+                bad.append(k)
+    form = "degrees, minutes and seconds like 12-30-45.5" if unit == "dms" else "a number"
+    table.complain(bad, column, f"{column} is {{}}, not an angle", f"write it as {form}")
+    if unit is None and any(cells[k] for k in chosen):
+        where = source.document.where("units")
+        what = f"units.angle is missing, but {table.path.name} has angles in column {column}"
+        source.problems.append(InputError(what, where=where, remedy="add units: {angle: deg} (or gon, rad, dms)"))
+    return values
+
+
+def rad_of(text: str, unit: str | None) -> float:
+    """An angle in radians.
+
+    Raises
+    ------
+    ValueError
+        If the text is no angle of this unit.
+    """
+    if unit != "dms":
+        return number_of(text) * ANGLE_RAD[unit or "rad"]
+    if not text.isascii() or any(sign not in "0123456789+-.: '" for sign in text):
+        raise ValueError(f"{text!r} is not an angle")
+    return rad_from_dms(text)

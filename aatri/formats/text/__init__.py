@@ -1,0 +1,1 @@
+"""Text files, CSV tables and numbers, every cell with its file, line and column."""

@@ -1,0 +1,192 @@
+"""Strict CSV: typed columns, and the place of every cell.
+
+UTF-8, comma, a header row with the columns in any order. `#` starts a comment line, blank lines are skipped. Columns
+named `x_...` are the user's own and are ignored; any other unknown column is an error. An empty cell is *not given*.
+Numbers are those of `number_text`. Columns are read in chunks of lines, so that a million rows take seconds; faults
+are collected.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import AatriError, InputError, raise_all
+from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell
+from aatri.formats.text.number_text import numbers_of, what_is_wrong
+from aatri.formats.text.text_file import read_lines
+from aatri.ids import did_you_mean, is_valid, printable
+from aatri.progress import SILENT, Reporter
+
+Float = npt.NDArray[np.float64]
+
+MOST_PER_COLUMN = 20
+"""So many faults of one column are shown with their place; the rest is counted."""
+
+_CHUNK = 50_000
+
+
+class Column(NamedTuple):
+    """What a column may hold: an `id`, `text` or a `number`; `must` be there: the `column`, or every `cell`."""
+
+    kind: Literal["id", "text", "number"]
+    must: Literal["", "column", "cell"] = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CsvTable:
+    """The rows of a CSV file. A column that is not in the file has empty texts or NaN."""
+
+    path: Path
+    header: tuple[str, ...]
+    line: npt.NDArray[np.int32]
+    text: dict[str, list[str]]
+    number: dict[str, Float]
+    source: Sequence[str] = field(repr=False)
+    problems: list[AatriError] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def where(self, row: int, column: str = "") -> str:
+        """`file:line:character` of a cell; of the row if the file does not have the column."""
+        line = int(self.line[row])
+        if column not in self.header:
+            return f"{self.path}:{line}:1"
+        return f"{self.path}:{line}:{start_of_cell(self.source[line - 1], self.header.index(column))}"
+
+    def complain(self, rows: npt.ArrayLike | Sequence[int], column: str, what: str, remedy: str = "") -> None:
+        """Add an error for each of the rows; `{}` in `what` stands for the cell."""
+        found = np.asarray(rows, dtype=np.intp)
+        for row in found[:MOST_PER_COLUMN]:
+            cell = repr(printable(self.cell(int(row), column)))
+            self.problems.append(
+                InputError(what.replace("{}", cell), where=self.where(int(row), column), remedy=remedy)
+            )
+        if len(found) > MOST_PER_COLUMN:
+            more = f"column {column}: {len(found) - MOST_PER_COLUMN} more cells of this kind"
+            self.problems.append(InputError(more, where=str(self.path)))
+
+    def cell(self, row: int, column: str) -> str:
+        """The cell as written, without outer blanks."""
+        if column not in self.header:
+            return ""
+        return cells_of(self.source[int(self.line[row]) - 1])[self.header.index(column)]
+
+
+def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriError],
+             reporter: Reporter = SILENT) -> CsvTable:  # fmt: skip
+    """Read a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to Column
+        The columns of the contract.
+    problems : list of AatriError
+        Faults are added here; the returned table is only fit for use if none were.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read at all, or its header is wrong.
+    """
+    source = read_lines(path, reporter)
+    lines = [k for k, text in enumerate(source, 1) if (body := text.lstrip()) and body[0] != "#"]
+    if not lines:
+        raise InputError("the file has no header row, only comments", where=str(path), remedy="write the column names")
+    header = _header(path, source, lines.pop(0), columns)
+    texts: dict[str, list[str]] = {name: [] for name in columns if columns[name].kind != "number"}
+    numbers: dict[str, list[Float]] = {name: [] for name in columns if columns[name].kind == "number"}
+    bad_numbers: dict[str, list[int]] = {name: [] for name in numbers}
+    good: list[int] = []
+    malformed: list[Malformed] = []
+    pool: dict[str, str] = {}
+    for first in range(0, len(lines), _CHUNK):
+        cells, rows, faults = columns_of_lines(source, lines[first : first + _CHUNK], len(header))
+        by_name = dict(zip(header, cells))
+        for name in texts:
+            column = by_name.get(name)
+            texts[name] += map(pool.setdefault, column, column) if column else [""] * len(rows)
+        for name in numbers:
+            values, bad = numbers_of(by_name.get(name) or [""] * len(rows))
+            numbers[name].append(values)
+            bad_numbers[name] += [len(good) + k for k in bad]
+        good += rows
+        malformed += faults
+    _explain_lines(path, malformed, problems)
+    joined = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in numbers.items()}
+    table = CsvTable(path, header, np.array(good, dtype=np.int32), texts, joined, source, problems)
+    for name, bad in bad_numbers.items():
+        _explain_numbers(table, name, bad)
+    _check_cells(table, columns, bad_numbers)
+    return table
+
+
+def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, Column]) -> tuple[str, ...]:
+    text = source[line - 1]
+    try:
+        header = tuple(cells_of(text))
+    except csv.Error as error:
+        raise InputError(f"broken header: {error}", where=f"{path}:{line}:1", remedy="check the quotes") from error
+    faults = []
+    if len(header) == 1 and (";" in text or "\t" in text):
+        sign = "semicolons" if ";" in text else "tabs"
+        raise InputError(f"separated by {sign}", where=f"{path}:{line}:1", remedy="export with commas")
+    for k, name in enumerate(header):
+        where = f"{path}:{line}:{start_of_cell(text, k)}"
+        if name in header[:k]:
+            faults.append(InputError(f"column {printable(name)!r} twice", where=where, remedy="remove one"))
+        elif name not in columns and not name.startswith("x_"):
+            what = f"unknown column {printable(name)!r}{did_you_mean(name, columns)}"
+            remedy = f"columns are {', '.join(columns)}; your own start with x_"
+            faults.append(InputError(what, where=where, remedy=remedy))
+    absent = [name for name, declared in columns.items() if declared.must and name not in header]
+    if absent:
+        what = f"column {', '.join(absent)} missing"
+        faults.append(InputError(what, where=f"{path}:{line}:1", remedy="add it to the header and to every row"))
+    raise_all(faults)
+    return header
+
+
+def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: list[AatriError]) -> None:
+    for fault in malformed[:MOST_PER_COLUMN]:
+        where = f"{path}:{fault.line}:{fault.character}"
+        problems.append(InputError(fault.what, where=where, remedy=fault.remedy))
+    if len(malformed) > MOST_PER_COLUMN:
+        more = f"{len(malformed) - MOST_PER_COLUMN} more lines are no rows"
+        problems.append(InputError(more, where=str(path), remedy="check the separator and the export"))
+
+
+def _explain_numbers(table: CsvTable, name: str, bad: list[int]) -> None:
+    reasons: dict[str, list[int]] = {}
+    for row in bad:
+        reasons.setdefault(what_is_wrong(table.cell(row, name)), []).append(row)
+    for reason, rows in reasons.items():
+        table.complain(
+            rows, name, f"{name} is {{}}: {reason}", "write it like -1234.5 or 1e-3, or leave the cell empty"
+        )
+
+
+def _check_cells(table: CsvTable, columns: Mapping[str, Column], bad_number: Mapping[str, list[int]]) -> None:
+    """Required cells are there; ids are ids."""
+    for name, declared in columns.items():
+        if declared.must == "cell":
+            if declared.kind == "number":
+                empty = set(np.flatnonzero(np.isnan(table.number[name])).tolist()) - set(bad_number.get(name, []))
+                rows = sorted(empty)
+            else:
+                rows = [k for k, text in enumerate(table.text[name]) if not text] if "" in table.text[name] else []
+            table.complain(rows, name, f"{name} is empty", "every row needs it")
+        if declared.kind != "number":
+            valid = {text: is_valid(text) for text in set(table.text[name]) if text}
+            if not all(valid.values()):
+                rows = [k for k, text in enumerate(table.text[name]) if text and not valid[text]]
+                remedy = "at most 255 bytes, no control characters, no outer blanks"
+                table.complain(rows, name, f"{name} {{}} is no id or name", remedy)

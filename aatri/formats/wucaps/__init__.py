@@ -1,0 +1,1 @@
+"""WuCAPS files: reader."""

@@ -1,0 +1,300 @@
+"""The files of WuCAPS, the Chinese block adjustment system: camera, image coordinates, ground points, roles.
+
+Whitespace-separated text, GBK or ASCII, `-99` ends a list. Names of the files in any case and with any extension:
+
+- PRECAI camera: `cameras fiducials`; c x0 y0; distortion (zeros); per fiducial: number x y; lengths in mm
+- PREPHI image coordinates: `strip count scale 0` opens a strip, `photo 0` a photo (negative: the last of the strip),
+  `point x y` in mm; the photo scale number stands times 10
+- PRECKI ground points: id, X north, Y east, H in m
+- PRECPI roles: `full plan height`, the numbers of full, plan-only and height-only control points; their ids; ids that
+  follow are check points
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
+from aatri.errors import AatriError, Errors, InputError, raise_all
+from aatri.formats.text.number_text import number_of
+from aatri.formats.text.text_file import missing, read_lines
+from aatri.ids import did_you_mean, is_valid, printable
+from aatri.progress import SILENT, Reporter
+
+NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
+END = ("-99", "-99.0")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Record:
+    """The words of a line, and where it stands."""
+
+    words: list[str]
+    path: Path
+    line: int
+
+    def error(self, what: str, remedy: str = "") -> InputError:
+        """An error at this line."""
+        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
+
+    def number(self, k: int) -> float:
+        """The word as a number."""
+        try:
+            return number_of(self.words[k])
+        except ValueError as error:
+            raise self.error(f"{printable(self.words[k])!r}: {error}", "write it like -1234.5") from error
+
+    def count(self, k: int) -> int:
+        """The word as a whole number, not negative."""
+        if not (self.words[k].isascii() and self.words[k].isdigit() and len(self.words[k]) < 9):
+            raise self.error(f"{printable(self.words[k])!r} is no count", "write a whole number")
+        return int(self.words[k])
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Principal distance, x0, y0, and fiducials by number, mm."""
+
+    interior: tuple[float, float, float]
+    fiducials: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo, the row of its strip and its place in the file."""
+
+    id: str
+    strip: int
+    sequence: int
+    record: Record
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured image point, mm."""
+
+    photo: str
+    point: str
+    xy: tuple[float, float]
+    record: Record
+
+
+@dataclass(frozen=True)
+class GroundPoint:
+    """A ground point: east, north, up, m."""
+
+    xyz_m: tuple[float, float, float]
+    record: Record
+
+
+@dataclass(frozen=True)
+class WucapsFiles:
+    """What the four files say. Roles are per east, north, up; `paths` are in the order of `NAMES`."""
+
+    paths: list[Path]
+    camera: Camera
+    strips: list[str]
+    photos: list[Photo]
+    measured: list[Measured]
+    ground: dict[str, GroundPoint]
+    roles: dict[str, list[int]]
+
+
+def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
+    """Read and check the four files of a folder.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or a line is not of its form.
+    """
+    if not folder.is_dir():
+        raise missing(folder)
+    paths = [_find(folder, name) for name in NAMES]
+    records = [_records(path, reporter) for path in paths]
+    problems: list[AatriError] = []
+    camera = _collected(lambda: _camera(records[0], paths[0]), problems)
+    images = _collected(lambda: _image_coordinates(records[1]), problems)
+    ground = _collected(lambda: _ground(records[2], paths[2]), problems)
+    roles = _collected(lambda: _roles(records[3], paths[3], ground), problems) if ground is not None else None
+    raise_all(problems)
+    assert camera is not None
+    assert images is not None
+    assert ground is not None
+    assert roles is not None
+    return WucapsFiles(paths, camera, *images, ground, roles)
+
+
+def _collected(read: Callable[[], T], problems: list[AatriError]) -> T | None:
+    """What is read; None if it has faults, which are kept."""
+    try:
+        return read()
+    except Errors as several:
+        problems.extend(several.errors)
+    except InputError as error:
+        problems.append(error)
+    return None
+
+
+def _find(folder: Path, name: str) -> Path:
+    """The file of this name, whatever its case and extension."""
+    found = sorted(p for p in folder.iterdir() if p.is_file() and p.stem.upper() == name)
+    if not found:
+        raise missing(folder / f"{name}.DAT")
+    if len(found) > 1:
+        names = " and ".join(p.name for p in found)
+        raise InputError(f"two files {name}: {names}", where=str(folder), remedy="remove one")
+    return found[0]
+
+
+def _records(path: Path, reporter: Reporter) -> list[Record]:
+    lines = read_lines(path, reporter)
+    records = [Record(words, path, k) for k, text in enumerate(lines, 1) if (words := text.replace("\x1a", "").split())]
+    if not records:
+        raise InputError("the file has no rows", where=str(path), remedy="put the data in")
+    return records
+
+
+def _camera(records: list[Record], path: Path) -> Camera:
+    """PRECAI."""
+    head = _of_width(records, 0, 2, path, "numbers of cameras and fiducials")
+    if head.count(0) != 1:
+        raise head.error(f"{head.words[0]} cameras", "blocks of one camera are read; write others as block folder")
+    interior = _of_width(records, 1, 3, path, "c x0 y0")
+    values = interior.number(0), interior.number(1), interior.number(2)
+    if values[0] <= 0:
+        raise interior.error(f"principal distance {values[0]:g}", "it is in mm and positive")
+    lens = _of_width(records, 2, 3, path, "distortion")
+    if any(lens.number(k) != 0 for k in range(3)):
+        raise lens.error("distortion parameters, whose meaning is not known", "convert to a block folder")
+    fiducials: dict[str, tuple[float, float]] = {}
+    for k in range(3, len(records)):
+        if _ends(records[k]):
+            break
+        row = _of_width(records, k, 3, path, "fiducial x y")
+        if row.words[0] in fiducials:
+            raise row.error(f"fiducial {row.words[0]} twice", "remove one")
+        fiducials[_id(row, 0)] = row.number(1), row.number(2)
+    if len(fiducials) != head.count(1):
+        raise head.error(f"{head.words[1]} fiducials announced, {len(fiducials)} found", "mend the number or the list")
+    return Camera(values, fiducials)
+
+
+def _image_coordinates(records: list[Record]) -> tuple[list[str], list[Photo], list[Measured]]:
+    """PREPHI: names of the strips, photos in order, measurements."""
+    numbers: list[str] = []
+    photos: dict[str, Photo] = {}
+    measured: list[Measured] = []
+    problems: list[AatriError] = []
+    photo, last = "", True
+    for record in records:
+        try:
+            if photo and len(record.words) == 3:
+                if _ends(record):
+                    photo = ""
+                else:
+                    measured.append(Measured(photo, _id(record, 0), (record.number(1), record.number(2)), record))
+            elif photo:
+                raise record.error(f"{len(record.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
+            elif len(record.words) == 4:
+                if not last:
+                    raise record.error(
+                        "a new strip, but the last one has no last photo", "make its last number negative"
+                    )
+                numbers.append(_id(record, 0))
+                last = False
+            elif len(record.words) == 2 and numbers and not _ends(record):
+                photo, last = record.words[0].removeprefix("-"), record.words[0].startswith("-")
+                _add_photo(photos, photo, len(numbers) - 1, record)
+            elif not _ends(record):
+                raise record.error(f"{len(record.words)} words, but a strip or photo should begin here",
+                                   "a strip is `strip count scale 0`, a photo `photo 0`")  # fmt: skip
+        except InputError as error:
+            problems.append(error)
+    if photo:
+        problems.append(records[-1].error(f"the file ends within photo {photo}", "end it with -99 0 0"))
+    raise_all(problems)
+    names = numbers if len(set(numbers)) == len(numbers) else [str(k + 1) for k in range(len(numbers))]
+    return names, list(photos.values()), measured
+
+
+def _add_photo(photos: dict[str, Photo], name: str, strip: int, record: Record) -> None:
+    if not is_valid(name):
+        raise record.error(f"{printable(name)!r} is no photo number")
+    if name in photos:
+        earlier = photos[name].record.line
+        raise record.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
+    photos[name] = Photo(name, strip, len(photos) + 1, record)
+
+
+def _ground(records: list[Record], path: Path) -> dict[str, GroundPoint]:
+    """PRECKI: east, north, up by id."""
+    ground: dict[str, GroundPoint] = {}
+    problems: list[AatriError] = []
+    for k, record in enumerate(records):
+        if _ends(record):
+            break
+        try:
+            row = _of_width(records, k, 4, path, "id X Y H")
+            name = _id(row, 0)
+            if name in ground:
+                raise row.error(
+                    f"point {printable(name)} twice, first in line {ground[name].record.line}", "remove one"
+                )
+            ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), record)
+        except InputError as error:
+            problems.append(error)
+    raise_all(problems)
+    return ground
+
+
+def _roles(records: list[Record], path: Path, ground: dict[str, GroundPoint]) -> dict[str, list[int]]:
+    """PRECPI: role of east, north, up by id."""
+    head = _of_width(records, 0, 3, path, "numbers of full, plan-only and height-only control points")
+    full, plan, height = (head.count(k) for k in range(3))
+    named = [record for record in records[1:] if not _ends(record)]
+    if len(named) < full + plan + height:
+        raise head.error(
+            f"{full + plan + height} control points announced, {len(named)} ids follow", "mend the numbers"
+        )
+    roles: dict[str, list[int]] = {}
+    problems: list[AatriError] = []
+    for k, record in enumerate(named):
+        name = record.words[0]
+        if name not in ground:
+            what = f"point {printable(name)!r} is not in the ground point file{did_you_mean(name, ground)}"
+            problems.append(record.error(what, "add it to PRECKI, or mend the id"))
+        elif name in roles:
+            problems.append(record.error(f"point {printable(name)} has two roles", "a point is control or check"))
+        elif k < full:
+            roles[name] = [CONTROL] * 3
+        elif k < full + plan:
+            roles[name] = [CONTROL, CONTROL, NO_ROLE]
+        elif k < full + plan + height:
+            roles[name] = [NO_ROLE, NO_ROLE, CONTROL]
+        else:
+            roles[name] = [CHECK] * 3
+    raise_all(problems)
+    return roles
+
+
+def _of_width(records: list[Record], k: int, width: int, path: Path, what: str) -> Record:
+    if k >= len(records):
+        raise InputError(f"ends before the line of {what}", where=str(path), remedy="complete the file")
+    if len(records[k].words) != width:
+        raise records[k].error(f"{len(records[k].words)} words where {what} should stand", f"write {width} of them")
+    return records[k]
+
+
+def _ends(record: Record) -> bool:
+    return record.words[0] in END
+
+
+def _id(record: Record, k: int) -> str:
+    if not is_valid(record.words[k]):
+        raise record.error(f"{printable(record.words[k])!r} is no id")
+    return record.words[k]

@@ -1,0 +1,1 @@
+"""Bundle block adjustment: start values, the adjustment, bad starts, free datum, re-admission."""

@@ -1,0 +1,65 @@
+"""Start values a bundle adjustment still lacks: points by intersection, images by resection.
+
+Points without coordinates are intersected from the oriented images; images without orientation that see at least four
+known points get a closed three-point start and a resection. Both are repeated while they find anything new.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.geometry.intersection import intersect_rays
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.poses import Poses
+from aatri.orientation.resection.adjustment import resect_images
+from aatri.orientation.resection.start import start_orientation
+
+Float = npt.NDArray[np.float64]
+
+
+def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> tuple[Poses, Float]:
+    """Fill in what is missing and can be computed; what is known is left alone.
+
+    Parameters
+    ----------
+    rays : ImagePointRows
+    poses : Poses
+        NaN where unknown.
+    xyz_m : (n_points, 3) float64, m
+        NaN where unknown.
+    """
+    while True:
+        xyz_m = _intersected(rays, poses, xyz_m)
+        completed = _resected(rays, poses, xyz_m)
+        if (finite_rows(completed.position_m) == finite_rows(poses.position_m)).all():
+            return completed, xyz_m
+        poses = completed
+
+
+def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
+    missing = ~finite_rows(xyz_m)
+    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
+    use = rays.active & missing[rays.point] & oriented[rays.image]
+    looking = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])
+    direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[use]], looking)
+    found = intersect_rays(poses.position_m[rays.image[use]], direction, rays.point[use], len(xyz_m))
+    return np.asarray(np.where(missing[:, None], found, xyz_m))
+
+
+def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Poses:
+    position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
+    known = rays.active & finite_rows(xyz_m)[rays.point]
+    missing = ~(finite_rows(position) & finite_rows(rotation))
+    for image in np.unique(rays.image[known & missing[rays.image]]):
+        mine = known & (rays.image == image)
+        start = start_orientation(rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]])
+        if start is None:
+            continue
+        zero = np.zeros(int(mine.sum()), dtype=np.int32)
+        result = resect_images(rays.xy_mm[mine], rays.sigma_mm[mine], zero, rays.point[mine], rays.c_mm[mine][:1],
+                               xyz_m, start[0][None], start[1][None])  # fmt: skip
+        if result.resected[0]:
+            position[image], rotation[image] = result.position_m[0], result.ground_from_image[0]
+    return Poses(position, rotation)

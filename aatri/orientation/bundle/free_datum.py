@@ -1,0 +1,222 @@
+"""The datum of a free block: what observations leave open of the seven, what to hold, and inner constraints.
+
+A similarity about the centre O of the block moves centres and points by
+
+    dX = e t + r x (X - O) + m (X - O),     d = r for the rotation of an image (R <- exp([d]x) R)
+
+with shift e t (e the extent of the block, so that all seven are of one size), rotation r, and scale m: the seven
+columns of H. Image points do not see it. Control and observed positions see some of it; what they leave open, H V, is
+free.
+
+Values: the adjusted block is moved, within what is open, until sum D (X - X_start) has no component along H V over the
+datum. For a block without any control these are the seven sums
+
+    sum dX = 0,    sum (X - O) x dX = 0,    sum (X - O)'dX = 0,    dX = X - X_start
+
+the least-squares fit of the datum onto its start values. Covariances: `aatri.adjustment.covariance.s_transformation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm, qr
+
+from aatri.adjustment.adjust import Adjusted
+from aatri.adjustment.covariance.s_transformation import s_transformed
+from aatri.adjustment.elimination.backsolve import cost_of
+from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.unknowns import State, Unknowns
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.rotations import nearest_rotation, skew
+from aatri.observations.poses import POINT, POSE, Poses
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+OPEN = 1e-8
+"""A direction is open if no observation changes by more than this share of it."""
+
+MOST_MOVES = 100
+
+SAME_COST = 1e-6
+"""Largest relative change of the cost by a movement that no observation should see."""
+
+
+@dataclass(frozen=True)
+class FreeDatum:
+    """A block whose datum is free.
+
+    Attributes
+    ----------
+    unknowns, records
+        The problem, nothing held for the datum; the records without the image points.
+    start : mapping
+    image, point : (n,) bool
+        What is adjusted.
+    over_image, over_point : (n,) bool
+        Of them those whose projection centres, or coordinates, carry the datum.
+    """
+
+    unknowns: Sequence[Unknowns]
+    records: Sequence[Records]
+    start: State
+    image: Bool
+    point: Bool
+    over_image: Bool
+    over_point: Bool
+
+
+def minimally_held(free: FreeDatum) -> list[Unknowns]:
+    """The unknowns with as many scalars of the poses held as are open, as far apart as they come.
+
+    Raises
+    ------
+    GeometryError
+        If nothing is open.
+    """
+    poses = next(u for u in free.unknowns if u.name == POSE)
+    H = similarity_directions(free, free.start)
+    V = open_directions(free, free.start, H)
+    extent = _size(free, free.start)[1]
+    candidates = np.flatnonzero(poses.free)
+    rows = (H[POSE] @ V).reshape(-1, V.shape[1])[candidates]
+    rows = rows * np.where(candidates % 6 < 3, 1.0, extent)[:, None]
+    _, _, order = qr(rows.T, mode="economic", pivoting=True)
+    held = np.zeros(poses.free.size, dtype=bool)
+    held[candidates[order[: V.shape[1]]]] = True
+    closed = replace(poses, free=poses.free & ~held.reshape(poses.free.shape))
+    return [closed if u is poses else u for u in free.unknowns]
+
+
+def onto_inner_constraints(free: FreeDatum, adjusted: Adjusted) -> Adjusted:
+    """The adjusted block moved within what is open until its datum has no shift along it against the start.
+
+    Raises
+    ------
+    GeometryError
+        If the datum does not carry what is open: too few points or images, or all on a line.
+    ConvergenceError
+    """
+    moved: dict[str, Any] = dict(adjusted.state)
+    for _ in range(MOST_MOVES):
+        H = similarity_directions(free, moved)
+        V = open_directions(free, moved, H)
+        q = -V @ _shift_along(free, moved, H, V)
+        moved = _moved(free, moved, q)
+        if np.abs(q).max() < 1e-13:
+            break
+    else:
+        raise ConvergenceError(
+            "the block could not be fitted onto the start values of its datum",
+            remedy="start from better initial values, or use `datum: minimal`",
+        )
+    cost = cost_of(adjusted.problem, moved)
+    if abs(cost - adjusted.cost) > SAME_COST * (1.0 + adjusted.cost):
+        raise GeometryError(
+            f"what control and positions leave open is not free beyond small movements: cost {adjusted.cost:.6g} "
+            f"becomes {cost:.6g}",
+            remedy="use `datum: minimal`, or leave out control or positions",
+        )
+    return replace(adjusted, state=moved)
+
+
+def free_covariances(free: FreeDatum, adjusted: Adjusted, groups: Mapping[str, Float]) -> dict[str, Float]:
+    """Covariances under inner constraints from those with the minimum held.
+
+    Parameters
+    ----------
+    adjusted : Adjusted
+        After `onto_inner_constraints`.
+    groups : mapping of (n, k, k) float64
+    """
+    H = similarity_directions(free, adjusted.state)
+    V = open_directions(free, adjusted.state, H)
+    pose = np.zeros((len(free.image), 6), dtype=bool)
+    pose[:, :3] = free.over_image[:, None]
+    known = np.isfinite(groups[POINT]).all(axis=(1, 2))
+    datum = {POSE: pose, POINT: np.repeat((free.over_point & known)[:, None], 3, axis=1)}
+    along = {group: h @ V for group, h in H.items()}
+    return s_transformed(adjusted.problem, adjusted.state, groups, along, datum)
+
+
+def similarity_directions(free: FreeDatum, state: State) -> dict[str, Float]:
+    """The seven directions H of poses and points, (n, 6, 7) and (n, 3, 7); zero for what is not adjusted."""
+    centre, extent = _size(free, state)
+    found = {POSE: np.zeros((len(free.image), 6, 7)), POINT: np.zeros((len(free.point), 3, 7))}
+    for group, x, some in ((POSE, state[POSE].position_m, free.image), (POINT, state[POINT], free.point)):
+        away = x[some] - centre
+        shift = np.broadcast_to(extent * np.eye(3), (len(away), 3, 3))
+        found[group][some, :3] = np.concatenate([shift, -skew(away), away[:, :, None]], axis=2)
+    found[POSE][free.image, 3:, 3:6] = np.eye(3)
+    return found
+
+
+def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Float:
+    """What the records and the held scalars leave open of H: V, (7, d), orthonormal.
+
+    Raises
+    ------
+    GeometryError
+        If nothing is left open.
+    """
+    seen = [np.zeros((7, 7)), *(H[u.name][~u.free] for u in free.unknowns if u.name in H)]
+    for r in free.records:
+        rows = np.flatnonzero(r.active)
+        _, jacobians = whitened(r, state, rows)
+        change, size = np.zeros((len(rows), r.rows, 7)), np.zeros((len(rows), r.rows, 1))
+        for (group, block), J in zip(r.touches, jacobians):
+            size += (J**2).sum(axis=2, keepdims=True)
+            if group in H:
+                change += J @ H[group][block[rows]]
+        seen.append((change / np.sqrt(np.where(size > 0, size, 1.0))).reshape(-1, 7))
+    _, values, vectors = np.linalg.svd(np.linalg.qr(np.concatenate(seen) / _size(free, state)[1], mode="r"))
+    V = vectors[values <= OPEN].T
+    if not V.shape[1]:
+        raise GeometryError(
+            "control and observed positions determine the datum: nothing is free",
+            remedy="use `datum: given`, or leave out control or positions",
+        )
+    return np.asarray(V)
+
+
+def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float) -> Float:
+    """The shift of the datum against the start in the open directions, (d,)."""
+    shift = {POSE: state[POSE].position_m - free.start[POSE].position_m, POINT: state[POINT] - free.start[POINT]}
+    normal, right = np.zeros((V.shape[1], V.shape[1])), np.zeros(V.shape[1])
+    for group, some in ((POSE, free.over_image), (POINT, free.over_point)):
+        G = H[group][some, :3] @ V
+        normal += np.einsum("nki,nkj->ij", G, G)
+        right += np.einsum("nki,nk->i", G, shift[group][some])
+    if not np.linalg.eigvalsh(normal)[0] > OPEN * _size(free, state)[1] ** 2:
+        count = int(free.over_image.sum() + free.over_point.sum())
+        raise GeometryError(
+            f"the {count} images and points of the datum do not carry the {V.shape[1]} components that are free",
+            remedy="let it rest on more of them, not all on one line",
+        )
+    return np.asarray(np.linalg.solve(normal, right))
+
+
+def _size(free: FreeDatum, state: State) -> tuple[Float, float]:
+    """Centre and extent of the block."""
+    x = np.concatenate([state[POSE].position_m[free.image], state[POINT][free.point]])
+    centre = x.mean(axis=0)
+    return centre, float(np.abs(x - centre).max())
+
+
+def _moved(free: FreeDatum, state: State, q: Float) -> dict[str, Any]:
+    """The block after the similarity exp of the seven parameters q, about the centre."""
+    centre, extent = _size(free, state)
+    generator = np.zeros((4, 4))
+    generator[:3, :3] = skew(q[3:6]) + q[6] * np.eye(3)
+    generator[:3, 3] = extent * q[:3]
+    T = expm(generator)
+    rotation = nearest_rotation(T[:3, :3] / np.exp(q[6]))
+    poses: Poses = state[POSE]
+    position = centre + (poses.position_m - centre) @ T[:3, :3].T + T[:3, 3]
+    ground = centre + (state[POINT] - centre) @ T[:3, :3].T + T[:3, 3]
+    return {**state, POSE: Poses(position, rotation @ poses.ground_from_image), POINT: ground}

@@ -1,0 +1,147 @@
+"""Bundle adjustment from bad starts: where it fails, once more from a start that collinearity in object space gives.
+
+The direct adjustment is tried first. If it does not converge, needs damping and ends with a sigma0 far above 1, or
+turns images over (most of their points behind them), it is tried again from starts by `space_start`: with rotations
+held at first or not, image points down-weighted or as they are. The best result counts, at once if another start leads
+to the same. What still does not fit is oriented by resection to the points that the other images determine. A result
+with images turned over is none: over flat ground their residuals are as small as the right ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.ids import shown
+from aatri.observations.poses import Poses
+from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.complete_start import complete_start
+from aatri.orientation.bundle.space_start import start_in_space, turned_over
+from aatri.progress import SILENT, Reporter
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.integer]
+Bool = npt.NDArray[np.bool_]
+
+FAR_SIGMA0 = 3.0
+"""sigma0 above which an adjustment that had to be damped is tried from elsewhere."""
+
+SAME = 1e-6
+"""Costs that agree within this share are those of the same minimum."""
+
+TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
+"""Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
+
+
+def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, **options: Any) -> BundleResult:
+    """Adjust a block whose start may be far off.
+
+    Parameters
+    ----------
+    given : BundleInput
+    reporter : Reporter
+    **options
+        Of `adjust_bundle`. Blocks without a given datum are adjusted from their start alone.
+
+    Raises
+    ------
+    GeometryError
+        If unknowns are not determined.
+    ConvergenceError
+        If no start converges, or images end up turned over.
+    """
+    failure: ConvergenceError | GeometryError | None = None
+    best: BundleResult | None = None
+    try:
+        best = adjust_bundle(given, reporter=reporter, **options)
+    except (ConvergenceError, GeometryError) as error:
+        failure = error
+    if options.get("datum", "given") == "given" and not _trusted(given, best):
+        why = failure.what if failure is not None else "another minimum is likely"
+        reporter.log(f"adjusted again from a start by object space: {why}")
+        best = _best_restart(given, best, reporter, options)
+    if best is None:
+        assert failure is not None
+        raise failure
+    over = turned_over(given, best.poses, best.xyz_m, best.ray_used)
+    if over.any():
+        raise ConvergenceError(
+            f"images see most of their points behind them: {shown(np.asarray(given.image_ids)[over])}",
+            remedy="start from better initial values (`from: initial`); check the sign of c and the axes of the image",
+        )
+    return best
+
+
+def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
+    if result is None or turned_over(given, result.poses, result.xyz_m, result.ray_used).any():
+        return False
+    strayed = restarted or any(step.damping > 0 for step in result.adjusted.history)
+    return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
+
+
+def _best_restart(
+    given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
+) -> BundleResult | None:
+    """The best of the results so far and those of new starts; one without images turned over comes first."""
+    for factor, held in TRIALS:
+        try:
+            started = start_in_space(given, factor, held)
+            found = adjust_bundle(started, reporter=reporter, **options)
+        except (ConvergenceError, GeometryError) as error:
+            reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
+            continue
+        again = best is not None and np.isclose(found.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
+        if best is None or _rank(given, found) < _rank(given, best):
+            best = found
+        if _trusted(given, best, restarted=True):
+            return best
+        if again and not _rank(given, best)[0]:
+            break
+    return _resected(given, best, reporter, options)
+
+
+def _resected(
+    given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
+) -> BundleResult | None:
+    """Images that do not fit, oriented anew by resection to the points that the others determine."""
+    if best is None:
+        return None
+    bad = _misfits(given, best)
+    if not bad.any() or 2 * bad.sum() > best.image_adjusted.sum():
+        return best
+    rays, used = given.rays, best.ray_used
+    clean = rays.point[used & ~bad[rays.image]]
+    control = np.isin(np.arange(len(given.point_ids)), given.control.point)
+    lost = (np.bincount(clean, minlength=len(control)) < 2) & ~control
+    position, rotation = (np.where(bad.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
+                          for a in (best.poses.position_m, best.poses.ground_from_image))  # fmt: skip
+    poses, xyz = complete_start(rays, Poses(position, rotation), np.where(lost[:, None], np.nan, best.xyz_m))
+    try:
+        found = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), reporter=reporter, **options)
+    except (ConvergenceError, GeometryError) as error:
+        reporter.log(f"start by resection of {shown(np.asarray(given.image_ids)[bad])}: {error.what}")
+        return best
+    complete = (found.image_adjusted >= best.image_adjusted).all() and (
+        found.point_adjusted >= best.point_adjusted
+    ).all()
+    return found if complete and _rank(given, found) < _rank(given, best) else best
+
+
+def _misfits(given: BundleInput, result: BundleResult) -> Bool:
+    """Images turned over, or with residuals far above those of the others."""
+    records = next(r for r in result.adjusted.problem.records if r.name == "image point")
+    image, n = given.rays.image[result.ray_used], len(given.image_ids)
+    count = np.maximum(np.bincount(image, minlength=n), 1)
+    mean = np.bincount(image, records.standardised(result.adjusted.state), n) / count
+    large = mean > max(FAR_SIGMA0, 3.0 * float(np.median(mean[result.image_adjusted])))
+    return np.asarray(large | turned_over(given, result.poses, result.xyz_m, result.ray_used))
+
+
+def _rank(given: BundleInput, result: BundleResult) -> tuple[int, float]:
+    over = turned_over(given, result.poses, result.xyz_m, result.ray_used)
+    return int(over.sum()), result.adjusted.cost

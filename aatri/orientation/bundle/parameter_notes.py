@@ -1,0 +1,207 @@
+"""What an adjusted block says of its camera parameters: significance, data share, correlations with their reasons.
+
+Sets of additional parameters are tested against zero, a-posteriori sigma0 and its redundancy applied; parameters of
+camera models only where they describe the lens. Correlations are looked for within a unit (a camera, a session, an
+image), and with the orientation of the image that has the most points of the unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.covariance.cross import covariances_of_pairs
+from aatri.adjustment.statistics.removal import Removal, stepwise_removal
+from aatri.adjustment.statistics.significance import (
+    UNDETERMINED_SHARE,
+    Estimates,
+    correlated_pairs,
+    correlated_with_others,
+    estimates,
+    joint_test,
+    parameter_tests,
+)
+from aatri.camera.models import calibration
+from aatri.camera.parameters.advice import WARNED, advise
+from aatri.ids import shown
+from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
+from aatri.orientation.bundle.adjust import AdjustedParameters, BundleResult
+from aatri.orientation.bundle.block import BundleInput, ParameterRows
+from aatri.progress import Reporter
+
+Float = npt.NDArray[np.float64]
+
+CHANGED = 1e-3
+"""Probability below which a difference to a calibration is told as a warning."""
+
+MOST_UNITS = 4
+"""More units than this are summed up in one line."""
+
+_SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
+_POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
+
+
+def report_parameters(given: BundleInput, result: BundleResult, reporter: Reporter) -> None:
+    """Log what is not significant, warn of what is not determined or highly correlated.
+
+    Parameters
+    ----------
+    given : BundleInput
+    result : BundleResult
+        With covariances; without there is nothing to say.
+    reporter : Reporter
+    """
+    for group in result.parameters:
+        if group.given.group not in (ADDITIONAL, CAMERA):
+            continue
+        if group.given.group == ADDITIONAL and group.given.prior.any():
+            _report_calibrated(group, reporter)
+            continue
+        found = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
+        if len(found) > MOST_UNITS:
+            _sum_up(group, [e for _, e in found], reporter)
+            continue
+        for k, e in found:
+            _report_unit(given, result, group, k, e, reporter)
+
+
+def unit_estimates(group: AdjustedParameters, unit: int, result: BundleResult) -> Estimates | None:
+    """Estimates of one unit for tests, weighted ones as their difference to the prior; None without covariance."""
+    g = group.given
+    columns = np.flatnonzero(g.free[unit])
+    covariance = group.covariance[unit][np.ix_(columns, columns)]
+    if not len(columns) or not np.isfinite(covariance).all() or not (np.diag(covariance) > 0).all():
+        return None
+    weighted = g.weighted[unit, columns]
+    prior = np.where(weighted, np.sqrt(g.covariance[unit, columns, columns]), np.inf)
+    value = group.value[unit, columns] - np.where(weighted, g.prior[unit, columns], 0.0)
+    names = [parameter_names(g, unit)[j] for j in columns]
+    redundancy = result.adjusted.redundancy
+    sigma0 = result.adjusted.sigma0 if redundancy > 0 else 1.0
+    return estimates(names, value, covariance, prior, sigma0=sigma0, redundancy=redundancy if redundancy else np.inf)
+
+
+def parameter_names(rows: ParameterRows, unit: int) -> tuple[str, ...]:
+    """Names of a unit's parameters as advice knows them: c, x0, y0, k1 ..."""
+    names = calibration.PARAMETERS[rows.model[unit]] if rows.group == CAMERA else rows.labels
+    return tuple(_SHORT.get(name, name) for name in names)
+
+
+def without_idle(
+    given: BundleInput, result: BundleResult, reporter: Reporter
+) -> BundleInput | None:  # fmt: skip
+    """The input with additional parameters held at zero that are not worth keeping; None if all are.
+
+    Parameters
+    ----------
+    given : BundleInput
+    result : BundleResult
+    reporter : Reporter
+        Told what is left out, and why.
+    """
+    groups, removed = list(given.parameters), 0
+    for i, group in enumerate(result.parameters):
+        if group.given.group != ADDITIONAL:
+            continue
+        free = group.given.free.copy()
+        for k in range(len(free)):
+            e = unit_estimates(group, k, result)
+            removals = stepwise_removal(e)[1] if e is not None else ()
+            for removal in removals:
+                free[k, parameter_names(group.given, k).index(removal.name)] = False
+            removed += len(removals)
+            _tell_removals(str(group.given.ids[k]), removals, reporter)
+        groups[i] = replace(given.parameters[i], free=free)
+    return replace(given, parameters=tuple(groups)) if removed else None
+
+
+def rank_advice(what: str, names: tuple[str, ...]) -> str:
+    """What to do about a rank defect whose message names additional parameters, or an empty text."""
+    open_ = [name for name in names if f" {name} of {ADDITIONAL}" in f" {what}" or f" {name} of {CAMERA}" in f" {what}"]
+    pose = [name for name in _POSE[:3] if f" {name} of {POSE}" in f" {what}"]
+    pairs = [(a, b, 1.0) for a in open_ for b in pose] or [(a, b, 1.0) for a, b in pairwise(open_)]
+    reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs))
+    return "; ".join([*reasons, "or weight the parameters: `self_calibration.sigma_um`"]) if open_ else ""
+
+
+def _tell_removals(unit: str, removals: tuple[Removal, ...], reporter: Reporter) -> None:
+    for removal in removals:
+        reporter.log(f"{unit}: {removal.name} left out, {removal.reason}")
+
+
+def _report_calibrated(group: AdjustedParameters, reporter: Reporter) -> None:
+    """Whether parameters agree with the calibration that weights them: their difference has covariance P - C."""
+    g = group.given
+    for k, name in enumerate(g.ids):
+        columns = np.flatnonzero(g.free[k])
+        prior = g.covariance[k][np.ix_(columns, columns)]
+        spread = prior - group.covariance[k][np.ix_(columns, columns)]
+        if not np.isfinite(spread).all():
+            continue
+        told = np.flatnonzero(np.diag(spread) > 1e-6 * np.diag(prior))  # less is rounding: the block adds nothing
+        columns, prior, spread = columns[told], prior[np.ix_(told, told)], spread[np.ix_(told, told)]
+        scale = np.sqrt(np.diag(prior))
+        difference = (group.value[k] - g.prior[k])[columns] / scale
+        test = joint_test(estimates([g.labels[c] for c in columns], difference, spread / np.outer(scale, scale)))
+        text = f"{name}: difference to the calibration, chi-square over {test.parameters}: {test.statistic:.2f}"
+        if test.p_value < CHANGED:
+            reporter.warn(f"{text}: the camera has changed since, or the calibration has other corrections before it")
+        else:
+            reporter.log(text)
+
+
+def _report_unit(
+    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates, reporter: Reporter
+) -> None:
+    name, tests = str(group.given.ids[unit]), parameter_tests(e)
+    lens = np.array([n not in _SHORT.values() for n in e.names]) | (group.given.group == ADDITIONAL)
+    prior = tests.data_share < UNDETERMINED_SHARE
+    if prior.any():
+        which = ", ".join(f"{e.names[i]} ({tests.data_share[i]:.0%})" for i in np.flatnonzero(prior))
+        reporter.warn(f"{name}: the data do not determine, share of the data in the value: {which}")
+    idle = np.flatnonzero(lens & ~prior & ~tests.significant)
+    if len(idle):
+        which = ", ".join(f"{e.names[i]} (|t| {abs(tests.t[i]):.1f})" for i in idle)
+        reporter.log(f"{name}: not significant at 5 %: {which}")
+    pairs = [(p.first, p.second, p.correlation) for p in correlated_pairs(e, WARNED)]
+    for advice in advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)]):
+        reporter.warn(f"{name}: {advice.text}")
+
+
+def _pairs_with_pose(
+    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
+) -> list[tuple[str, str, float]]:
+    """High correlations with the orientation of the image that has the most points of the unit."""
+    if group.given.per_image:
+        return []
+    images = given.rays.image[(group.given.block == unit) & result.ray_used]
+    if not len(images):
+        return []
+    image = int(np.bincount(images).argmax())
+    cross = covariances_of_pairs(result.adjusted, [((group.given.group, unit), (POSE, image))])[0]
+    labels = [f"{n} of image {given.image_ids[image]}" for n in _POSE]
+    variance = np.diag(result.pose_covariance[image])
+    columns = np.flatnonzero(group.given.free[unit])
+    found = correlated_with_others(e, cross[columns], variance, labels, WARNED)
+    return [(p.first, p.second, p.correlation) for p in found]
+
+
+def _sum_up(group: AdjustedParameters, found: list[Estimates], reporter: Reporter) -> None:
+    """One line each for many units."""
+    idle: dict[str, int] = {}
+    coupled: dict[tuple[str, str], list[float]] = {}
+    for e in found:
+        tests = parameter_tests(e)
+        for i in np.flatnonzero(~tests.significant):
+            idle[e.names[i]] = idle.get(e.names[i], 0) + 1
+        for p in correlated_pairs(e, WARNED):
+            coupled.setdefault((p.first, p.second), []).append(p.correlation)
+    what = f"{group.given.group} of {len(found)} units"
+    if idle:
+        reporter.log(f"{what}: not significant in {shown([f'{name} ({n})' for name, n in sorted(idle.items())])}")
+    for (first, second), rho in sorted(coupled.items()):
+        for advice in advise([(first, second, max(rho, key=abs))]):
+            reporter.warn(f"{what}: in {len(rho)}, at most: {advice.text}")

@@ -1,0 +1,1 @@
+"""Strips as bodies: joined to components, oriented by control, corrected by polynomials."""

@@ -1,0 +1,212 @@
+"""Free components: strips, each in a frame of its own, joined to each other by common points.
+
+1. Components grow from single strips, the best tied pair first (orientation.component_growth).
+2. All strips of a component are then adjusted together as similarities of seven unknowns each, the common points
+   eliminated (orientation.tied_strips), one strip held; wrong ties are found by data snooping.
+
+The frame and unit of a component are those of the strip with most points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.geometry.similarity import (
+    IDENTITY,
+    Similarity,
+    compose,
+    inverse,
+    jacobian,
+    transform,
+    transform_covariance,
+    updated,
+)
+from aatri.orientation.free_block.component_growth import StripPoints, Tie, grow_components
+from aatri.orientation.free_block.tie_elimination import Linearised, observations_of
+from aatri.orientation.free_block.tied_adjustment import Problem, TiedResult, adjust_tied
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+GROSS = 30.0
+"""Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
+
+TIE_LIMIT = 6.0
+"""Test statistic of a wrong tie. Strips are deformed smoothly, so that good ties reach larger values than noise."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """Strips joined to one free body.
+
+    Attributes
+    ----------
+    strips : (k,) int
+        Numbers of the strips, ascending.
+    component_from_strip : tuple of Similarity
+        For each of them.
+    rows : (m,) int
+        Rows of its points in the StripPoints.
+    point : (p,) int
+        Numbers of its points, ascending.
+    xyz : (p, 3) float64, unit of the component
+    covariance : (p, 3, 3) float64, unit of the component squared
+    tied : TiedResult or None
+        The adjustment; None for a single strip. Its observations are the rows.
+    """
+
+    strips: Int
+    component_from_strip: tuple[Similarity, ...]
+    rows: Int
+    point: Int
+    xyz: Float
+    covariance: Float
+    tied: TiedResult[list[Similarity]] | None
+
+
+@dataclass(frozen=True)
+class FreeBlock:
+    """Free components, and why they were not joined further.
+
+    Attributes
+    ----------
+    components : tuple of Component
+        Largest first (number of points, then first strip).
+    active : (n,) bool
+        Rows of the StripPoints not rejected.
+    unjoined : tuple of str
+        For each pair of components with few or bad ties: what is missing.
+    """
+
+    components: tuple[Component, ...]
+    active: Bool
+    unjoined: tuple[str, ...]
+
+
+def join_strips(
+    points: StripPoints, names: Sequence[str], *, active: Bool | None = None, limit: float = TIE_LIMIT
+) -> FreeBlock:
+    """Join strips by common points to free components.
+
+    Parameters
+    ----------
+    points : StripPoints
+    names : (n_strips,) sequence of str
+        Names of the strips, for messages.
+    active : (n,) bool, optional
+        Rows to begin with; the others are tested for re-admission.
+    limit : float
+        Test statistic of a wrong tie.
+    """
+    use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
+    member, pose, weak = grow_components(points.take(use), len(names))
+    components = []
+    for label in np.unique(member):
+        strips = np.flatnonzero(member == label)
+        component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names)
+        components.append(component)
+        if component.tied is not None:
+            use[component.rows] = component.tied.active
+    components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
+    return FreeBlock(tuple(components), use, _reasons(components, weak, member, names))
+
+
+def _adjusted(
+    points: StripPoints, strips: Int, pose: list[Similarity], use: Bool, limit: float, names: Sequence[str]
+) -> Component:
+    rows = np.flatnonzero(np.isin(points.strip, strips))
+    mine = points.take(rows)
+    number, point = np.unique(mine.point, return_inverse=True)
+    if len(strips) == 1:
+        # An identity pose, so that the component is the strip itself.
+        order = np.argsort(point)
+        return Component(strips, (IDENTITY,), rows, number, mine.xyz[order], mine.covariance[order], None)
+    local = np.searchsorted(strips, mine.strip)
+    held = int(np.argmax(np.bincount(local, minlength=len(strips))))
+    to_held = inverse(pose[held])
+    centre = np.stack([mine.xyz[local == k].mean(0) for k in range(len(strips))])
+    start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
+    reduced = mine.xyz - centre[local]
+
+    def linearise(state: list[Similarity]) -> Linearised:
+        xyz, J, C = np.empty_like(reduced), np.zeros((len(reduced), 3, 7)), np.empty_like(mine.covariance)
+        for k, similarity in enumerate(state):
+            of = local == k
+            xyz[of] = transform(similarity, reduced[of])
+            J[of] = jacobian(similarity, reduced[of])
+            C[of] = transform_covariance(similarity, mine.covariance[of])
+        return Linearised(xyz, J, C)
+
+    def update(state: list[Similarity], dx: Float) -> list[Similarity]:
+        moving = [k for k in range(len(state)) if k != held]
+        steps = dict(zip(moving, dx.reshape(-1, 7)))
+        return [updated(s, steps[k]) if k in steps else s for k, s in enumerate(state)]
+
+    what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
+    problem = Problem(observations_of(local, point, len(number), held=held), linearise, update, what)
+    active = use[rows] & _plausible(linearise(start), point)
+    tied = adjust_tied(problem, start, limit=limit, active=active)
+    component_from_strip = [compose(s, Similarity(-c, 1.0, np.eye(3))) for s, c in zip(tied.state, centre)]
+    solved = np.isfinite(tied.point_m).all(1)
+    return Component(strips, tuple(component_from_strip), rows, number[solved], tied.point_m[solved],
+                     tied.point_covariance_m2[solved], tied)  # fmt: skip
+
+
+def _plausible(linear: Linearised, point: Int) -> Bool:
+    """Points of strips without the grossest errors, which least squares would not survive, by the robust start.
+
+    A point is compared with the median over its strips; of two that disagree the less precise is set aside. What was
+    set aside too much is re-admitted by its test.
+    """
+    order = np.argsort(point, kind="stable")
+    median = np.stack([_medians(point[order], column[order]) for column in linear.xyz_m.T], axis=1)
+    distance = np.linalg.norm(linear.xyz_m - median[point], axis=1)
+    shared = np.bincount(point)[point] > 1
+    if not shared.any():
+        return np.ones(len(point), dtype=bool)
+    least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(linear.xyz_m).max()))
+    gross = shared & (distance > least)
+    pair = np.bincount(point)[point] == 2
+    precise = np.lexsort((np.einsum("nii->n", linear.covariance_m2), point))
+    first = np.zeros(len(point), dtype=bool)
+    first[precise[np.diff(point[precise], prepend=-1) > 0]] = True
+    return np.asarray(~(gross & ~(pair & first)))
+
+
+def _medians(point: Int, value: Float) -> Float:
+    """Median of the values of each point; points ascending."""
+    order = np.lexsort((value, point))
+    start = np.flatnonzero(np.diff(point, prepend=-1))
+    count = np.diff([*start, len(point)])
+    ranked = value[order]
+    return np.asarray(0.5 * (ranked[start + (count - 1) // 2] + ranked[start + count // 2]))
+
+
+def _reasons(
+    components: list[Component], weak: dict[tuple[int, int], Tie], member: Int, names: Sequence[str]
+) -> tuple[str, ...]:
+    components = sorted(components, key=lambda c: int(c.strips[0]))
+    label = [int(member[c.strips[0]]) for c in components]
+    texts = []
+    for i, first in enumerate(components):
+        for j, second in enumerate(components[i + 1 :], i + 1):
+            tie = weak.get((min(label[i], label[j]), max(label[i], label[j])))
+            between = f"{strip_names(first, names)} and {strip_names(second, names)}"
+            if tie is None:
+                texts.append(f"{between} have no common point")
+            elif tie.common < 3:
+                texts.append(f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed")
+            else:
+                texts.append(f"{between} have {tie.common} common points that lie on a line")
+    return tuple(texts)
+
+
+def strip_names(component: Component, names: Sequence[str]) -> str:
+    """`strip 1` or `strips 1, 2`."""
+    plural = "strips" if len(component.strips) > 1 else "strip"
+    return f"{plural} {', '.join(str(names[k]) for k in component.strips)}"

@@ -1,0 +1,1 @@
+"""Interior orientation of film: fiducials, their numbering, the deformation they leave open."""

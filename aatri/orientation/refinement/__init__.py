@@ -1,0 +1,1 @@
+"""What image refinement needs: residual fields by collocation, flying heights."""

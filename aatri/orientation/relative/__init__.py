@@ -1,0 +1,1 @@
+"""Relative orientation of image pairs."""

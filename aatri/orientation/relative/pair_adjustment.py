@@ -1,0 +1,167 @@
+"""Adjustment of a relative orientation from a given start, with data snooping.
+
+The observations are the Sampson distances of the points (`geometry.coplanarity.sampson`), the unknowns the rotation
+increment and the turn of the base along its tangents. With many points the largest gross errors go several at a time
+before the snooping, which tests them for re-admission. Points behind an image are taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.dense import DenseResult, Linearise, adjust
+from aatri.adjustment.statistics.snooping import snoop, statistics
+from aatri.errors import ConvergenceError
+from aatri.geometry.coplanarity import Rays, sampson
+from aatri.geometry.intersection import Intersection, intersect_pair
+from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.vectors import tangents, unit
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+State = tuple[Float, Float, Float]
+"""(left_from_right (3, 3), base (3,), tangents of the base (3, 2))."""
+
+UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base along tangent 1", "base along tangent 2")
+
+MANY = 20
+"""With more points, gross errors are first rejected several at a time."""
+
+ROUNDS = 10
+"""Most rounds of that: points near the bound may come and go."""
+
+ENOUGH = 0.6
+"""Share of the points that fit and lie in front of both images in a solution that needs no other start."""
+
+
+@dataclass(frozen=True)
+class AdjustedPair:
+    """A relative orientation adjusted from one start.
+
+    Attributes
+    ----------
+    result : DenseResult
+        Of the active points.
+    active : (n,) bool
+    test : (n,) float64
+        Test statistic; NaN where uncontrolled.
+    points : Intersection
+    good : bool
+        Enough points fit: another start cannot do much better.
+    """
+
+    result: DenseResult[State]
+    active: Bool
+    test: Float
+    points: Intersection
+    good: bool
+
+
+def state_of(left_from_right: Float, base: Float) -> State:
+    """The state of an orientation."""
+    return left_from_right, base, tangents(base)
+
+
+def adjust_pair(rays: Rays, start: State, active: Bool, *, limit: float, max_iterations: int) -> AdjustedPair:
+    """Adjust with snooping; points that come to lie behind an image are taken out and it is adjusted again.
+
+    Parameters
+    ----------
+    rays : Rays
+    start : State
+    active : (n,) bool
+        Points to begin with; the others are tested for re-admission.
+    limit : float
+        Largest test statistic of an active point.
+    max_iterations : int
+
+    Raises
+    ------
+    GeometryError
+        If the points do not determine the orientation.
+    ConvergenceError
+        If the start does not lead to an orientation with points in front.
+    """
+    n = len(active)
+    behind = np.zeros(n, dtype=bool)
+    for _ in range(3):
+        inside = np.flatnonzero(~behind)
+        result, kept = _snooped(rays.take(inside), start, active[inside], limit, max_iterations)
+        active = np.zeros(n, dtype=bool)
+        active[inside] = kept
+        start = result.state
+        points = intersect_pair(start[0], start[1], rays)
+        newly = active & ~(points.depth > 0).all(axis=1)
+        if not newly.any():
+            break
+        behind |= newly
+        active &= ~newly
+        if active.sum() < 5:
+            raise ConvergenceError(f"only {int(active.sum())} of {n} points fit and lie in front of both images")
+    else:
+        raise ConvergenceError(f"points keep falling behind the images, {int(behind.sum())} of {n} so far")
+    test = statistics(_linearise(rays), result, active)[1]
+    fits = result.redundancy <= 1 or bool((np.nan_to_num(test[active]) <= limit).all())
+    # Standard deviations that are too small reject points everywhere; another start would not mend that.
+    near = float(np.median(np.abs(sampson(*start, rays)[0]))) <= limit
+    return AdjustedPair(result, active, test, points, near or (fits and bool(active.sum() >= ENOUGH * n)))
+
+
+def _update(state: State, step: Float) -> State:
+    R, b, T = state
+    return state_of(exp_rotation(step[:3]) @ R, unit(b + T @ step[3:]))
+
+
+def _linearise(rays: Rays) -> Linearise[State]:
+    def linearise(state: State) -> tuple[Float, Float]:
+        v, J = sampson(*state, rays)
+        return v[:, None], J[:, None]
+
+    return linearise
+
+
+def _snooped(
+    rays: Rays, start: State, active: Bool, limit: float, max_iterations: int
+) -> tuple[DenseResult[State], Bool]:
+    """Adjustment with data snooping; with fewer than seven points an error is seen, but not located."""
+    n = len(active)
+    linearise = _linearise(rays)
+
+    def solve(use: Bool, state: State) -> DenseResult[State]:
+        part = rays.take(use)
+        return adjust(lambda s: sampson(*s, part), _update, state,
+                      names=UNKNOWNS, max_iterations=max_iterations, what="relative orientation")  # fmt: skip
+
+    if n < 7:
+        everything = np.ones(n, dtype=bool)
+        return solve(everything, start), everything
+    active, start = _coarsely_cleaned(solve, linearise, start, active, limit)
+    most_rejected = min(max(0.4 * n, 0.1 * n + n - active.sum()), n - 6.5)
+    snooped = snoop(solve, linearise, start, n, limit=limit, max_share=most_rejected / n, active=active)
+    return snooped.result, snooped.active
+
+
+def _coarsely_cleaned(
+    solve: Callable[[Bool, State], DenseResult[State]],
+    linearise: Linearise[State],
+    start: State,
+    active: Bool,
+    limit: float,
+) -> tuple[Bool, State]:
+    """With many points, those beyond half of the largest test statistic go together, until the rest is near."""
+    for _ in range(ROUNDS):
+        if active.sum() <= MANY:
+            break
+        result = solve(active, start)
+        start = result.state
+        test = statistics(linearise, result, active)[1]
+        bound = max(2 * limit, 0.5 * float(np.nanmax(test[active])))
+        keep = test <= bound
+        if keep.sum() < MANY or (keep == active).all():
+            break
+        active = np.asarray(keep)
+    return active, start

@@ -1,0 +1,1 @@
+"""Resection of single images."""

@@ -1,0 +1,1 @@
+"""Models to strips: scale transfer along a chain of models."""

@@ -1,0 +1,236 @@
+"""Scale of a model from the one before it: both share an image, seen from which common points are equally far.
+
+Model a (images i, j) and model b (images j, k) each have the unit of their own base. With r_a and r_b the distances of
+a common point from the projection centre of j in either model, every point gives the scale of b in units of a:
+
+    l = log r_a - log r_b = s + J_a x_a + J_b x_b + e,   scale = exp(s)
+
+e is the error of the image coordinates with the orientations held. Part of it is the same for both models, the ray of
+image j: turned towards i by an angle d it shortens r_a by d / tan(g_a) and, mostly, lengthens r_b; g is the angle of
+the rays at the point. x_a and x_b are the errors of the two relative orientations, latent unknowns with their
+covariance as prior: common to all points of a model, they bend it and are not gross errors. s is the weighted mean
+that follows, after data snooping from the median.
+
+Rotations need no common points: they are chained through the common image.
+
+Source: photogrammetry.md A405-A407 (there k = (Z2a - Bza) / Z1b, the mean of three points).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.adjustment.dense import DenseResult, adjust
+from aatri.adjustment.statistics.snooping import snoop
+from aatri.geometry.rotations import skew
+from aatri.geometry.vectors import tangents, unit
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Int = npt.NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model in the frame of its left image, base 1.
+
+    Attributes
+    ----------
+    left_from_right : (3, 3) float64
+    base : (3,) float64
+    orientation_covariance : (5, 5) float64, rad^2
+        Of the rotation increment and the turn of the base along its tangents.
+    point : (n,) int, ascending
+    xyz : (n, 3) float64
+    covariance : (n, 3, 3) float64
+        From the image coordinates, orientation held.
+    """
+
+    left_from_right: Float
+    base: Float
+    orientation_covariance: Float
+    point: Int
+    xyz: Float
+    covariance: Float
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Scale of a model in the unit of the one before.
+
+    Attributes
+    ----------
+    scale, sigma : float
+    point : (n,) int
+        Common points.
+    log_scale : (n,) float64
+        Logarithm of each point's own scale minus that of `scale`.
+    active : (n,) bool
+        Points used.
+    size, size_sigma, test : (n,) float64
+        Estimated gross error of log_scale, its standard deviation and |size| / size_sigma; NaN where uncontrolled.
+    spread : float
+        Extent of the used points across the track over that of all points of both models.
+    """
+
+    scale: float
+    sigma: float
+    point: Int
+    log_scale: Float
+    active: Bool
+    size: Float
+    size_sigma: Float
+    test: Float
+    spread: float
+
+
+def common_points(first: Model, second: Model) -> tuple[Int, Int]:
+    """Rows of the common points in either model, by point."""
+    _, a, b = np.intersect1d(first.point, second.point, assume_unique=True, return_indices=True)
+    return a, b
+
+
+def scale_transfer(first: Model, second: Model, *, snooping_limit: float = 4.0) -> Joint:
+    """Scale of the second model in the unit of the first; the right image of the first is the left of the second.
+
+    Parameters
+    ----------
+    first, second : Model
+        At least one common point.
+    snooping_limit : float
+        Points whose scale is wrong by more than this many standard deviations are rejected, where three or more
+        points allow to tell which.
+
+    Returns
+    -------
+    Joint
+    """
+    a, b = common_points(first, second)
+    w_a, X_b = first.xyz[a] - first.base, second.xyz[b]
+    observed = np.log(np.linalg.norm(w_a, axis=1) / np.linalg.norm(X_b, axis=1))
+    sigma = np.sqrt(_variances(first, second, a, b))
+    J = np.concatenate(
+        [_latent(_from_right(first, a), first), _latent(_from_left(second, b), second), np.ones((len(a), 1))], axis=1
+    )
+    result, active = _adjusted(observed, sigma, J, snooping_limit)
+    v = (J @ result.state - observed) / sigma
+    r = _cofactor(J / sigma[:, None], result, active)
+    scale = float(np.exp(result.state[-1]))
+    return Joint(
+        scale=scale, sigma=scale * float(np.sqrt(result.covariance[-1, -1])), point=first.point[a],
+        log_scale=observed - result.state[-1], active=active,
+        size=np.where(active, -v / r, -v) * sigma, size_sigma=sigma * np.where(active, r**-0.5, r**0.5),
+        test=np.abs(v) / np.sqrt(r), spread=_spread(first, second, b[active]),
+    )  # fmt: skip
+
+
+def _adjusted(observed: Float, sigma: Float, J: Float, limit: float) -> tuple[DenseResult[Float], Bool]:
+    """Weighted mean with latent orientation errors; one or two points are all used."""
+    n, u = J.shape
+    start = np.zeros(u)
+    start[-1] = np.median(observed)
+    prior = np.eye(u)[:-1]
+
+    def linearise(state: Float) -> tuple[Float, Float]:
+        v, rows = (J @ state - observed) / sigma, J / sigma[:, None]
+        return v[:, None], rows[:, None]
+
+    def solve(active: Bool, state: Float) -> DenseResult[Float]:
+        def of_active(x: Float) -> tuple[Float, Float]:
+            v, rows = linearise(x)
+            return np.concatenate([v[active, 0], x[:-1]]), np.concatenate([rows[active, 0], prior])
+
+        return adjust(of_active, lambda x, step: x + step, state, what="scale transfer")
+
+    everything = np.ones(n, dtype=bool)
+    if n < 3:
+        return solve(everything, start), everything
+    deviation = np.abs(observed - start[-1])
+    total = np.sqrt(sigma**2 + (J[:, :-1] ** 2).sum(axis=1))
+    near = deviation <= np.maximum(2 * limit * total, 5 * np.median(deviation))
+    snooped = snoop(solve, linearise, start, n, limit=limit, max_share=min(0.5, (n - 2.5) / n),
+                    active=near if near.sum() > n / 2 else everything)  # fmt: skip
+    return snooped.result, snooped.active
+
+
+def _cofactor(J: Float, result: DenseResult[Float], active: Bool) -> Float:
+    """Redundancy number of each used point, variance factor of the prediction of the others; NaN if uncontrolled."""
+    leverage = np.einsum("ni,ij,nj->n", J, result.covariance, J)
+    r = np.where(active, 1.0 - leverage, 1.0 + leverage)
+    return np.asarray(np.where(r > 1e-6, r, np.nan))
+
+
+def _variances(first: Model, second: Model, a: Int, b: Int) -> Float:
+    """Variance of log r_a - log r_b from the image coordinates, with the correlation through the common image."""
+    w_a, X_b = first.xyz[a] - first.base, second.xyz[b]
+    variance_a, variance_b = _log_variance(w_a, first.covariance[a]), _log_variance(X_b, second.covariance[b])
+    slope_a, other_a = _ray_slopes(w_a, first.xyz[a])
+    slope_b, other_b = _ray_slopes(X_b, X_b - second.base)
+    angle_a = variance_a / (slope_a**2 + other_a**2)
+    angle_b = variance_b / (slope_b**2 + other_b**2)
+    away_a = _across(-first.base, w_a) @ first.left_from_right
+    away_b = _across(second.base, X_b)
+    covariance = slope_a * slope_b * np.einsum("ni,ni->n", away_a, away_b) * np.sqrt(angle_a * angle_b)
+    return np.asarray(variance_a + variance_b - 2 * covariance)
+
+
+def _log_variance(ray: Float, covariance: Float) -> Float:
+    return np.asarray(np.einsum("ni,nij,nj->n", ray, covariance, ray) / np.einsum("ni,ni->n", ray, ray) ** 2)
+
+
+def _ray_slopes(ray: Float, other: Float) -> tuple[Float, Float]:
+    """Change of log |ray| by a turn of the ray itself and of the other image's ray, in their plane."""
+    sine = np.linalg.norm(np.cross(ray, other), axis=1)
+    return np.einsum("ni,ni->n", ray, other) / sine, np.einsum("ni,ni->n", other, other) / sine
+
+
+def _across(base: Float, ray: Float) -> Float:
+    """Direction in which a turn of the ray opens its angle with the base."""
+    along = unit(ray)
+    return -unit(base - along * (along @ base)[:, None])
+
+
+def _latent(derivatives: Float, model: Model) -> Float:
+    """Derivatives by the orientation, as unit-variance unknowns: times the root of the orientation's covariance."""
+    values, vectors = np.linalg.eigh(model.orientation_covariance)
+    return np.asarray(derivatives @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+
+
+def _displacement(model: Model, rows: Int) -> tuple[Float, Float, Float]:
+    """Derivatives (n, 5) of the way a point moves along its left ray, by d and t; left direction; right ray."""
+    X = model.xyz[rows]
+    w = X - model.base
+    of_ray = np.concatenate([-skew(w), np.broadcast_to(tangents(model.base), (len(X), 3, 2))], axis=2)
+    across = np.cross(np.cross(X, w), w)
+    u = unit(X)
+    along = np.einsum("ni,nik->nk", across, of_ray) / np.einsum("ni,ni->n", across, u)[:, None]
+    return along, u, w
+
+
+def _from_left(model: Model, rows: Int) -> Float:
+    """Derivatives (n, 5) of the logarithm of the distance from the left projection centre."""
+    along, _, _ = _displacement(model, rows)
+    return np.asarray(along / np.linalg.norm(model.xyz[rows], axis=1)[:, None])
+
+
+def _from_right(model: Model, rows: Int) -> Float:
+    """Derivatives (n, 5) of the logarithm of the distance from the right projection centre."""
+    along, u, w = _displacement(model, rows)
+    moved = u[:, :, None] * along[:, None, :]
+    moved[:, :, 3:] -= tangents(model.base)
+    return np.asarray(np.einsum("ni,nik->nk", w, moved) / np.einsum("ni,ni->n", w, w)[:, None])
+
+
+def _spread(first: Model, second: Model, used: Int) -> float:
+    """Extent across the track of the connection points, over that of all points, as seen from the common image."""
+    b = second.base
+    across = np.array([-b[1], b[0], 0.0])
+    seen = np.concatenate([(first.xyz - first.base) @ first.left_from_right, second.xyz])
+    of_all = (seen @ across) / np.abs(seen[:, 2])
+    of_used = (second.xyz[used] @ across) / np.abs(second.xyz[used, 2])
+    extent = float(np.ptp(of_all))
+    return float(np.ptp(of_used)) / extent if extent > 0 and len(used) else 0.0

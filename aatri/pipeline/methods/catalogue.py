@@ -1,0 +1,150 @@
+"""Methods with their validated options, from the cache where the code has not changed: then no stage is imported.
+
+An entry is found by all that it follows from: the code reached from the stage and the declaration of its role, the
+options as written, the folder that relative paths refer to, Python and pydantic. What is not found is read from the
+registry, which imports the stage.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import inspect
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aatri.errors import AatriError
+from aatri.pipeline.methods import discovery
+from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
+from aatri.pipeline.methods.method import Method, from_plain, method_of
+from aatri.pipeline.spec.spec import Spec, StageSpec
+from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file
+
+if TYPE_CHECKING:
+    from aatri.pipeline.methods.registry import Registry
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A stage with its method, options with defaults, the files that options name, and the digest of its code."""
+
+    method: Method
+    options: dict[str, Any]
+    files: dict[str, str]
+    code: Code
+
+
+class Catalogue:
+    """Methods by name; one registry is asked for what the cache does not know.
+
+    Parameters
+    ----------
+    local : Path, optional
+        A project's own folder of stages.
+    registry : Registry, optional
+        Asked instead of all stages there are; then nothing is taken from the cache.
+    """
+
+    def __init__(self, local: Path | None = None, registry: Registry | None = None) -> None:
+        self.local, self._registry = local, registry
+        self._found = {} if registry is not None else _origins(local)
+        self._codes = Cache(cache_name("code", PACKAGE))
+        self._methods = Cache(cache_name("methods", PACKAGE) if registry is None else None)
+        self._versions = (platform.python_version(), importlib.metadata.version("pydantic"))
+        self._reader = CodeReader(self._codes)
+
+    @property
+    def registry(self) -> Registry:
+        """The registry, made when first asked for: this imports what declares stages."""
+        if self._registry is None:
+            from aatri.pipeline.methods import registry
+
+            self._registry = registry.find_stages(self.local) if self.local else registry.find_stages()
+        return self._registry
+
+    def recall(self, spec: Spec, stage: StageSpec) -> Prepared | None:
+        """A stage as the cache knows it, or None."""
+        origin = self._found.get(stage.use)
+        if origin is None or origin.file is None:
+            return None
+        try:
+            code = self._reader.code_of(origin.module, origin.file)
+            known = self._methods.get(self._entry(stage, code)) or self._methods.get(
+                self._entry(stage, code, spec.base)
+            )
+        except (OSError, TypeError, ValueError):
+            return None
+        return known and Prepared(from_plain(known["method"]), known["options"], known["files"], code)
+
+    def prepare(self, spec: Spec, stage: StageSpec, errors: list[AatriError]) -> Prepared | None:
+        """A stage as its plugin declares it; None if its options are wrong (see `errors`).
+
+        Raises
+        ------
+        PluginError
+            If there is no such variant, or it breaks its contract.
+        """
+        from aatri.pipeline.spec.options import input_files, validated
+
+        card = self.registry.card(stage.use)
+        method = self.method(stage.use)
+        before = len(errors)
+        options = validated(spec, stage, card, errors)
+        if len(errors) > before:
+            return None
+        plain = options.model_dump(mode="json") if options is not None else {}
+        files = {name: str(path) for name, path in input_files(options).items()} if options is not None else {}
+        origin = self._found.get(stage.use)
+        module, path = (origin.module, origin.file) if origin else (card.function.__module__, None)
+        source = path or Path(inspect.getsourcefile(card.function) or "")
+        code = self._reader.code_of(module, source)
+        if origin is not None and origin.file is not None:
+            entry = {"method": method.plain(), "options": plain, "files": files}
+            self._methods.put(self._entry(stage, code, spec.base if files else None), entry)
+        return Prepared(method, plain, files, code)
+
+    def method(self, use: str) -> Method:
+        """A method as its plugin declares it."""
+        card = self.registry.card(use)
+        return method_of(card, self.registry.role(card.role))
+
+    def option_names(self, use: str) -> frozenset[str]:
+        """Names of the options of a variant at the top level."""
+        from aatri.pipeline.spec.options import option_names
+
+        return option_names(self.registry.card(use))
+
+    def save(self) -> None:
+        """Keep what was found."""
+        self._codes.save()
+        self._methods.save()
+
+    def plugin_folders(self, uses: Sequence[str]) -> list[Path]:
+        """Folders of the packages that stages of others come from."""
+        origins = [self._found[use] for use in uses if use in self._found]
+        return sorted({o.file.parent for o in origins if o.file is not None and o.source != discovery.BUILT_IN})
+
+    def _entry(self, stage: StageSpec, code: Code, base: Path | None = None) -> str:
+        """Name of an entry; `base` counts only where options name files."""
+        role = self._found.get(stage.use.partition("/")[0])
+        declared = of_file(role.file, self._codes, file_sha256) if role is not None and role.file else ""
+        written = json.dumps(stage.options, sort_keys=True)
+        parts = [stage.use, code.digest, declared, written, str(base), *self._versions]
+        return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def _origins(local: Path | None) -> dict[str, discovery.Origin]:
+    """Where roles and variants come from; without those met twice, which the registry will complain of."""
+    found: dict[str, discovery.Origin] = {}
+    doubtful = set()
+    for one in [*discovery.built_in(), *discovery.installed(), *(discovery.in_project(local) if local else ())]:
+        if not one.declared:
+            continue
+        other = found.setdefault(one.name, one.origin)
+        if not other.is_same(one.origin):
+            doubtful.add(one.name)
+    return {name: origin for name, origin in found.items() if name not in doubtful}

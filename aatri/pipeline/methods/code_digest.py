@@ -1,0 +1,160 @@
+"""Which code a stage depends on: the static import closure of its module, and the digest of it.
+
+Followed are modules of aatri, of the built-in stages and of the plugin's own package or folder; `__init__` files are
+not (they re-export nothing), nor imports under `TYPE_CHECKING`. Imports inside functions count. Per file the syntax
+tree without docstrings is digested, with the version of Python that made it: comments, blank lines and docstrings
+change nothing, any other edit does. Nothing is imported for this.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import aatri
+from aatri.pipeline.store.cache import Cache, of_file
+
+PACKAGE = Path(aatri.__file__).resolve().parent
+_STAGES = PACKAGE / "stages" if (PACKAGE / "stages" / "block").is_dir() else PACKAGE.parent / "stages"
+_BUILT_IN = {"aatri.stages": _STAGES, "aatri": PACKAGE}
+_PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
+@dataclass(frozen=True)
+class Code:
+    """The code of a stage: digest, and the files it was taken over, by module."""
+
+    digest: str
+    files: dict[str, str]
+
+
+class CodeReader:
+    """Reads code for one planning: every file and name is looked at once, however many stages reach it."""
+
+    def __init__(self, cache: Cache) -> None:
+        self._cache = cache
+        self._files: dict[Path, dict[str, Any]] = {}
+        self._located: dict[tuple[str, Path], tuple[str, Path] | None] = {}
+
+    def code_of(self, module: str, path: Path) -> Code:
+        """The code reached from a module.
+
+        Parameters
+        ----------
+        module : str
+            Dotted name.
+        path : Path
+            Its file.
+
+        Raises
+        ------
+        OSError
+            If a file cannot be read.
+        """
+        own, root = _own_root(module, path)
+        roots = {**_BUILT_IN, own: root}
+        found: dict[str, str] = {}
+        digests: dict[str, str] = {}
+        waiting = [(module, path)]
+        while waiting:
+            name, file = waiting.pop()
+            if name in found:
+                continue
+            about = self._file(file)
+            found[name], digests[name] = str(file), about["digest"]
+            for level, imported in about["imports"]:
+                target = self._locate(_absolute(level, imported, name), root, roots)
+                if target is not None and target[0] not in found:
+                    waiting.append(target)
+        lines = "".join(f"{name} {digests[name]}\n" for name in sorted(found))
+        return Code(hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest(), dict(sorted(found.items())))
+
+    def _file(self, path: Path) -> dict[str, Any]:
+        if path not in self._files:
+            self._files[path] = of_file(path, self._cache, _read)
+        return self._files[path]
+
+    def _locate(self, name: str, own: Path, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
+        key = (name, own)
+        if key not in self._located:
+            self._located[key] = _locate(name, roots)
+        return self._located[key]
+
+
+def _own_root(module: str, path: Path) -> tuple[str, Path]:
+    """Name and folder of the top package of a plugin, by going up from its file as deep as its name is."""
+    parts = module.split(".")
+    if parts[0] == "aatri":
+        return "aatri", PACKAGE
+    depth = len(parts) - 1 + (path.name == "__init__.py")
+    return (parts[0], path.parents[depth - 1]) if depth else ("", path.parent)
+
+
+def _locate(name: str, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
+    """Module and file of a dotted name, or of the module that it is an attribute of; packages are not followed."""
+    for root, folder in roots.items():
+        if root and name != root and not name.startswith(f"{root}."):
+            continue
+        place, head = folder, root
+        for part in name.removeprefix(root).strip(".").split("."):
+            head = f"{head}.{part}" if head else part
+            file = place / f"{part}.py"
+            if file.is_file():
+                return head, file
+            place = place / part
+            if not place.is_dir():
+                break
+        return None
+    return None
+
+
+def _absolute(level: int, name: str, module: str) -> str:
+    """The dotted name of an import; `level` dots go up from the module that has it."""
+    return ".".join([*module.split(".")[:-level], name]) if level else name
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Digest and imports of one file; a file that does not parse is taken as it is."""
+    text = path.read_bytes()
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError):
+        return {"digest": hashlib.sha256(text).hexdigest(), "imports": []}
+    imports = sorted(set(_imports(tree)))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            _strip_docstring(node)
+    digest = hashlib.sha256(ast.dump(tree, include_attributes=False).encode()).hexdigest()
+    return {"digest": digest, "imports": [list(pair) for pair in imports]}
+
+
+def _strip_docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> None:
+    first = node.body[0] if node.body else None
+    if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str):
+        node.body = node.body[1:] or [ast.Pass()]
+
+
+def _imports(node: ast.AST) -> list[tuple[int, str]]:
+    """(level, dotted name) of every import; of `from x import y` the name `x.y`, which may be a module."""
+    found: list[tuple[int, str]] = []
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import):
+            found += [(0, alias.name) for alias in child.names]
+        elif isinstance(child, ast.ImportFrom):
+            head = f"{child.module}." if child.module else ""
+            found += [(child.level, head + alias.name) for alias in child.names]
+        elif isinstance(child, ast.If) and _is_type_checking(child.test):
+            found += [pair for other in child.orelse for pair in _imports(ast.Module([other], []))]
+        else:
+            found += _imports(child)
+    return found
+
+
+def _is_type_checking(test: ast.expr) -> bool:
+    name = test.attr if isinstance(test, ast.Attribute) else test.id if isinstance(test, ast.Name) else ""
+    return name == "TYPE_CHECKING"

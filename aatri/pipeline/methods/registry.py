@@ -1,0 +1,212 @@
+"""The stages there are, by name: roles (`ROLE`) and variants (`ROLE/VARIANT`), each imported when it is asked for.
+
+Where they come from is told in `discovery`. A name met twice is an error that names both places; the same file met
+twice counts once. Whatever is asked for is checked against the contract of its role: the function is named like its
+file and declared with `@stage`, its ports are those of the role, it returns the kind of the role, and its options are a
+model derived from `Options`.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from aatri.errors import PluginError
+from aatri.ids import did_you_mean
+from aatri.pipeline.methods import discovery
+from aatri.pipeline.methods.discovery import Found, Origin
+from aatri.plugin import Role, StageCard, card_of
+
+_OWN = "those of the project itself need --local-plugins"
+
+
+@dataclass(frozen=True)
+class Registry:
+    """Roles and variants by name; each is loaded when asked for. `origins` says where both come from."""
+
+    roles: Mapping[str, Callable[[], Role]]
+    variants: Mapping[str, Callable[[], Callable[..., Any]]]
+    origins: Mapping[str, Origin] = field(default_factory=dict)
+
+    def role(self, name: str) -> Role:
+        """The declaration of a role.
+
+        Raises
+        ------
+        PluginError
+            If there is no such role, or its folder does not declare it.
+        """
+        if name not in self.roles:
+            hint = did_you_mean(name, self.roles) or f"; known are {', '.join(sorted(self.roles))}"
+            raise PluginError(f"no role {name!r}{hint}", remedy=f"see `aatri stages`; {_OWN}")
+        return self.roles[name]()
+
+    def card(self, name: str) -> StageCard:
+        """The card of a variant, checked against its role.
+
+        Raises
+        ------
+        PluginError
+            If there is no such variant, it cannot be imported, or it breaks the contract of its role.
+        """
+        role_name = name.partition("/")[0]
+        role = self.role(role_name)
+        if name not in self.variants:
+            known = self.variants_of(role_name)
+            hint = did_you_mean(name, known) or (f"; known are {', '.join(known)}" if known else "; the role has none")
+            raise PluginError(f"no stage {name!r}{hint}", remedy=f"see `aatri stages {role_name}`; {_OWN}")
+        function = self.variants[name]()
+        try:
+            card = _card(function, role_name)
+            _check(card, name, role)
+        except PluginError as error:
+            remedy = error.remedy or f"the contract of the role is {contract(role_name, role)}"
+            raise PluginError(error.what, where=_place(function, self.origins.get(name)), remedy=remedy) from error
+        return card
+
+    def variants_of(self, role: str) -> list[str]:
+        """Names of the variants of a role."""
+        return sorted(name for name in self.variants if name.startswith(f"{role}/"))
+
+
+def find_stages(local: Path | None = None) -> Registry:
+    """All stages there are.
+
+    Parameters
+    ----------
+    local : Path, optional
+        A project's own folder of stages, `stages/` beside its pipeline.yaml. Its code runs.
+
+    Raises
+    ------
+    PluginError
+        If a name is met twice, or is none that a role or variant can have.
+    """
+    found = [*discovery.built_in(), *discovery.installed()]
+    if local is not None:
+        found += discovery.in_project(local)
+    kept: dict[str, Found] = {}
+    for one in sorted(found, key=lambda f: not f.declared):
+        if not one.declared and one.name in kept:
+            continue  # a folder with variants of a role that is declared elsewhere
+        other = kept.setdefault(one.name, one)
+        if not other.origin.is_same(one.origin):
+            raise PluginError(
+                f"{'stage' if '/' in one.name else 'role'} {one.name} is there twice: {other.origin.place} and "
+                f"{one.origin.place}",
+                remedy="rename or remove one of them",
+            )
+    names = sorted(kept)
+    roles = {n: _role_loader(kept[n], names) for n in names if "/" not in n}
+    variants = {n: _variant_loader(kept[n]) for n in names if "/" in n}
+    return Registry(roles, variants, {n: kept[n].origin for n in names})
+
+
+def first_line(registry: Registry, name: str) -> str:
+    """First line of a variant's documentation; of a file without importing it."""
+    origin = registry.origins.get(name)
+    try:
+        if origin is not None and origin.file is not None:
+            doc = ast.get_docstring(ast.parse(origin.file.read_text(encoding="utf-8"))) or ""
+        else:
+            doc = registry.card(name).doc
+    except (OSError, SyntaxError, UnicodeError, PluginError) as error:
+        return f"(broken: {str(error).splitlines()[0]})"
+    return doc.strip().splitlines()[0] if doc.strip() else ""
+
+
+def contract(name: str, role: Role) -> str:
+    """A role as it is written: `(block: Block, models: Models) -> Strips`, with its name."""
+    ports = ", ".join(f"{port}: {kind.kind}" for port, kind in role.ports.items())
+    return f"{name}({ports}) -> {role.kind.kind}"
+
+
+def _role_loader(found: Found, names: Iterable[str]) -> Callable[[], Role]:
+    def load() -> Role:
+        declared = getattr(_imported(found.origin), found.origin.attribute, None)
+        if not isinstance(declared, Role):
+            others = [n for n in names if "/" not in n and n != found.name]
+            raise PluginError(
+                f"declares no ROLE = Role(ports, kind){did_you_mean(found.name, others)}",
+                where=found.origin.place,
+                remedy="name the folder like the role its variants belong to, or declare a new role",
+            )
+        return declared
+
+    return load
+
+
+def _variant_loader(found: Found) -> Callable[[], Callable[..., Any]]:
+    def load() -> Callable[..., Any]:
+        wanted = found.origin.attribute
+        module = _imported(found.origin)
+        function: Callable[..., Any] | None = getattr(module, wanted, None)
+        if not inspect.isroutine(function):
+            stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
+            has = f"; it has {', '.join(stages)}" if stages else ""
+            raise PluginError(f"has no function {wanted}{has}", where=found.origin.place,
+                              remedy="the stage function is named like its file")  # fmt: skip
+        return function
+
+    return load
+
+
+def _imported(origin: Origin) -> Any:
+    try:
+        return importlib.import_module(origin.import_name)
+    except PluginError:
+        raise
+    except Exception as error:
+        remedy = "install what it imports" if isinstance(error, ModuleNotFoundError) else "correct or remove it"
+        raise PluginError(f"cannot be imported: {type(error).__name__}: {error}",
+                          where=_line_of(error, origin), remedy=remedy) from error  # fmt: skip
+
+
+def _line_of(error: Exception, origin: Origin) -> str:
+    """`file:line` of the plugin where importing it failed."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(origin.file)]
+    if isinstance(error, SyntaxError) and error.filename == str(origin.file):
+        lines.append(error.lineno)
+    return f"{origin.file}:{lines[-1]}" if lines else origin.place
+
+
+def _place(function: Callable[..., Any], origin: Origin | None) -> str:
+    """`file:line` of a stage function."""
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    if code is not None:
+        return f"{code.co_filename}:{code.co_firstlineno}"
+    return origin.place if origin else str(function)
+
+
+def _card(function: Callable[..., Any], role: str) -> StageCard:
+    try:
+        return card_of(function, role)
+    except (NameError, TypeError, AttributeError, SyntaxError) as error:
+        raise PluginError(
+            f"its annotations cannot be resolved: {type(error).__name__}: {error}",
+            remedy="import their names at the top of the file, not under TYPE_CHECKING",
+        ) from error
+
+
+def _check(card: StageCard, name: str, role: Role) -> None:
+    if card.name != name:
+        raise PluginError(f"the function of {name} is named {card.variant}", remedy="name it like the variant")
+    if not isinstance(card.version, int) or isinstance(card.version, bool) or card.version < 1:
+        raise PluginError(f"version of {name} is {card.version!r}", remedy="a whole number from 1: @stage(version=1)")
+    if "options" in inspect.signature(card.function).parameters and card.options is None:
+        raise PluginError(f"options of {name} have no type", remedy="annotate them with a model derived from Options")
+    if card.kind is not role.kind:
+        raise PluginError(f"{name} returns {card.kind.kind}; its role returns {role.kind.kind}")
+    for port in card.ports:
+        if port.name not in role.ports:
+            hint = did_you_mean(port.name, role.ports) or f"; the role has {', '.join(role.ports) or 'no ports'}"
+            raise PluginError(f"{name} asks for port {port.name!r}{hint}")
+        if port.kind is not role.ports[port.name]:
+            wanted = role.ports[port.name].kind
+            raise PluginError(f"{name} takes {port.kind.kind} at port {port.name}; its role gives {wanted}")

@@ -1,0 +1,156 @@
+"""Runs side by side: their options and figures, the first stage where they part, and why.
+
+Runs are compared by records. Two results of one stage are equal if their content digests are; if not, what their keys
+are made of says why: a file, an option, the method, its version or code, the seed, or an input, whose own stage is then
+the one to look at. Where the keys are equal too, the versions of packages and the processor are left, and the figures
+tell whether only the last bits differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aatri.errors import ArtifactError
+from aatri.pipeline.plan.reasons import Reason, differences, flat
+from aatri.pipeline.store import run_folder as store
+from aatri.pipeline.store.objects import artifact_file
+
+LAST_BITS = 1e-12
+"""Relative differences up to this are those of rounding."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A run: its name, folder, stages in order, and the current record of each stage that has one."""
+
+    name: str
+    folder: Path
+    stages: tuple[str, ...]
+    records: Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Parting:
+    """Where two runs part.
+
+    Attributes
+    ----------
+    stage : str
+        The first stage whose results differ.
+    reasons : tuple of Reason
+        How its keys differ; none where they are equal.
+    environment : dict
+        Versions and system that differ: (one, other).
+    largest : float
+        Largest relative difference of its numbers; infinite where they cannot be compared one by one.
+    """
+
+    stage: str
+    reasons: tuple[Reason, ...]
+    environment: dict[str, tuple[str, str]]
+    largest: float
+
+    @property
+    def only_last_bits(self) -> bool:
+        """Whether rounding explains it."""
+        return self.largest <= LAST_BITS
+
+
+def read_run(folder: Path, name: str) -> Compared:
+    """A run as its folder shows it.
+
+    Raises
+    ------
+    ArtifactError
+        If it is not the folder of a run.
+    """
+    overview = store.read_json(folder / "run.json")
+    if overview is None:
+        raise ArtifactError("has not been run", where=str(folder), remedy="aatri run")
+    stages = tuple(str(entry["stage"]) for entry in overview["stages"])
+    records = {stage: store.current_record(folder, stage) for stage in stages}
+    return Compared(name, folder, stages, {stage: r for stage, r in records.items() if r is not None and "parts" in r})
+
+
+def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
+    """Methods and options that are not the same in all runs: the name, and the value in each or None."""
+    rows = []
+    for stage in _stages(runs):
+        given = [run.records.get(stage) for run in runs]
+        values = [{} if r is None else {"use": r["plugin"], **flat(r["options"])} for r in given]
+        for name in dict.fromkeys(key for each in values for key in each):
+            row = [each.get(name) for each in values]
+            if any(value != row[0] for value in row):
+                rows.append((f"{stage}.{name}", row))
+    return rows
+
+
+def metric_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
+    """Figures of all stages: the name, and the value in each run."""
+    rows = []
+    for stage in _stages(runs):
+        values = [run.records[stage]["metrics"] if stage in run.records else {} for run in runs]
+        rows += [
+            (f"{stage}.{name}", [v.get(name) for v in values]) for name in dict.fromkeys(k for v in values for k in v)
+        ]
+    return rows
+
+
+def parting(one: Compared, other: Compared) -> Parting | None:
+    """Where two runs part first; None if all results that both have are equal."""
+    for stage in one.stages:
+        a, b = one.records.get(stage), other.records.get(stage)
+        if a is None or b is None or a["output"]["content_digest"] == b["output"]["content_digest"]:
+            continue
+        environment = {
+            name: (str(a["environment"].get(name)), str(b["environment"].get(name)))
+            for name in sorted({*a["environment"], *b["environment"]} - {"host"})
+            if a["environment"].get(name) != b["environment"].get(name)
+        }
+        largest = largest_difference(artifact_file(one.folder, a), artifact_file(other.folder, b))
+        return Parting(stage, differences(a["parts"], b["parts"]), environment, largest)
+    return None
+
+
+def largest_difference(one: Path, other: Path) -> float:
+    """Largest relative difference of the numbers of two artifacts; infinite where they are not alike in form or text.
+
+    Each column is measured by its own largest magnitude.
+    """
+    import numpy as np
+
+    a, b = _columns(one), _columns(other)
+    if a.keys() != b.keys():
+        return float("inf")
+    worst = 0.0
+    for name, values in a.items():
+        if values.shape != b[name].shape or values.dtype != b[name].dtype:
+            return float("inf")
+        if values.dtype.kind != "f":
+            if not np.array_equal(values, b[name]):
+                return float("inf")
+            continue
+        if not np.array_equal(np.isnan(values), np.isnan(b[name])):
+            return float("inf")
+        scale = np.nanmax(np.abs(values), initial=0.0)
+        gap = np.nanmax(np.abs(values - b[name]), initial=0.0)
+        worst = max(worst, float(gap / scale) if scale > 0 else float("inf") if gap > 0 else 0.0)
+    return worst
+
+
+def _columns(path: Path) -> dict[str, Any]:
+    """All columns of an artifact by table and name, and its scalars."""
+    import h5py
+    import numpy as np
+
+    with h5py.File(path, "r") as file:
+        scalars = {name: np.asarray(value) for name, value in file.attrs.items() if name != "content_digest"}
+        columns = {f"{table}/{name}": column[()] for table, group in file.items() for name, column in group.items()}
+    return scalars | columns
+
+
+def _stages(runs: Sequence[Compared]) -> list[str]:
+    return list(dict.fromkeys(stage for run in runs for stage in run.stages))

@@ -1,0 +1,221 @@
+"""Wiring: stages with their plugins, ports and options, checked before anything runs, in the order of execution.
+
+Plugins exist and keep to their role; every name under `from` is a port of the role and its source a stage of the right
+kind; required ports are there; options are valid; there is no cycle. All errors are reported at once.
+"""
+
+from __future__ import annotations
+
+import graphlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from aatri.errors import AatriError, PluginError, SpecError, raise_all
+from aatri.ids import did_you_mean
+from aatri.pipeline.methods.catalogue import Catalogue, Prepared
+from aatri.pipeline.methods.method import Method
+from aatri.pipeline.spec.spec import Spec, StageSpec
+
+if TYPE_CHECKING:
+    from aatri.pipeline.methods.registry import Registry
+
+
+@dataclass(frozen=True)
+class Node:
+    """A stage ready to run.
+
+    Attributes
+    ----------
+    inputs, unused : mapping
+        Port -> stage: those that its variant uses, and those given beside them.
+    written, options : mapping
+        The options as written, and with their defaults.
+    files : mapping
+        Option -> file or folder whose content counts as input.
+    code : str
+        Digest of the code that it reaches.
+    """
+
+    name: str
+    method: Method
+    inputs: Mapping[str, str]
+    unused: Mapping[str, str]
+    written: Mapping[str, Any]
+    options: Mapping[str, Any]
+    files: Mapping[str, str]
+    code: str
+
+
+@dataclass(frozen=True)
+class _Role:
+    """Ports of a role and what it gives, as kinds."""
+
+    ports: Mapping[str, str]
+    kind: str
+
+
+def wire(spec: Spec, source: Catalogue | Registry) -> tuple[Node, ...]:
+    """The stages in the order of execution; among those ready at once, in the order of the file.
+
+    Raises
+    ------
+    AatriError
+        Every wrong wire and option (SpecError) and plugin (PluginError), at once.
+    """
+    catalogue = source if isinstance(source, Catalogue) else Catalogue(registry=source)
+    errors: list[AatriError] = []
+    known = {name: catalogue.recall(spec, stage) for name, stage in spec.stages.items()}
+    roles = _roles(spec, catalogue, known, errors)
+    nodes = {}
+    for name, stage in spec.stages.items():
+        if name not in roles:
+            continue
+        _check_inputs(spec, stage, roles, errors)
+        prepared = known[name] or _prepared(spec, stage, catalogue, roles, errors)
+        if prepared is not None:
+            _check_required(spec, stage, prepared.method, roles, errors)
+            nodes[name] = _node(stage, prepared)
+    order = _order(spec, errors)
+    raise_all(errors)
+    catalogue.save()
+    return tuple(nodes[name] for name in order)
+
+
+def upstream(nodes: tuple[Node, ...], name: str) -> frozenset[str]:
+    """The stages that a stage uses, directly or not."""
+    sources = {node.name: set(node.inputs.values()) for node in nodes}
+    reached: set[str] = set()
+    waiting = [name]
+    while waiting:
+        new = sources[waiting.pop()] - reached
+        reached |= new
+        waiting += new
+    return frozenset(reached)
+
+
+def downstream(nodes: tuple[Node, ...], name: str) -> tuple[str, ...]:
+    """The stages that use a stage, directly or not, in order."""
+    reached = {name}
+    for node in nodes:
+        if reached & set(node.inputs.values()):
+            reached.add(node.name)
+    return tuple(node.name for node in nodes if node.name in reached and node.name != name)
+
+
+def _node(stage: StageSpec, prepared: Prepared) -> Node:
+    wanted = {port.name for port in prepared.method.ports}
+    used = {port: source for port, source in stage.inputs.items() if port in wanted}
+    unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
+    return Node(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
+                prepared.code.digest)  # fmt: skip
+
+
+def _roles(
+    spec: Spec, catalogue: Catalogue, known: Mapping[str, Prepared | None], errors: list[AatriError]
+) -> dict[str, _Role]:
+    roles = {}
+    for name, stage in spec.stages.items():
+        prepared = known[name]
+        if prepared is not None:
+            roles[name] = _Role(prepared.method.role_ports, prepared.method.kind)
+            continue
+        try:
+            role = catalogue.registry.role(stage.use.partition("/")[0])
+            roles[name] = _Role({port: kind.kind for port, kind in role.ports.items()}, role.kind.kind)
+        except PluginError as error:
+            errors.append(_placed(error, spec.where(name, "use")))
+    return roles
+
+
+def _prepared(
+    spec: Spec, stage: StageSpec, catalogue: Catalogue, roles: Mapping[str, _Role], errors: list[AatriError]
+) -> Prepared | None:
+    """The stage by its plugin; what is missing among its inputs is told even if its options are wrong."""
+    before = len(errors)
+    try:
+        prepared = catalogue.prepare(spec, stage, errors)
+        if prepared is None:
+            wrong_options = errors[before:]
+            del errors[before:]
+            _check_required(spec, stage, catalogue.method(stage.use), roles, errors)
+            errors += wrong_options
+    except PluginError as error:
+        errors.append(_placed(error, spec.where(stage.name, "use")))
+        return None
+    return prepared
+
+
+def _placed(error: PluginError, where: str) -> PluginError:
+    what = f"{error.where}: {error.what}" if error.where else error.what
+    return PluginError(what, where=where, remedy=error.remedy)
+
+
+def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], errors: list[AatriError]) -> None:
+    ports = roles[stage.name].ports
+    role = stage.use.partition("/")[0]
+    for port, source in stage.inputs.items():
+        if port not in ports:
+            hint = did_you_mean(port, ports) or f"; it has {', '.join(ports) or 'none'}"
+            errors.append(SpecError(f"{role} has no port {port!r}{hint}",
+                                    where=spec.where_key(stage.name, "from", port)))  # fmt: skip
+        elif source not in spec.stages:
+            errors.append(SpecError(f"no stage {source!r}{did_you_mean(source, spec.stages)}",
+                                    where=spec.where(stage.name, "from", port),
+                                    remedy=_candidates(spec, port, ports, roles)))  # fmt: skip
+        elif source in roles and roles[source].kind != ports[port]:
+            wanted, given = ports[port], roles[source].kind
+            errors.append(SpecError(f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
+                                    where=spec.where(stage.name, "from", port),
+                                    remedy=_candidates(spec, port, ports, roles)))  # fmt: skip
+
+
+def _check_required(
+    spec: Spec, stage: StageSpec, method: Method, roles: Mapping[str, _Role], errors: list[AatriError]
+) -> None:
+    for port in method.ports:
+        if not port.optional and port.name not in stage.inputs:
+            errors.append(SpecError(f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
+                                    where=spec.where(stage.name, "from"),
+                                    remedy=_candidates(spec, port.name, roles[stage.name].ports, roles)))  # fmt: skip
+
+
+def _candidates(spec: Spec, port: str, ports: Mapping[str, str], roles: Mapping[str, _Role]) -> str:
+    kind = ports[port]
+    fitting = [name for name in spec.stages if name in roles and roles[name].kind == kind]
+    if not fitting:
+        return f"add a stage that gives it, and `from: {{{port}: THAT_STAGE}}`"
+    return f"`from: {{{port}: STAGE}}`, where STAGE is {' or '.join(fitting)}"
+
+
+def _order(spec: Spec, errors: list[AatriError]) -> list[str]:
+    position = {name: k for k, name in enumerate(spec.stages)}
+    sources = {
+        name: [source for source in stage.inputs.values() if source in position] for name, stage in spec.stages.items()
+    }
+    sorter = graphlib.TopologicalSorter(sources)
+    try:
+        sorter.prepare()
+    except graphlib.CycleError as failure:
+        errors.append(_cycle(spec, list(failure.args[1]), position))
+        return []
+    order: list[str] = []
+    ready = list(sorter.get_ready())
+    while ready:
+        first = min(ready, key=position.__getitem__)
+        ready.remove(first)
+        order.append(first)
+        sorter.done(first)
+        ready.extend(sorter.get_ready())
+    return order
+
+
+def _cycle(spec: Spec, cycle: list[str], position: Mapping[str, int]) -> SpecError:
+    """The cycle as data flow, told from its stage that comes first in the file."""
+    ring = cycle[:-1]
+    start = min(range(len(ring)), key=lambda k: position[ring[k]])
+    ring = ring[start:] + ring[:start]
+    first, source = ring[0], ring[-1]
+    port = next(port for port, given in spec.stages[first].inputs.items() if given == source)
+    return SpecError(f"stages wait for each other: {' -> '.join([*ring, first])}",
+                     where=spec.where(first, "from", port), remedy="remove one of these links")  # fmt: skip

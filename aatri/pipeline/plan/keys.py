@@ -1,0 +1,93 @@
+"""The key of a result: a digest of all that the result depends on, and of nothing else.
+
+It holds the method with its version; options with defaults; the content of the artifacts at the ports it uses and of
+the files that options name; the code it reaches; the schema versions of its artifacts; the seed, where it draws random
+numbers. It does not hold where things lie, the time, the machine, or versions of packages: these are in the record.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from aatri.pipeline.plan.graph import Node
+
+KEY_SCHEMA = 2
+ABSENT = "absent"
+"""Stands for the content of a file that is not there: the stage will say so."""
+
+
+def key_parts(node: Node, inputs: Mapping[str, str | None], files: Mapping[str, str], seed: int) -> dict[str, Any]:
+    """All that the result of a stage depends on.
+
+    Parameters
+    ----------
+    node : Node
+    inputs : mapping
+        Content digest of the artifact at each port; None where it is not known yet.
+    files : mapping
+        Content digest of each file that an option names.
+    seed : int
+        Counts only where the stage asks for random numbers.
+    """
+    method = node.method
+    schemas = {port.kind: port.schema for port in method.ports if port.name in node.inputs}
+    return {
+        "key_schema": KEY_SCHEMA,
+        "stage": node.name,
+        "plugin": method.name,
+        "version": method.version,
+        "options": _without_paths(node),
+        "files": dict(files),
+        "inputs": dict(inputs),
+        "code": node.code,
+        "schemas": {**schemas, method.kind: method.schema},
+        "seed": seed if method.wants_rng else None,
+    }
+
+
+def key_of(parts: Mapping[str, Any]) -> str:
+    """First 12 hex digits of the SHA-256 of the parts; the whole parts are compared before a result is taken."""
+    canonical = json.dumps(parts, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()[:12]
+
+
+def path_digest(path: Path, of_one: Callable[[Path], str]) -> str:
+    """Digest of the content of a file with its name, or of all files in a folder with their names in it.
+
+    Parameters
+    ----------
+    path : Path
+    of_one : callable
+        Digest of the content of one file.
+    """
+    try:
+        files = [path] if path.is_file() else sorted(_files_in(path), key=lambda p: os.fsencode(p.relative_to(path)))
+        if not path.exists():
+            return ABSENT
+        base = path.parent if path.is_file() else path
+        lines = [os.fsencode(p.relative_to(base)) + b"\0" + of_one(p).encode() for p in files]
+    except OSError:
+        return ABSENT
+    return hashlib.sha256(b"\n".join(lines)).hexdigest()
+
+
+def _files_in(folder: Path) -> list[Path]:
+    return [p for p in folder.rglob("*") if p.is_file() and not p.name.startswith((".", "~$"))]
+
+
+def _without_paths(node: Node) -> dict[str, Any]:
+    """The options, with the paths of input files left out: their content counts, not where they lie."""
+    options = copy.deepcopy(dict(node.options))
+    for dotted in node.files:
+        *parents, last = dotted.split(".")
+        place: Any = options
+        for key in parents:
+            place = place[int(key)] if isinstance(place, list) else place[key]
+        place[int(last) if isinstance(place, list) else last] = None
+    return options

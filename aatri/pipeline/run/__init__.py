@@ -1,0 +1,1 @@
+"""Running a plan: tasks, spawned workers, what a running stage may talk to."""

@@ -1,0 +1,102 @@
+"""What a stage under way talks to: its log, the listener of the run, and its checkpoint.
+
+    RUN/checkpoints/STAGE/KEY/NAME.npz      SHA-256 of what follows, then the arrays
+
+A checkpoint belongs to the key of the stage: whatever changes the result also parts it from older checkpoints. It is
+written atomically, trusted only if whole, and removed once the result is there. One that cannot be written is warned
+of and left out: the stage itself may still come to its end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import re
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.pipeline.store.durable import write_bytes
+from aatri.pipeline.store.objects import base_of
+
+_NAME = re.compile(r"[A-Za-z0-9_-]+")
+_DIGEST_BYTES = 32
+
+Tell = Callable[..., None]
+"""Takes an event of a stage: `warned` with the message, `advanced` with done, total, what."""
+
+
+class LoggedContext:
+    """Everything goes to the log, warnings also to the record and the listener."""
+
+    def __init__(self, log: TextIO, tell: Tell, folder: Path) -> None:
+        self._file, self._tell, self._clock = log, tell, time.perf_counter()
+        self.warnings: list[str] = []
+        self.checkpoint = FileCheckpoint(folder, self)
+
+    def log(self, message: str) -> None:
+        """Write a line to the log, with the seconds since the start."""
+        self._file.write(f"{time.perf_counter() - self._clock:9.3f}  {message}\n")
+        self._file.flush()
+
+    def warn(self, message: str) -> None:
+        """Keep a warning."""
+        self.warnings.append(message)
+        self.log(f"warning: {message}")
+        self._tell("warned", message)
+
+    def progress(self, done: int, total: int, what: str = "") -> None:
+        """Pass on how far the stage is."""
+        self._tell("advanced", int(done), int(total), what)
+
+
+class FileCheckpoint:
+    """Arrays in files of one folder."""
+
+    def __init__(self, folder: Path, context: LoggedContext) -> None:
+        self._folder, self._context = folder, context
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Keep arrays under a name, in place of those kept before; whole or not at all."""
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **{key: np.asarray(value) for key, value in arrays.items()})
+        data = buffer.getvalue()
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            write_bytes(self._path(name), hashlib.sha256(data).digest() + data)
+        except OSError as error:
+            self._context.log(f"no checkpoint {name}: {error.strerror or error}")
+
+    def load(self, name: str) -> dict[str, npt.NDArray[Any]] | None:
+        """The arrays kept by an earlier attempt at the same result; None if there are none that are whole."""
+        try:
+            whole = self._path(name).read_bytes()
+        except OSError:
+            return None
+        digest, data = whole[:_DIGEST_BYTES], whole[_DIGEST_BYTES:]
+        if hashlib.sha256(data).digest() != digest:
+            self._context.log(f"checkpoint {name} is damaged and not used")
+            return None
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            self._context.log(f"going on from checkpoint {name}")
+            return dict(arrays)
+
+    def _path(self, name: str) -> Path:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"name of a checkpoint: {name!r}")
+        return self._folder / f"{name}.npz"
+
+
+def checkpoint_folder(run: Path, stage: str, key: str) -> Path:
+    """Where the checkpoints of a stage lie."""
+    return base_of(run) / "checkpoints" / stage / key
+
+
+def drop_checkpoints(run: Path, stage: str) -> None:
+    """Remove the checkpoints of a stage whose result is there."""
+    shutil.rmtree(base_of(run) / "checkpoints" / stage, ignore_errors=True)

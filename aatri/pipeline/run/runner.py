@@ -1,0 +1,252 @@
+"""Carries out a plan: makes what is stale, decides anew on what depends on it, and makes the results current.
+
+Whatever ends a run - an error, a signal, a full disk, a loss of power - the results made before it stay, and the same
+command goes on from there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from aatri.errors import AatriError, ArtifactError, raise_all
+from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.plan import Decision, Plan, Selection, State, decide, plan
+from aatri.pipeline.plan.view import StoreView
+from aatri.pipeline.run.task import Outcome, Source, task_of
+from aatri.pipeline.run.workers import Pool, pool
+from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.store import run_folder as store
+from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.events import Events
+from aatri.pipeline.store.lock import locked
+from aatri.pipeline.store.objects import SCHEMA
+from aatri.pipeline.store.provenance import now
+
+
+class Listener(Protocol):
+    """Is told what happens during a run."""
+
+    def planned(self, plan: Plan, expected: Mapping[str, float]) -> None:
+        """Take what is to be done, and the seconds that stages took before."""
+
+    def started(self, stage: str, use: str, number: int, total: int) -> None:
+        """Take that a stage begins."""
+
+    def warned(self, stage: str, message: str) -> None:
+        """Take a warning of a stage."""
+
+    def advanced(self, stage: str, done: int, total: int, what: str) -> None:
+        """Take how far a stage is."""
+
+    def finished(self, record: Mapping[str, Any]) -> None:
+        """Take the record of a stage that is done."""
+
+    def failed(self, stage: str, folder: Path) -> None:
+        """Take that a stage failed, and where its log lies."""
+
+
+@dataclass(frozen=True)
+class How:
+    """How to run: what the command line says beside the pipeline itself."""
+
+    selection: Selection = field(default_factory=Selection)
+    jobs: int = 1
+    keep_going: bool = False
+    verify: bool = False
+    lock: bool = True
+    command: str = "aatri run"
+    source: Source = field(default_factory=Source)
+    request: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_pipeline(
+    spec: Spec, nodes: tuple[Node, ...], listener: Listener, how: How | None = None
+) -> list[dict[str, Any]]:
+    """Bring all selected stages up to date; returns the records of the stages that are, in order.
+
+    Raises
+    ------
+    AatriError
+        The errors of the stages that failed. What was made before stays.
+    """
+    how = how or How()
+    store.claim(spec.run, spec.variant)
+    with locked(spec.run, how.command, enabled=how.lock):
+        view = StoreView(spec.run, verify=how.verify)
+        planned = plan(nodes, view, spec.seed, how.selection)
+        check_inputs(nodes, planned)
+        view.save()
+        if not planned.stale and _is_settled(spec, nodes, planned):
+            return [dict(d.record) for d in planned.decisions if d.record is not None]
+        run = _Run(spec, nodes, planned, view, listener, how)
+        try:
+            return run.carry_out()
+        finally:
+            view.save()
+
+
+def check_inputs(nodes: tuple[Node, ...], planned: Plan) -> None:
+    """See that every input of a selected stage is there or will be made.
+
+    Raises
+    ------
+    ArtifactError
+        If a stage outside the selection is stale but needed.
+    """
+    by_name = {d.stage: d for d in planned.decisions}
+    errors: list[AatriError] = []
+    for node in nodes:
+        for source in dict.fromkeys(node.inputs.values()):
+            above = by_name[source]
+            if by_name[node.name].selected and not above.selected and above.state is not State.fresh:
+                why = "; ".join(str(reason) for reason in above.reasons)
+                errors.append(ArtifactError(f"{node.name} needs {source}, which is not selected and not up to date "
+                                            f"({why})", remedy=f"aatri run --until {node.name}"))  # fmt: skip
+    raise_all(errors)
+
+
+def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any]) -> dict[str, Any]:
+    """What run.json says of a pipeline."""
+    stages = [
+        {"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes
+    ]  # fmt: skip
+    return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
+
+
+def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan) -> bool:
+    """Whether the run folder shows just the results that the plan finds fresh."""
+    if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
+        return False
+    if any(spec.run.glob(".tmp-*")):
+        return False  # killed while its report was written
+    shown = store.read_json(spec.run / "run.json") or {}
+    return shown.get("status") == "done" and shown.get("stages") == overview_of(spec, nodes, {})["stages"]
+
+
+class _Run:
+    """One run under way."""
+
+    def __init__(
+        self, spec: Spec, nodes: tuple[Node, ...], planned: Plan, view: StoreView, listener: Listener, how: How
+    ) -> None:
+        self.spec, self.nodes, self.planned = spec, nodes, planned
+        self.view, self.listener, self.how = view, listener, how
+        self.overview = {**overview_of(spec, nodes, how.request), "started": now()}
+        self.records: dict[str, Mapping[str, Any]] = {}
+        self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
+        self.problems: list[AatriError] = []
+        self.lost: set[str] = set()
+
+    def carry_out(self) -> list[dict[str, Any]]:
+        """Run to the end, and leave word in run.json of how it ended."""
+        run = self.spec.run
+        store.begin(run, {**self.overview, "status": "running"})
+        self.events = Events(run)
+        status = "interrupted"
+        try:
+            self._show_what_is_fresh()
+            self.events.add("started", command=self.how.command, stale=[d.stage for d in self.planned.stale])
+            with pool(self.how.jobs, self._tell) as workers:
+                self._work(workers)
+            status = "failed" if self.problems else "done"
+        except AatriError:
+            status = "failed"
+            raise
+        finally:
+            with contextlib.suppress(AatriError) if status != "done" else contextlib.nullcontext():
+                self._leave_word(status)
+        raise_all(self.problems)
+        return [dict(self.records[node.name]) for node in self.nodes if node.name in self.records]
+
+    def _leave_word(self, status: str) -> None:
+        self.events.add("ended", status=status)
+        self.events.close()
+        with on_disk(self.spec.run):
+            store.write_json(self.spec.run / "run.json", {**self.overview, "status": status, "ended": now()})
+
+    def _show_what_is_fresh(self) -> None:
+        """Put the fresh results into `current` and take all others out."""
+        run = self.spec.run
+        expected = {}
+        for decision in self.planned.decisions:
+            last = store.last_record(run, decision.stage)
+            if last is not None and decision.state is not State.fresh:
+                expected[decision.stage] = float(last["seconds"])
+            if decision.record is not None:
+                self._settle(decision.stage, decision.record)
+        known = {p.name.partition(".")[0] for p in (run / "current").iterdir()} - {n.name for n in self.nodes}
+        store.withdraw(run, sorted(known | {d.stage for d in self.planned.decisions if d.record is None}))
+        self.listener.planned(self.planned, expected)
+
+    def _settle(self, stage: str, record: Mapping[str, Any]) -> None:
+        if not store.is_current(self.spec.run, record):
+            store.make_current(self.spec.run, record)
+        self.records[stage] = record
+
+    def _work(self, workers: Pool) -> None:
+        selected = {d.stage for d in self.planned.decisions if d.selected}
+        waiting = [n for n in self.nodes if n.name in selected and n.name not in self.records]
+        under_way: dict[Future[Outcome], Node] = {}
+        while waiting or under_way:
+            node = self._next(waiting) if len(under_way) < self.how.jobs and self._goes_on() else None
+            if node is not None:
+                waiting.remove(node)
+                digests = {name: str(r["output"]["content_digest"]) for name, r in self.records.items()}
+                decision = decide(node, digests, self.view, self.spec.seed, self.how.selection)
+                if decision.record is not None:
+                    self._settle(node.name, decision.record)
+                    self.events.add("fresh", stage=node.name, key=decision.key)
+                    continue
+                under_way[self._start(node, decision, workers)] = node
+                if self.how.jobs > 1:
+                    continue
+            if not under_way:
+                return
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                self._end(under_way.pop(future), future.result())
+            wanted = {s for n in waiting for s in n.inputs.values()} & set(self.records)
+            workers.forget({self.records[s]["output"]["content_digest"] for s in wanted})
+
+    def _goes_on(self) -> bool:
+        return self.how.keep_going or not self.problems
+
+    def _next(self, waiting: list[Node]) -> Node | None:
+        """The first stage whose inputs are there; those below a failed one are given up."""
+        for node in list(waiting):
+            if self.lost & set(node.inputs.values()):
+                self.lost.add(node.name)
+                waiting.remove(node)
+            elif all(source in self.records for source in node.inputs.values()):
+                return node
+        return None
+
+    def _start(self, node: Node, decision: Decision, workers: Pool) -> Future[Outcome]:
+        self.listener.started(node.name, node.method.name, self.numbers[node.name], len(self.nodes))
+        self.events.add("stage started", stage=node.name, key=decision.key,
+                        reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
+        return workers.submit(task_of(self.spec, node, decision, self.records, self.how.source))
+
+    def _end(self, node: Node, outcome: Outcome) -> None:
+        if outcome.record is not None:
+            self._settle(node.name, outcome.record)
+            self.events.add("stage done", stage=node.name, key=outcome.record["key"],
+                            content_digest=outcome.record["output"]["content_digest"])  # fmt: skip
+            self.listener.finished(outcome.record)
+            return
+        self.lost.add(node.name)
+        try:
+            outcome.raise_error()
+        except AatriError as error:
+            self.problems.append(error)
+            self.events.add("stage failed", stage=node.name, error=str(error))
+            self.listener.failed(node.name, self.spec.run / "failed" / node.name)
+
+    def _tell(self, stage: str, event: str, *about: Any) -> None:
+        if event == "warned":
+            self.events.add("warning", stage=stage, message=about[0])
+        getattr(self.listener, event)(stage, *about)

@@ -1,0 +1,65 @@
+"""Makes one stage only, for schedulers that run every stage as a job of its own.
+
+The stages above must be up to date; the run is shared with other jobs, the stage is not.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.plan import Selection, plan
+from aatri.pipeline.plan.view import StoreView
+from aatri.pipeline.run.runner import How, Listener, check_inputs, overview_of
+from aatri.pipeline.run.task import task_of
+from aatri.pipeline.run.workers import pool
+from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.store import run_folder as store
+from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.lock import locked
+
+
+def make_stage(
+    spec: Spec, nodes: tuple[Node, ...], name: str, listener: Listener, how: How
+) -> tuple[dict[str, Any], bool]:
+    """Bring one stage up to date.
+
+    Returns
+    -------
+    dict, bool
+        Its record, and whether it was made now.
+
+    Raises
+    ------
+    ArtifactError
+        If a stage above it is not up to date.
+    AatriError
+        If the stage fails.
+    """
+    node = next(node for node in nodes if node.name == name)
+    store.claim(spec.run, spec.variant)
+    with locked(spec.run, how.command, stage=name, enabled=how.lock):
+        view = StoreView(spec.run, verify=how.verify)
+        planned = plan(nodes, view, spec.seed, Selection(frozenset({name}), how.selection.forced))
+        check_inputs(nodes, planned)
+        decision = planned.of(name)
+        store.prepare(spec.run)
+        if not (spec.run / "run.json").exists():
+            with on_disk(spec.run):
+                overview = overview_of(spec, nodes, how.request)
+                store.write_json(spec.run / "run.json", {**overview, "status": "stage by stage"})
+        if decision.record is not None:
+            if not store.is_current(spec.run, decision.record):
+                store.make_current(spec.run, decision.record)
+            return dict(decision.record), False
+        above = {d.stage: d.record for d in planned.decisions if d.record is not None}
+        listener.started(name, node.method.name, 1, 1)
+        with pool(1, lambda stage, event, *about: getattr(listener, event)(stage, *about)) as workers:
+            outcome = workers.submit(task_of(spec, node, decision, above, how.source)).result()
+        if outcome.record is None:
+            listener.failed(name, spec.run / "failed" / name)
+            outcome.raise_error()
+        record = outcome.record or {}
+        store.make_current(spec.run, record)
+        listener.finished(record)
+        return record, True

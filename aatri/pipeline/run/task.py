@@ -1,0 +1,85 @@
+"""One stage to be made, as names and paths: what a worker process gets, wherever it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aatri import errors
+from aatri.errors import AatriError, Errors, raise_all
+from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.plan import Decision
+
+if TYPE_CHECKING:
+    from aatri.pipeline.spec.spec import Spec
+
+STAGES = "aatri.pipeline.methods.registry:find_stages"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where stages come from: the function that finds them, as `module:function`, and a project's own folder."""
+
+    finder: str = STAGES
+    local: Path | None = None
+
+
+@dataclass(frozen=True)
+class Task:
+    """A stage to be made.
+
+    Attributes
+    ----------
+    written, options : mapping
+        Options as written, to be validated again, and with defaults, for the record.
+    base : Path
+        Folder that relative paths refer to.
+    inputs : mapping
+        Port -> record of the artifact.
+    parts : mapping
+        What the key is made of.
+    """
+
+    run: Path
+    stage: str
+    use: str
+    version: int
+    written: Mapping[str, Any]
+    options: Mapping[str, Any]
+    base: Path
+    inputs: Mapping[str, Mapping[str, Any]]
+    key: str
+    parts: Mapping[str, Any]
+    seed: int
+    source: Source = Source()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a task: the record of the result, or what went wrong as (class, what, where, remedy)."""
+
+    record: dict[str, Any] | None = None
+    errors: tuple[tuple[str, str, str, str], ...] = ()
+
+    def raise_error(self) -> None:
+        """Raise what went wrong, if anything did."""
+        raise_all(
+            [getattr(errors, name)(what, where=where, remedy=remedy) for name, what, where, remedy in self.errors]
+        )
+
+
+def task_of(
+    spec: Spec, node: Node, decision: Decision, records: Mapping[str, Mapping[str, Any]], source: Source
+) -> Task:
+    """The task of a stage that is to run, with the records of the stages above it."""
+    inputs = {port: records[stage] for port, stage in node.inputs.items()}
+    return Task(spec.run, node.name, node.method.name, node.method.version, node.written, node.options, spec.base,
+                inputs, decision.key or "", decision.parts, spec.seed, source)  # fmt: skip
+
+
+def failed(error: AatriError) -> Outcome:
+    """The outcome of a task that failed."""
+    single = error.errors if isinstance(error, Errors) else (error,)
+    return Outcome(None, tuple((type(e).__name__, e.what, e.where, e.remedy) for e in single))

@@ -1,0 +1,150 @@
+"""Where tasks are carried out: in this process one after the other, or in spawned processes side by side.
+
+Spawned processes get tasks, which are names and paths, and import the stages themselves. Every process computes with
+one thread of BLAS unless the environment says otherwise: more would change the last bits of a Cholesky factor, and
+results must not depend on how many stages run at once. Compiled kernels, whose sums have a
+fixed order, share the cores.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import TYPE_CHECKING, Any, Protocol
+
+from aatri.errors import ResourceError
+from aatri.pipeline.run.task import Outcome, Task, failed
+
+if TYPE_CHECKING:
+    from aatri.pipeline.run.context import Tell
+    from aatri.tables.schema import Artifact
+
+_BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_KERNELS = "NUMBA_NUM_THREADS"
+
+_queue: Any = None
+"""In a worker process: leads to the process that started it."""
+
+
+class Pool(Protocol):
+    """Carries out tasks."""
+
+    def submit(self, task: Task) -> Future[Outcome]:
+        """Begin a task."""
+
+    def forget(self, needed: set[str]) -> None:
+        """Keep no artifact but those with these content digests."""
+
+
+def share_cores(jobs: int) -> None:
+    """Set the threads of a process, before numpy is imported in it."""
+    for name in _BLAS:
+        os.environ.setdefault(name, "1")
+    os.environ.setdefault(_KERNELS, str(max(1, (os.cpu_count() or 1) // jobs)))
+
+
+@contextlib.contextmanager
+def pool(jobs: int, tell: Tell) -> Iterator[Pool]:
+    """A pool for so many stages at once; `tell` takes stage, event and what belongs to it."""
+    share_cores(jobs)
+    if jobs == 1:
+        yield _Here(tell)
+        return
+    with _Processes(jobs, tell) as processes:
+        yield processes
+
+
+class _Here:
+    """In this process; artifacts stay in memory until their last user has run."""
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._memory: dict[str, Artifact] = {}
+
+    def submit(self, task: Task) -> Future[Outcome]:
+        from aatri.pipeline.run.worker import perform
+
+        future: Future[Outcome] = Future()
+        future.set_result(perform(task, lambda *event: self._tell(task.stage, *event), self._memory))
+        return future
+
+    def forget(self, needed: set[str]) -> None:
+        for digest in [d for d in self._memory if d not in needed]:
+            del self._memory[digest]
+
+
+class _Processes:
+    """Spawned processes, ended when the run is left before its end."""
+
+    def __init__(self, jobs: int, tell: Tell) -> None:
+        import multiprocessing
+
+        method = multiprocessing.get_context("spawn")
+        self._events = method.SimpleQueue()
+        self._executor = ProcessPoolExecutor(jobs, method, _begin, (self._events, os.getpid()))
+        self._listening = threading.Thread(target=self._listen, args=(tell,), daemon=True)
+
+    def __enter__(self) -> _Processes:
+        self._listening.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None:
+            for process in list((self._executor._processes or {}).values()):
+                process.kill()  # what it was at stays without a record, and so does not exist
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._events.put(None)
+        self._listening.join()
+        self._events.close()
+
+    def submit(self, task: Task) -> Future[Outcome]:
+        outcome: Future[Outcome] = Future()
+
+        def pass_on(done: Future[Outcome]) -> None:
+            try:
+                outcome.set_result(done.result())
+            except BrokenProcessPool:
+                died = ResourceError(f"the process of {task.stage} was ended from outside, perhaps for lack of memory",
+                                     remedy="fewer --jobs, or a machine with more memory")  # fmt: skip
+                outcome.set_result(failed(died))
+            except BaseException as error:
+                outcome.set_exception(error)
+
+        try:
+            self._executor.submit(_perform, task).add_done_callback(pass_on)
+        except BrokenProcessPool:
+            outcome.set_result(failed(ResourceError("a worker process was ended from outside: no more can be started")))
+        return outcome
+
+    def forget(self, needed: set[str]) -> None:
+        """Nothing is kept here."""
+
+    def _listen(self, tell: Tell) -> None:
+        while (event := self._events.get()) is not None:
+            tell(*event)
+
+
+def _begin(queue: Any, parent: int) -> None:
+    """A worker process starts: interrupts are its parent's business, and it does not outlive the parent."""
+    global _queue
+    _queue = queue
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":
+        import ctypes
+
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(1, int(signal.SIGKILL))  # PR_SET_PDEATHSIG
+            if os.getppid() != parent:
+                os._exit(1)
+
+
+def _perform(task: Task) -> Outcome:
+    from aatri.pipeline.run.worker import perform
+
+    return perform(task, lambda *event: _queue.put((task.stage, *event)))

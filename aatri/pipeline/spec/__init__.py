@@ -1,0 +1,1 @@
+"""pipeline.yaml: stages, options, overrides."""

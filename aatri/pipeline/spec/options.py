@@ -1,0 +1,103 @@
+"""Options of a stage: validated by its pydantic model, every error at its line.
+
+Validation is strict, so that a text is never taken for a number; lists serve as tuples and texts as paths.
+"""
+
+from __future__ import annotations
+
+import json
+import typing
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from aatri.errors import AatriError, SpecError
+from aatri.ids import did_you_mean
+from aatri.pipeline.spec.spec import Spec, StageSpec
+from aatri.plugin import InputFile, Options, StageCard
+
+
+def validated(spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriError]) -> Options | None:
+    """The options of a stage with defaults filled in; None if it takes none or they are wrong (see `errors`)."""
+    if card.options is None:
+        for option in stage.options:
+            errors.append(SpecError(f"unknown option {option!r}; {card.name} takes no options",
+                                    where=spec.where_key(stage.name, "with", option)))  # fmt: skip
+        return None
+    try:
+        text = json.dumps(dict(stage.options))
+        return card.options.model_validate_json(text, strict=True, context={"base": spec.base})
+    except ValidationError as failure:
+        for found in failure.errors(include_url=False):
+            errors.append(_located(spec, stage, card, dict(found)))
+        return None
+
+
+def input_files(options: Options) -> dict[str, Path]:
+    """The paths given to options of type `InputPath`, by dotted name; also those in nested options and lists."""
+    found: dict[str, Path] = {}
+    for name, about in type(options).model_fields.items():
+        _collect(getattr(options, name), about.annotation, about.metadata, name, found)
+    return found
+
+
+def _collect(value: Any, annotation: Any, marks: Iterable[Any], name: str, found: dict[str, Path]) -> None:
+    if isinstance(value, Path) and any(isinstance(mark, InputFile) for mark in marks):
+        found[name] = value
+    elif isinstance(value, BaseModel):
+        for inner, about in type(value).model_fields.items():
+            _collect(getattr(value, inner), about.annotation, about.metadata, f"{name}.{inner}", found)
+    elif typing.get_origin(annotation) is typing.Annotated:
+        inner_type, *inner_marks = typing.get_args(annotation)
+        _collect(value, inner_type, inner_marks, name, found)
+    elif isinstance(value, list | tuple):
+        for k, item in enumerate(value):
+            for choice in typing.get_args(annotation):
+                _collect(item, choice, (), f"{name}.{k}", found)
+    elif value is not None:
+        for choice in typing.get_args(annotation):
+            _collect(value, choice, (), name, found)
+
+
+def option_names(card: StageCard) -> frozenset[str]:
+    """Names of the options at the top level."""
+    return frozenset(card.options.model_fields) if card.options else frozenset()
+
+
+def _located(spec: Spec, stage: StageSpec, card: StageCard, found: dict[str, Any]) -> SpecError:
+    keys = tuple(found["loc"])
+    dotted = ".".join(str(key) for key in keys)
+    if found["type"] == "extra_forbidden":
+        known = _known_names(card.options, keys[:-1])
+        hint = did_you_mean(str(keys[-1]), known) or f"; known are {', '.join(known) or 'none'}"
+        return SpecError(f"unknown option {dotted!r}{hint}", where=spec.where_key(stage.name, "with", *keys),
+                         remedy=f"see `aatri stages {card.name}`")  # fmt: skip
+    where = spec.where(stage.name, "with", *keys)
+    if found["type"] == "missing":
+        return SpecError(f"option {dotted!r} of {card.name} is missing", where=where, remedy=_about(card, keys))
+    message = str(found["msg"]).removeprefix("Value error, ")
+    value = "" if isinstance(found["input"], dict) else f" is {found['input']!r}"
+    name = f"option {dotted}" if keys else f"options of {stage.name}"
+    return SpecError(f"{name}{value}: {message}", where=where, remedy=_about(card, keys))
+
+
+def _about(card: StageCard, keys: tuple[Any, ...]) -> str:
+    fields = card.options.model_fields if card.options else {}
+    described = fields[str(keys[0])].description if keys and str(keys[0]) in fields else None
+    return f"{keys[0]}: {described}" if described else f"see `aatri stages {card.name}`"
+
+
+def _known_names(model: type[BaseModel] | None, keys: Iterable[Any]) -> list[str]:
+    """Field names of the model that a path of keys leads to."""
+    for key in keys:
+        fields = model.model_fields if model else {}
+        model = _model_in(fields[key].annotation) if key in fields else model
+    return list(model.model_fields) if model else []
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_model_in, typing.get_args(annotation))), None)

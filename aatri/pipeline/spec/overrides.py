@@ -1,0 +1,122 @@
+"""Overrides of the command line: `--variant NAME`, `--use STAGE=ROLE/VARIANT` and `--set STAGE.OPTION=VALUE`."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Collection, Sequence
+from typing import Any, Protocol
+
+from aatri.errors import SpecError
+from aatri.ids import did_you_mean
+from aatri.pipeline.spec.spec import USE, Spec, StageSpec
+from aatri.pipeline.store.objects import VARIANTS
+from aatri.strict_yaml import loads
+
+
+def with_set(spec: Spec, texts: Sequence[str]) -> Spec:
+    """The spec with options set; VALUE is YAML, OPTION may be dotted to reach into nested options.
+
+    Raises
+    ------
+    SpecError
+        If the text is no STAGE.OPTION=VALUE, the stage is unknown or the value is no YAML.
+    """
+    stages, places = dict(spec.stages), dict(spec.places)
+    for text in texts:
+        place = f"--set {text}"
+        target, equals, value = text.partition("=")
+        name, *path = target.split(".")
+        if not equals or not path or not all(path):
+            raise SpecError("not STAGE.OPTION=VALUE", where=place, remedy="for example --set bundle.max_iterations=9")
+        stage = _stage(stages, name, place)
+        options = copy.deepcopy(dict(stage.options))
+        _put(options, path, loads(value, place).value, place)
+        stages[name] = dataclasses.replace(stage, options=options)
+        places[(name, "with", *path)] = place
+    return dataclasses.replace(spec, stages=stages, places=places)
+
+
+class Options(Protocol):
+    """Knows the options of variants."""
+
+    def option_names(self, use: str) -> Collection[str]:
+        """Names of the options of a variant at the top level."""
+
+
+def with_use(spec: Spec, texts: Sequence[str], known: Options) -> tuple[Spec, list[str]]:
+    """The spec with other variants, and notes that name the options which the new variants do not have.
+
+    Raises
+    ------
+    SpecError
+        If the text is no STAGE=ROLE/VARIANT or the stage is unknown.
+    PluginError
+        If there is no such variant.
+    """
+    stages, places, notes = dict(spec.stages), dict(spec.places), []
+    for text in texts:
+        place = f"--use {text}"
+        name, equals, use = text.partition("=")
+        if not equals or not USE.fullmatch(use):
+            raise SpecError("not STAGE=ROLE/VARIANT", where=place, remedy="see `aatri stages`")
+        stage = _stage(stages, name, place)
+        names = known.option_names(use)
+        dropped = [option for option in stage.options if option not in names]
+        if dropped:
+            notes.append(f"{name}: {use} has no option {', '.join(dropped)}; not used")
+        kept = {option: value for option, value in stage.options.items() if option in names}
+        stages[name] = dataclasses.replace(stage, use=use, options=kept)
+        places[(name, "use")] = place
+    return dataclasses.replace(spec, stages=stages, places=places), notes
+
+
+def with_variant(spec: Spec, name: str) -> Spec:
+    """The spec with the patches of one of its variants; its run lies within that of the spec.
+
+    A patch of `use` or `from` replaces what it names; options are set one by one, unless the method changes: then the
+    patch has all of them.
+
+    Raises
+    ------
+    SpecError
+        If there is no such variant.
+    """
+    if name not in spec.variants:
+        hint = did_you_mean(name, spec.variants) or f"; there are {', '.join(spec.variants) or 'none'}"
+        raise SpecError(f"no variant {name!r}{hint}", where=spec.document.where("variants"))
+    stages, places = dict(spec.stages), dict(spec.places)
+    for stage_name, patch in (spec.variants[name] or {}).items():
+        at = ("variants", name, stage_name)
+        stage = stages[stage_name]
+        use = (patch or {}).get("use", stage.use)
+        options = {} if use != stage.use else copy.deepcopy(dict(stage.options))
+        inputs = dict(stage.inputs)
+        for port, source in ((patch or {}).get("from") or {}).items():
+            inputs[port] = source or port
+            places[(stage_name, "from", port)] = spec.document.where(*at, "from", port)
+        for option, value in ((patch or {}).get("with") or {}).items():
+            options[option] = value
+            places[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
+        places[(stage_name, "use")] = spec.document.where(*at, "use")
+        stages[stage_name] = dataclasses.replace(stage, use=use, inputs=inputs, options=options)
+    return dataclasses.replace(spec, stages=stages, places=places, variant=name, run=spec.run / VARIANTS / name)
+
+
+def _stage(stages: dict[str, StageSpec], name: str, place: str) -> StageSpec:
+    if name not in stages:
+        hint = did_you_mean(name, stages) or f"; there are {', '.join(stages)}"
+        raise SpecError(f"no stage {name!r}{hint}", where=place)
+    return stages[name]
+
+
+def _put(options: dict[str, Any], path: Sequence[str], value: Any, place: str) -> None:
+    *parents, last = path
+    for key in parents:
+        inner = options.setdefault(key, {})
+        if inner is None:
+            inner = options[key] = {}
+        if not isinstance(inner, dict):
+            raise SpecError(f"{key} is {inner!r} and has no options of its own", where=place)
+        options = inner
+    options[last] = value

@@ -1,0 +1,1 @@
+"""Artifacts on disk: objects, records, pointers, locks, durable writes."""

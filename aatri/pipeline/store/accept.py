@@ -1,0 +1,69 @@
+"""`aatri accept`: the user's word that a change of code does not matter to a result.
+
+    RUN/accepted/STAGE/NEWKEY.json      {old, new, why, by, time}
+
+It leads from the key that the stage has now to the result that was made with other code. Nothing is changed or removed:
+without that file the stage is stale again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import getpass
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aatri.errors import ArtifactError, SpecError
+from aatri.pipeline.store.durable import on_disk, read_json, write_json
+from aatri.pipeline.store.objects import base_of
+from aatri.pipeline.store.provenance import now
+
+_ACCEPTABLE = ("code", "version")
+
+
+def accepted_key(run: Path, stage: str, key: str) -> str | None:
+    """The key of the result that serves for a key by the user's word; None if there is none."""
+    with contextlib.suppress(ArtifactError):
+        said = read_json(_file(run, stage, key))
+        return str(said["old"]) if said is not None and said.get("new") == key else None
+    return None
+
+
+def accept(run: Path, stage: str, old: Mapping[str, Any] | None, new: Mapping[str, Any], key: str, why: str) -> Path:
+    """Write that the result of a record serves for a key.
+
+    Parameters
+    ----------
+    run : Path
+    stage : str
+    old : mapping or None
+        Record of the result that is to serve.
+    new : mapping
+        What the key that it is to serve for is made of.
+    key : str
+        That key.
+    why : str
+        The user's reason.
+
+    Raises
+    ------
+    SpecError
+        If there is no result, or more than code has changed.
+    """
+    if old is None:
+        raise SpecError(f"{stage} has no result to accept", where=str(run), remedy="aatri run")
+    changed = [name for name in new if old["parts"].get(name) != new[name] and name not in _ACCEPTABLE]
+    if changed:
+        raise SpecError(f"of {stage} not only the code has changed but also {', '.join(changed)}", where=str(run),
+                        remedy="a new result is needed: aatri run")  # fmt: skip
+    path = _file(run, stage, key)
+    said = {"stage": stage, "old": old["key"], "new": key, "why": why, "by": getpass.getuser(), "time": now()}
+    with on_disk(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(path, said)
+    return path
+
+
+def _file(run: Path, stage: str, key: str) -> Path:
+    return base_of(run) / "accepted" / stage / f"{key}.json"

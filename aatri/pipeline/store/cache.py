@@ -1,0 +1,111 @@
+"""What can be computed again but costs time: kept in the user's cache folder, never in a run.
+
+A cache is one JSON file that is read whole and replaced whole; of two writers at once the later wins, and what the
+other had found is found again. A damaged or unwritable cache is as good as an empty one.
+
+A file's digest is trusted as long as its size, times and inode are those seen when it was computed, and it was not
+changed so shortly before that a second change within the clock's grain could have gone unseen.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from aatri.pipeline.store.durable import temporary_name
+
+_GRAIN_NS = 2_000_000_000
+"""File times may be this coarse, as on FAT and some network file systems."""
+
+
+def cache_folder() -> Path:
+    """The user's cache folder of aatri: `$XDG_CACHE_HOME/aatri`, else `~/.cache/aatri`, or the system's counterpart."""
+    if given := os.environ.get("XDG_CACHE_HOME"):
+        return Path(given) / "aatri"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "aatri" / "cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "aatri"
+    return Path.home() / ".cache" / "aatri"
+
+
+def cache_name(kind: str, of: Path) -> Path:
+    """File of the cache of a kind that belongs to a folder."""
+    where = hashlib.sha256(os.fsencode(of.absolute())).hexdigest()[:16]
+    return cache_folder() / f"{kind}-{where}.json"
+
+
+class Cache:
+    """Values by key, in one JSON file; `None` as the file keeps them in memory only."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path, self._changed = path, False
+        self._values: dict[str, Any] = {}
+        if path is not None:
+            with contextlib.suppress(OSError, ValueError):
+                loaded = json.loads(path.read_text(encoding="utf-8"))
+                self._values = loaded if isinstance(loaded, dict) else {}
+
+    def get(self, key: str) -> Any:
+        """The value, or None."""
+        return self._values.get(key)
+
+    def put(self, key: str, value: Any) -> None:
+        """Keep a value."""
+        self._values[key] = value
+        self._changed = True
+
+    def save(self, most: int = 5000) -> None:
+        """Write what is new, the latest `most` values; a cache that cannot be written is let be."""
+        if self._path is None or not self._changed:
+            return
+        kept = dict(list(self._values.items())[-most:])
+        with contextlib.suppress(OSError):
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            temporary = temporary_name(self._path)
+            try:
+                temporary.write_text(json.dumps(kept, separators=(",", ":")), encoding="utf-8")
+                temporary.replace(self._path)
+            finally:
+                temporary.unlink(missing_ok=True)
+        self._changed = False
+
+
+def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:
+    """What `compute` finds in a file, from the cache as long as the file is the same.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    key = str(path)
+    state = stat_of(path)
+    known = cache.get(key)
+    if known is not None and known["stat"] == state and max(state[1:3]) + _GRAIN_NS < known["seen"]:
+        return known["value"]
+    seen = time.time_ns()
+    value = compute(path)
+    if stat_of(path) == state and (known is None or known["stat"] != state or known["value"] != value
+                                   or max(state[1:3]) + _GRAIN_NS < seen):  # fmt: skip
+        cache.put(key, {"stat": state, "seen": seen, "value": value})
+    return value
+
+
+def stat_of(path: Path) -> list[int]:
+    """Size, times and inode of a file."""
+    found = path.stat()
+    return [found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino]
+
+
+def file_sha256(path: Path) -> str:
+    """Hex SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,61 @@
+"""RUN/events.jsonl: what happened, one JSON line each, only ever appended to.
+
+A line goes out in one write; a crash can leave the last one unfinished, which reading passes over and the next writer
+ends with a new line.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.provenance import now
+
+
+class Events:
+    """The events of a run, open for appending."""
+
+    def __init__(self, run: Path) -> None:
+        self._path = run / "events.jsonl"
+        with on_disk(self._path):
+            self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+            size = os.fstat(self._handle).st_size
+            if size and _last_byte(self._handle, size) != b"\n":
+                os.write(self._handle, b"\n")
+
+    def add(self, event: str, **about: Any) -> None:
+        """Append an event."""
+        line = json.dumps({"time": now(), "event": event, **about}, ensure_ascii=False, allow_nan=False)
+        with on_disk(self._path):
+            os.write(self._handle, f"{line}\n".encode())
+
+    def close(self) -> None:
+        """Bring the lines to the disk."""
+        try:
+            with on_disk(self._path):
+                os.fsync(self._handle)
+        finally:
+            with on_disk(self._path):
+                os.close(self._handle)
+
+
+def read_events(run: Path) -> Iterator[dict[str, Any]]:
+    """The events of a run, without lines that were not finished."""
+    try:
+        text = (run / "events.jsonl").read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return
+    for line in text.splitlines():
+        try:
+            yield json.loads(line)
+        except ValueError:
+            continue
+
+
+def _last_byte(handle: int, size: int) -> bytes:
+    os.lseek(handle, size - 1, os.SEEK_SET)
+    return os.read(handle, 1)

@@ -1,0 +1,1 @@
+"""Drawings as SVG: axes, charts, the plan of a block, residuals."""

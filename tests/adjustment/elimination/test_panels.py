@@ -1,0 +1,91 @@
+"""Panels in a file: the same bits, and nothing left behind."""
+
+from __future__ import annotations
+
+import errno
+import gc
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.elimination.panels import PanelsInFile
+from aatri.errors import ResourceError
+from tests.adjustment.block_problem import shared_problem
+from tests.adjustment.test_solve import _many_fronts
+
+SHAPES = [(5, 3), (4, 4), (0, 0), (7, 1)]
+
+
+def _written() -> tuple[PanelsInFile, list[np.ndarray]]:
+    rng = np.random.default_rng(0)
+    given = [np.asfortranarray(rng.normal(size=shape)) for shape in SHAPES]
+    panels = PanelsInFile(SHAPES)
+    for k in (3, 0, 1):
+        panels[k] = given[k]
+    return panels, given
+
+
+def _open_files() -> int:
+    return len(os.listdir("/proc/self/fd"))
+
+
+def test_what_is_read_is_what_was_written() -> None:
+    panels, given = _written()
+    for k in (0, 1, 3):
+        found = panels[k]
+        assert found.flags.f_contiguous
+        assert (found == given[k]).all()
+
+
+def test_a_panel_is_kept_while_its_front_is_used_again() -> None:
+    front = np.asfortranarray(np.arange(25.0).reshape(5, 5))
+    panels = PanelsInFile([(5, 2)])
+    panels[0] = front[:, :2]
+    front[:] = 0.0
+    assert (panels[0] == np.arange(25.0).reshape(5, 5)[:, :2]).all()
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="open files are counted in /proc")
+def test_nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    gc.collect()
+    before = _open_files()
+    panels, _ = _written()
+    assert _open_files() == before + 1
+    panels.clear()
+    assert _open_files() == before
+    again, _ = _written()
+    del again
+    assert _open_files() == before
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(**_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    with pytest.raises(ResourceError, match=r"no room for the factor of 1.9e-07 GB \(No space left on device\)"):
+        PanelsInFile([(6, 4)])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_bits_with_and_without_spilling(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    _many_fronts(monkeypatch)
+    unknowns, records, start = shared_problem(1, n_kept=14, n_points=40)
+    kept = adjust_large(unknowns, records, start, threads=threads)
+    spilled = adjust_large(unknowns, records, start, threads=threads, memory_gb=0.0, solver="direct")
+    assert spilled.problem.spill
+    assert not kept.problem.spill
+    for name, value in kept.state.items():
+        assert (spilled.state[name] == value).all()
+    expected, found = marginal_covariances(kept), marginal_covariances(spilled)
+    for name, covariance in expected.groups.items():
+        assert (found.groups[name] == covariance).all()
+    assert replace(spilled, problem=kept.problem).cost == kept.cost

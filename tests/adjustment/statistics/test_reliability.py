@@ -1,0 +1,50 @@
+"""Reliability: identities, and calibration by simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.statistics.reliability import DELTA0, reliability
+
+
+def test_independent_components_follow_the_textbook() -> None:
+    sigma, r, v = np.array([[2.0, 3.0]]), np.array([[0.25, 0.81]]), np.array([[1.0, -2.0]])
+    S = np.einsum("ni,ij->nij", sigma**2, np.eye(2))
+    found = reliability(v, S, S * (1 - r)[:, :, None])
+    np.testing.assert_allclose(found.redundancy, r)
+    np.testing.assert_allclose(found.test, v / (sigma * np.sqrt(r)))
+    np.testing.assert_allclose(found.detectable, DELTA0 * sigma / np.sqrt(r))
+
+
+def test_what_nothing_controls_has_no_test() -> None:
+    found = reliability(np.zeros((1, 2)), np.eye(2)[None], np.diag([1.0, 0.5])[None])
+    assert found.redundancy[0].tolist() == [0.0, 0.5]
+    assert np.isnan(found.test[0, 0])
+    assert np.isnan(found.detectable[0, 0])
+
+
+def test_statistics_are_standard_normal_and_errors_of_the_detectable_size_are_found_with_80_percent() -> None:
+    rng = np.random.default_rng(8)
+    A = rng.normal(size=(30, 5))
+    half = rng.normal(size=(10, 3, 3))
+    S = half @ half.swapaxes(1, 2) + 0.5 * np.eye(3)
+    L = np.linalg.cholesky(S)
+    W = np.zeros((30, 30))
+    for k in range(10):
+        W[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = np.linalg.inv(S[k])
+    Q = np.linalg.inv(A.T @ W @ A)
+    hat = A @ Q @ A.T
+    adjusted = np.stack([hat[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(10)])
+    residuals_of = A @ Q @ A.T @ W - np.eye(30)
+
+    def tests(errors: np.ndarray) -> np.ndarray:
+        return reliability((residuals_of @ errors).reshape(10, 3), S, adjusted).test
+
+    noise = np.einsum("kij,nkj->nki", L, rng.normal(size=(4000, 10, 3))).reshape(-1, 30)
+    w = np.stack([tests(e) for e in noise])
+    # 120,000 values, correlated within a run: the mean square within 3 %
+    assert (w**2).mean() == pytest.approx(1.0, abs=0.03)
+    size = reliability(np.zeros((10, 3)), S, adjusted).detectable[4, 1]
+    found = [abs(tests(e + size * np.eye(30)[13])[4, 1]) > 3.29 for e in noise]
+    assert np.mean(found) == pytest.approx(0.80, abs=0.02)

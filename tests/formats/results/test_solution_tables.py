@@ -1,0 +1,122 @@
+"""The CSV tables of a Solution."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+
+import numpy as np
+import pytest
+
+from aatri.artifacts import block as b
+from aatri.artifacts.solution import Parameters
+from aatri.errors import ResourceError
+from aatri.formats.results.solution_tables import point_roles, write_solution_tables
+from aatri.geometry.rotations import rotation_from_angles
+from tests.made_solutions import made_block, made_solution
+
+
+def _read(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_numbers_read_back_to_the_same_bits(tmp_path):
+    block = made_block()
+    shift = np.random.default_rng(1).normal(0, 0.1, (20, 3))
+    solution = made_solution(block, shift_m=shift)
+    write_solution_tables(solution, block, tmp_path / "out")
+    rows = _read(tmp_path / "out" / "points.csv")
+    read = np.array([[float(row[axis]) for axis in ("X_m", "Y_m", "Z_m")] for row in rows])
+    np.testing.assert_array_equal(read, solution.points.xyz_m)
+    assert {row["sX_m"] for row in rows} == {"0.02"}
+
+
+def test_both_angle_systems_are_in_degrees_and_kappa_takes_the_whole_turn(tmp_path):
+    block = made_block()
+    solution = made_solution(block)
+    angles = np.radians(np.tile([1.0, -2.0, 170.0], (len(block.images), 1)))
+    images = dataclasses.replace(solution.images, ground_from_image=rotation_from_angles(angles))
+    write_solution_tables(dataclasses.replace(solution, images=images), block, tmp_path)
+    row = _read(tmp_path / "exterior.csv")[0]
+    opk = [float(row[name]) for name in ("omega_deg", "phi_deg", "kappa_deg")]
+    assert opk == pytest.approx([1.0, -2.0, 170.0])
+    pok = np.radians([float(row[name]) for name in ("phi_pok_deg", "omega_pok_deg", "kappa_pok_deg")])
+    np.testing.assert_allclose(rotation_from_angles(pok, "phi-omega-kappa"), images.ground_from_image[0], atol=1e-14)
+
+
+def test_near_vertical_angle_sigmas_are_those_of_the_increments(tmp_path):
+    block = made_block()
+    write_solution_tables(made_solution(block), block, tmp_path)
+    row = _read(tmp_path / "exterior.csv")[0]
+    for name in ("somega_deg", "sphi_deg", "skappa_deg", "sphi_pok_deg", "somega_pok_deg", "skappa_pok_deg"):
+        assert float(row[name]) == pytest.approx(np.degrees(1e-5), rel=1e-9)
+    assert float(row["sX_m"]) == pytest.approx(0.01)
+
+
+def test_what_is_not_determined_is_an_empty_cell(tmp_path):
+    block = made_block()
+    shift = np.zeros((20, 3))
+    shift[0] = np.nan
+    solution = made_solution(block, shift_m=shift)
+    oriented = np.arange(len(block.images)) > 0
+    images = dataclasses.replace(
+        solution.images,
+        oriented=oriented,
+        ground_from_image=np.where(oriented[:, None, None], solution.images.ground_from_image, np.nan),
+        position_m=np.where(oriented[:, None], solution.images.position_m, np.nan),
+        covariance=np.where(oriented[:, None, None], solution.images.covariance, np.nan),
+    )
+    write_solution_tables(dataclasses.replace(solution, images=images), block, tmp_path)
+    point, image = _read(tmp_path / "points.csv")[0], _read(tmp_path / "exterior.csv")[0]
+    assert [point["X_m"], point["Y_m"], point["Z_m"]] == ["", "", ""]
+    assert {value for name, value in image.items() if name not in ("image", "image_points")} == {""}
+    assert _read(tmp_path / "residuals.csv")[0]["vz"] == ""
+
+
+def test_residuals_carry_their_unit(tmp_path):
+    block = made_block()
+    write_solution_tables(made_solution(block), block, tmp_path)
+    units = {(row["kind"], row["unit"]) for row in _read(tmp_path / "residuals.csv")}
+    assert units == {("image_point", "mm"), ("control", "m")}
+
+
+@pytest.mark.parametrize("text", ["=cmd|' /C calc'!A0", "+1", "-2", "@SUM(A1)", "\t=1"])
+def test_a_text_that_looks_like_a_formula_is_prefixed_and_a_number_is_not(tmp_path, text):
+    block = made_block()
+    names = block.points.id.astype("U32")
+    solution = made_solution(block, shift_m=[-1000.0, 0.0, 0.0])
+    names[0] = text
+    points = dataclasses.replace(solution.points, id=names)
+    write_solution_tables(dataclasses.replace(solution, points=points), block, tmp_path)
+    row = _read(tmp_path / "points.csv")[0]
+    assert row["point"] == "'" + text
+    assert row["X_m"] == "-1000.0"
+
+
+def test_roles_are_written_as_in_the_block_folder():
+    block = made_block()
+    role = block.ground_points.role.copy()
+    role[0] = [b.CONTROL, b.CONTROL, b.CHECK]
+    role[1] = [b.NO_ROLE, b.NO_ROLE, b.CONTROL]
+    block = dataclasses.replace(block, ground_points=dataclasses.replace(block.ground_points, role=role))
+    roles = point_roles(block)[block.ground_points.point]
+    assert roles[:4].tolist() == ["XY:control Z:check", "Z:control", "check", "check"]
+    assert (point_roles(block) == "").sum() == 12
+
+
+def test_parameters_have_a_table_only_if_there_are_any(tmp_path):
+    block = made_block()
+    without = write_solution_tables(made_solution(block), block, tmp_path / "a")
+    assert [path.name for path in without] == ["exterior.csv", "points.csv", "cameras.csv", "residuals.csv"]
+    parameters = Parameters(group=["interior"], object=["1-0"], name=["d0"], value=[1e-3], sigma=[np.nan])
+    solution = made_solution(block, parameters=parameters)
+    assert write_solution_tables(solution, block, tmp_path / "b")[-1].name == "parameters.csv"
+    assert _read(tmp_path / "b" / "parameters.csv")[0]["sigma"] == ""
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_with_its_place(tmp_path):
+    block = made_block()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResourceError, match="file"):
+        write_solution_tables(made_solution(block), block, tmp_path / "file")

@@ -1,0 +1,89 @@
+"""Strict CSV: cells, places and numbers."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aatri.errors import AatriError
+from aatri.formats.text.csv_cells import cells_of, start_of_cell
+from aatri.formats.text.csv_table import Column, read_csv
+from aatri.formats.text.number_text import number_of, numbers_of, what_is_wrong
+
+COLUMNS = {"id": Column("id", "cell"), "x": Column("number", "cell"), "note": Column("text")}
+
+
+@pytest.mark.parametrize("text", ["0", "-1.5", "+2.", ".5", "1e-3", "1E+05", "007"])
+def test_plain_numbers_are_numbers(text: str) -> None:
+    assert number_of(text) == float(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "1_000", "nan", "inf", "1e400", "１２", "٣", "1,5", "1 000", "0x10", "\u22121", "1e", ".", "--1", "1d3"],
+)
+def test_nothing_else_is_a_number(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        number_of(text)
+    assert what_is_wrong(text)
+
+
+@given(
+    st.lists(st.one_of(st.just(""), st.floats(allow_nan=False, allow_infinity=False).map(repr), st.text(max_size=5)))
+)
+def test_a_column_is_read_like_its_cells(cells: list[str]) -> None:
+    values, bad = numbers_of(cells)
+    for k, cell in enumerate(cells):
+        try:
+            expected = number_of(cell) if cell else np.nan
+            assert k not in bad
+            np.testing.assert_equal(values[k], expected)
+        except ValueError:
+            assert k in bad
+
+
+@given(
+    st.lists(st.text(st.characters(exclude_characters="\r\n\0")).map(lambda t: t.strip(" \t")), min_size=1, max_size=5)
+)
+def test_quoted_cells_come_back(cells: list[str]) -> None:
+    line = ",".join('"' + cell.replace('"', '""') + '"' for cell in cells)
+    assert cells_of(line) == cells
+
+
+def test_an_open_quote_is_refused() -> None:
+    with pytest.raises(csv.Error):
+        cells_of('a,"b,c')
+
+
+@pytest.mark.parametrize(("index", "character"), [(0, 1), (1, 3), (2, 12), (3, 14)])
+def test_the_place_of_a_cell_is_its_first_character(index: int, character: int) -> None:
+    assert start_of_cell('a,"b,""c", d,', index) == character
+
+
+def test_comments_blank_lines_own_columns_and_blanks_do_not_count(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text('# note\nx , id,x_mine\n\n 1.5 ,"#7", ?\n  # more\n2,8,\n')
+    problems: list[AatriError] = []
+    table = read_csv(path, COLUMNS, problems)
+    assert problems == []
+    assert table.text["id"] == ["#7", "8"]
+    assert table.number["x"].tolist() == [1.5, 2.0]
+    assert table.text["note"] == ["", ""]
+    assert table.line.tolist() == [4, 6]
+    assert table.where(0, "id") == f"{path}:4:7"
+
+
+def test_rows_beyond_one_chunk_keep_their_lines(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    n = 120_000
+    path.write_text("id,x\n" + "".join(f"p{k},{k}.5\n" for k in range(n)) + "last,oops\n")
+    problems: list[AatriError] = []
+    table = read_csv(path, COLUMNS, problems)
+    assert table.number["x"][:n].tolist() == [k + 0.5 for k in range(n)]
+    assert table.line[-1] == n + 2
+    assert [problem.where for problem in problems] == [f"{path}:{n + 2}:6"]

@@ -1,0 +1,188 @@
+"""Free network: inner constraints against the pseudo-inverse and the bordered system of the dense normal matrix."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.covariance.s_transformation import s_transformed
+from aatri.adjustment.reference import dense_jacobian, free_columns
+from aatri.errors import GeometryError
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
+from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from tests.orientation.bundle.made_bundle import made_bundle
+
+TIGHT = {"tolerance": 1e-9}
+
+
+@pytest.fixture(scope="module")
+def given() -> BundleInput:
+    return replace(made_bundle(), marked=np.arange(30) % 4 == 0)
+
+
+@pytest.fixture(scope="module")
+def free(given: BundleInput) -> BundleResult:
+    return adjust_bundle(given, datum="free", **TIGHT)
+
+
+def _all_free(result: BundleResult):
+    """The unknowns of a block with nothing held for the datum, the dense Jacobian there, the columns of its scalars."""
+    unknowns = [replace(u, free=np.ones_like(u.free)) for u in result.adjusted.problem.unknowns]
+    J, _ = dense_jacobian(unknowns, result.adjusted.problem.records, result.adjusted.state)
+    return J, free_columns(unknowns)
+
+
+def _seven(result: BundleResult, columns) -> np.ndarray:
+    """The seven directions written down one by one: shifts, rotations about the axes and scale about the centroid."""
+    poses, xyz = result.adjusted.state[POSE], result.adjusted.state[POINT]
+    H = np.zeros((columns[POINT].max() + 1, 7))
+    centre = xyz.mean(axis=0)
+    for at, x in ((columns[POSE][:, :3], poses.position_m - centre), (columns[POINT], xyz - centre)):
+        for k in range(3):
+            H[at[:, k], k] = 1.0
+            H[at, 3 + k] = np.cross(np.eye(3)[k], x)
+        H[at, 6] = x
+    for k in range(3):
+        H[columns[POSE][:, 3 + k], 3 + k] = 1.0
+    return H
+
+
+def _bordered(J, G):
+    """Upper left block of [N G; G' 0]^-1, scaled against the different units."""
+    N = J.T @ J
+    scale = 1 / np.sqrt(np.diag(N))
+    border = scale[:, None] * G
+    border = border / np.linalg.norm(border, axis=0)
+    whole = np.block([[scale[:, None] * N * scale, border], [border.T, np.zeros((7, 7))]])
+    return scale[:, None] * np.linalg.inv(whole)[: len(N), : len(N)] * scale
+
+
+@pytest.mark.parametrize("over", ["points", "images", "marked"])
+def test_covariances_are_those_of_the_system_bordered_by_inner_constraints(given: BundleInput, over: str) -> None:
+    result = adjust_bundle(given, datum="free", datum_over=over, **TIGHT)  # type: ignore[arg-type]
+    J, columns = _all_free(result)
+    H = _seven(result, columns)
+    np.testing.assert_allclose(J @ H, 0.0, atol=1e-7 * np.abs(J).max())
+    chosen = {"points": columns[POINT], "images": columns[POSE][:, :3], "marked": columns[POINT][::4]}[over].ravel()
+    G = np.zeros_like(H)
+    G[chosen] = H[chosen]
+    Q = _bordered(J, G)
+    for found, c in ((result.pose_covariance, columns[POSE]), (result.point_covariance_m2, columns[POINT])):
+        expected = Q[c[:, :, None], c[:, None, :]]
+        scale = np.sqrt(np.einsum("nii->ni", expected))
+        relative = (found - expected) / (scale[:, :, None] * scale[:, None, :])
+        assert np.abs(relative).max() < 1e-8
+
+
+def test_with_a_datum_of_all_scalars_the_covariance_is_the_pseudo_inverse(free: BundleResult) -> None:
+    """Which is the upper left block of the inverse bordered by all of H; NumPy's own loses digits in mixed units."""
+    adjusted = free.adjusted
+    J, columns = _all_free(free)
+    H = _seven(free, columns)
+    Q = _bordered(J, H)
+    np.testing.assert_allclose(Q, np.linalg.pinv(J.T @ J, rcond=1e-13, hermitian=True), atol=1e-6 * np.abs(Q).max())
+    held = marginal_covariances(adjusted).groups
+    every = {u.name: np.ones(u.free.shape, dtype=bool) for u in adjusted.problem.unknowns}
+    found = s_transformed(adjusted.problem, adjusted.state, held, {g: H[c] for g, c in columns.items()}, every)
+    for group, c in columns.items():
+        expected = Q[c[:, :, None], c[:, None, :]]
+        scale = np.sqrt(np.einsum("nii->ni", expected))
+        relative = (found[group] - expected) / (scale[:, :, None] * scale[:, None, :])
+        assert np.abs(relative).max() < 1e-8
+
+
+def test_no_datum_has_a_smaller_trace_over_the_points_of_the_datum(given: BundleInput, free: BundleResult) -> None:
+    def trace(result: BundleResult) -> float:
+        return float(np.einsum("nii->", result.point_covariance_m2))
+
+    others = [adjust_bundle(given, datum="minimal", **TIGHT)]
+    others += [adjust_bundle(given, datum="free", datum_over=over, **TIGHT) for over in ("images", "marked")]
+    assert all(trace(free) < trace(other) for other in others)
+    marked = given.marked
+    assert np.einsum("nii->", others[2].point_covariance_m2[marked]) < np.einsum(
+        "nii->", free.point_covariance_m2[marked]
+    )
+
+
+def test_sigma0_residuals_and_redundancy_numbers_do_not_depend_on_the_datum(
+    given: BundleInput, free: BundleResult
+) -> None:
+    minimal = adjust_bundle(given, datum="minimal", **TIGHT)
+    assert free.adjusted.redundancy == minimal.adjusted.redundancy
+    assert free.adjusted.sigma0 == pytest.approx(minimal.adjusted.sigma0, rel=1e-9)
+    v, w = (r.adjusted.problem.records[0].residuals(r.adjusted.state) for r in (free, minimal))
+    np.testing.assert_allclose(v, w, atol=1e-9)
+    np.testing.assert_allclose(free.ray_covariance, minimal.ray_covariance, atol=1e-7)
+
+
+@pytest.mark.parametrize("over", ["points", "images", "marked"])
+def test_the_datum_has_no_shift_rotation_or_scale_against_its_start(given: BundleInput, over: str) -> None:
+    result = adjust_bundle(given, datum="free", datum_over=over, **TIGHT)  # type: ignore[arg-type]
+    if over == "images":
+        x, x0 = result.poses.position_m, given.poses.position_m
+    else:
+        some = given.marked if over == "marked" else np.ones(30, bool)
+        x, x0 = result.xyz_m[some], given.xyz_m[some]
+    shift, away = x - x0, x - x.mean(axis=0)
+    assert np.abs(shift).max() > 0.1
+    np.testing.assert_allclose(shift.sum(axis=0), 0.0, atol=1e-8)
+    np.testing.assert_allclose(np.cross(away, shift).sum(axis=0), 0.0, atol=1e-5)
+    np.testing.assert_allclose((away * shift).sum(), 0.0, atol=1e-5)
+
+
+def _positions(given: BundleInput, sigma_m: float = 0.1) -> PositionRows:
+    n = len(given.image_ids)
+    covariance = np.tile(sigma_m**2 * np.eye(3), (n, 1, 1))
+    return PositionRows(np.arange(n, dtype=np.int32), given.poses.position_m, covariance, np.zeros((n, 3)))
+
+
+def _control(given: BundleInput, points, observed) -> ControlRows:
+    n = len(points)
+    at = np.array(points, dtype=np.int32)
+    used = np.tile(np.array(observed, dtype=bool), (n, 1))
+    return ControlRows(at, given.xyz_m[at], np.tile(0.01 * np.eye(3), (n, 1, 1)), used, np.zeros((n, 3), dtype=bool))
+
+
+def test_with_observed_positions_of_all_images_nothing_is_free(given: BundleInput) -> None:
+    with pytest.raises(GeometryError, match="nothing is free"):
+        adjust_bundle(replace(given, positions=_positions(given)), datum="free")
+
+
+@pytest.mark.parametrize(
+    ("points", "observed", "defect"),
+    [((3,), (1, 1, 1), 4), ((3, 9), (1, 1, 1), 1), ((2, 5, 11, 17), (0, 0, 1), 3)],
+)
+def test_what_control_leaves_open_is_free_and_the_rest_is_kept(points, observed, defect: int) -> None:
+    """One point: rotations and scale; two: the rotation about their line; heights: shift in plan, azimuth.
+
+    Control has errors of half its standard deviation.
+    """
+    given = made_bundle(start_error=0.05)
+    partly = replace(given, control=_control(given, points, observed))
+    result = adjust_bundle(partly, datum="free", **TIGHT)
+    total = 6 * 6 + 30 * 3
+    assert result.adjusted.n_unknowns == total - defect
+    minimal = adjust_bundle(given, datum="minimal", **TIGHT)
+    extra = len(points) * sum(observed) - (7 - defect)
+    assert result.adjusted.redundancy == minimal.adjusted.redundancy + extra
+    J, _ = _all_free(result)
+    assert np.linalg.matrix_rank(J / np.linalg.norm(J, axis=0), tol=1e-8) == total - defect
+    held = marginal_covariances(result.adjusted).groups[POINT]
+    assert np.einsum("nii->", result.point_covariance_m2) < np.einsum("nii->", held)
+
+
+def test_a_datum_that_cannot_carry_the_seven_is_refused(given: BundleInput) -> None:
+    two = replace(given, marked=np.arange(30) < 2)
+    with pytest.raises(GeometryError, match="do not carry the 7 components"):
+        adjust_bundle(two, datum="free", datum_over="marked")
+
+
+def test_directions_that_are_open_for_small_movements_only_are_refused() -> None:
+    """Three heights leave a scale open that goes with a tilt: to first order, not for finite movements."""
+    given = made_bundle(start_error=0.05)
+    with pytest.raises(GeometryError, match="not free beyond small movements"):
+        adjust_bundle(replace(given, control=_control(given, (3, 9, 20), (0, 0, 1))), datum="free", **TIGHT)

@@ -1,0 +1,130 @@
+"""Strip block adjustment with polynomials."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.geometry.polynomials import correction_design, strip_axes
+from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.orientation.free_block.strip_polynomials import adjust_strip_polynomials
+from aatri.orientation.free_block.tie_elimination import Control
+
+RNG = np.random.default_rng(21)
+
+
+def _block(n_strips=3, noise_m=0.0, bend_m=0.3, degree_terms=5):
+    """Strips along X and one across; each deformed by a polynomial in its own axes. Returns truth and strips."""
+    x, y = np.meshgrid(np.arange(0, 2001, 100.0), np.arange(0, 300.0 * n_strips + 1, 60.0), indexing="ij")
+    truth = np.column_stack([x.ravel(), y.ravel(), RNG.uniform(0, 20, x.size)])
+    sets = [np.flatnonzero(abs(truth[:, 1] - 300 * k - 150) <= 215) for k in range(n_strips)]
+    centres = [np.column_stack([np.arange(0, 2001, 250.0), np.full(9, 300.0 * k + 150), np.full(9, 400.0)])
+               for k in range(n_strips)]  # fmt: skip
+    sets.append(np.flatnonzero(abs(truth[:, 0] - 1000) <= 215))
+    centres.append(np.column_stack([np.full(6, 1000.0), np.linspace(0, 300 * n_strips, 6), np.full(6, 400.0)]))
+    axes, parts = [], []
+    for members, stations in zip(sets, centres):
+        ax = strip_axes(truth[members], stations)
+        coefficients = RNG.normal(0, bend_m, 15) * np.tile(np.arange(5) < degree_terms, 3)
+        # The corrected point is the truth: the deformed one is found by iteration, as the terms depend on it.
+        deformed = truth[members].copy()
+        for _ in range(60):
+            deformed = truth[members] - correction_design(ax, deformed) @ coefficients
+        axes.append(ax)
+        parts.append(deformed + RNG.normal(0, noise_m, deformed.shape))
+    n = [len(p) for p in parts]
+    points = StripPoints(np.repeat(np.arange(len(n)), n), np.concatenate(sets), np.concatenate(parts),
+                         np.tile(np.diag([1e-4, 1e-4, 4e-4]), (sum(n), 1, 1)))  # fmt: skip
+    return truth, points, axes
+
+
+def _control(truth, rows, given=(True, True, True), sigma=0.0):
+    rows = np.asarray(rows)
+    return Control(rows, truth[rows], np.tile(np.eye(3) * sigma**2, (len(rows), 1, 1)), np.tile(given, (len(rows), 1)))
+
+
+def test_second_degree_deformation_is_recovered_with_enough_control():
+    truth, points, axes = _block()
+    found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 11)))
+    assert (found.degree == 2).all()
+    assert found.falls == ()
+    assert np.abs(found.point_m - truth).max() < 1e-9
+    assert found.tied.tau_m == 0.0
+
+
+def test_error_free_strips_stay_as_they_are():
+    truth, points, axes = _block(bend_m=0.0)
+    found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 11)))
+    assert np.abs(found.coefficients_m).max() < 1e-9
+    assert np.abs(found.point_m - truth).max() < 1e-9
+
+
+def test_the_degree_falls_where_control_is_too_little_and_says_why():
+    truth, points, axes = _block(n_strips=1)
+    single = points.take(points.strip == 0)
+    corners = [
+        int(np.argmin(np.linalg.norm(truth[:, :2] - c, axis=1))) for c in ([0, 0], [0, 300], [2000, 0], [2000, 300])
+    ]
+    found = adjust_strip_polynomials(single, len(truth), axes[:1], _control(truth, corners))
+    # Four points against five coefficients: the bend along the strip is open.
+    assert found.degree.tolist() == [[1, 1]]
+    assert [(fall.part, fall.degree) for fall in found.falls] == [("plan", 1), ("height", 1)]
+    assert "rank 4 of 5" in found.falls[1].reason
+    assert "c_UU" in found.falls[1].reason
+
+
+def test_plan_and_height_fall_apart():
+    truth, points, axes = _block(n_strips=1)
+    single = points.take(points.strip == 0)
+    heights = np.arange(0, len(truth), 7)
+    plan = heights[[0, 3, -1]]
+    control = _control(truth, heights)
+    given = control.given.copy()
+    given[:, :2] = np.isin(heights, plan)[:, None]
+    found = adjust_strip_polynomials(single, len(truth), axes[:1],
+                                     Control(control.point, control.xyz_m, control.covariance_m2, given))  # fmt: skip
+    assert found.degree[0, 1] == 2
+    assert found.degree[0, 0] < 2
+
+
+def test_a_degree_that_would_extrapolate_is_not_used():
+    truth, points, axes = _block(n_strips=1, noise_m=0.01)
+    single = points.take(points.strip == 0)
+    first_quarter = np.flatnonzero(truth[:, 0] <= 400)
+    found = adjust_strip_polynomials(single, len(truth), axes[:1], _control(truth, first_quarter, sigma=0.01))
+    assert (found.degree < 2).all()
+    assert "less precise than a point" in found.falls[0].reason
+
+
+def test_deformation_beyond_the_polynomial_is_estimated():
+    truth, points, axes = _block(noise_m=0.05)
+    found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 5), sigma=0.01))
+    # 5 cm in every coordinate, of which the covariances explain 1, 1 and 2 cm.
+    assert found.tied.tau_m == pytest.approx(np.sqrt(0.05**2 - 2e-4), abs=0.004)
+
+
+def test_a_wrong_tie_and_wrong_control_are_rejected():
+    truth, points, axes = _block(noise_m=0.01)
+    rows = np.arange(0, len(truth), 5)
+    control = _control(truth, rows, sigma=0.01)
+    wrong_control = control.xyz_m.copy()
+    wrong_control[9] += [0.0, 0.0, 0.6]
+    shared = np.flatnonzero(np.bincount(points.point)[points.point] == 3)
+    tie = int(shared[~np.isin(points.point[shared], rows)][0])
+    xyz = points.xyz.copy()
+    xyz[tie] += [0.0, 0.7, 0.0]
+    found = adjust_strip_polynomials(
+        StripPoints(points.strip, points.point, xyz, points.covariance), len(truth), axes,
+        Control(control.point, wrong_control, control.covariance_m2, control.given),
+    )  # fmt: skip
+    n = len(points.strip)
+    assert np.flatnonzero(~found.tied.active).tolist() == [tie, n + 9]
+    assert found.tied.size_m[tie, 1] == pytest.approx(0.7, abs=0.06)
+    assert found.tied.size_m[n + 9, 2] == pytest.approx(0.6, abs=0.06)
+
+
+def test_a_point_known_in_one_strip_only_is_corrected_with_its_strip():
+    truth, points, axes = _block(n_strips=1)
+    single = points.take(points.strip == 0)
+    found = adjust_strip_polynomials(single, len(truth), axes[:1], _control(truth, np.arange(0, len(truth), 9)))
+    np.testing.assert_allclose(found.corrected_m, truth[single.point], atol=1e-9)

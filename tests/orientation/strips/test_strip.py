@@ -1,0 +1,97 @@
+"""Scale transfer and the chain of models."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.orientation.relative.dependent import relative_orientation
+from aatri.orientation.strips.chain import form_strip
+from aatri.orientation.strips.scale_transfer import Model, scale_transfer
+
+sys.path.insert(0, str(Path(__file__).parent))
+from tests.orientation.relative.pairs import image_coordinates, rays_of, rotation
+
+
+def _strip(rng, n_images, kappa=0.0, density=3):
+    """Images along x with uneven bases and heights, points on relief; models from relative orientation."""
+    X0 = np.column_stack(
+        [0.55 * np.arange(n_images) + rng.normal(0, 0.02, n_images), rng.normal(0, 0.02, (n_images, 2))]
+    )
+    R = [rotation(rng, kappa=kappa) for _ in X0]
+    x = np.repeat(0.55 * np.arange(n_images), 3 * density)
+    y = np.tile(np.repeat([-0.55, 0, 0.55], density), n_images)
+    ground = np.column_stack([x, y, -np.ones_like(x)]) + rng.uniform(-0.08, 0.08, (len(x), 3))
+    return X0, R, ground, np.array([image_coordinates(ground, X0[i], R[i]) for i in range(n_images)])
+
+
+def _models(X0, R, ground, image_points):
+    models = []
+    for i in range(len(X0) - 1):
+        left, right = image_points[i], image_points[i + 1]
+        common = np.flatnonzero((np.abs(left) < 115).all(axis=1) & (np.abs(right) < 115).all(axis=1))
+        found = relative_orientation(rays_of(left[common], right[common]), snooping_limit=6.0)
+        use = found.active
+        models.append(
+            Model(
+                found.left_from_right,
+                found.base,
+                found.covariance,
+                common[use],
+                found.points.xyz[use],
+                found.points.covariance[use],
+            )
+        )
+    return models
+
+
+@pytest.mark.parametrize("kappa", [0.0, np.pi, np.pi / 2])
+def test_an_error_free_strip_is_reproduced_exactly(kappa):
+    X0, R, ground, xy = _strip(np.random.default_rng(1), 6, kappa=kappa)
+    models = _models(X0, R, ground, xy)
+    joints = [scale_transfer(a, b) for a, b in pairwise(models)]
+    strip = form_strip(models, joints)
+    base = np.linalg.norm(X0[1] - X0[0])
+    np.testing.assert_allclose(strip.position, (X0 - X0[0]) @ R[0] / base, atol=1e-11)
+    np.testing.assert_allclose(strip.strip_from_image, [R[0].T @ r for r in R], atol=1e-11)
+    np.testing.assert_allclose(strip.xyz, (ground[strip.point] - X0[0]) @ R[0] / base, atol=1e-10)
+    for joint, k in zip(joints, range(5)):
+        lengths = np.linalg.norm(np.diff(X0, axis=0), axis=1)
+        assert joint.scale == pytest.approx(lengths[k + 1] / lengths[k], abs=1e-12)
+        assert joint.active.all()
+    assert all(np.abs(d).max() < 1e-10 for d in strip.discrepancy)
+
+
+def test_scale_and_discrepancies_have_the_spread_their_sigmas_say():
+    rng = np.random.default_rng(7)
+    X0, R, ground, xy = _strip(rng, 3)
+    true = np.linalg.norm(X0[2] - X0[1]) / np.linalg.norm(X0[1] - X0[0])
+    tests, errors = [], []
+    for _ in range(100):
+        models = _models(X0, R, ground, xy + rng.normal(0, 0.005, xy.shape))
+        joint = scale_transfer(*models)
+        assert joint.active.all() or (~joint.active).sum() <= 1
+        tests.append(joint.test)
+        errors.append((joint.scale - true) / joint.sigma)
+    assert np.std(errors) == pytest.approx(1.0, abs=0.25)
+    assert np.sqrt(np.mean(np.concatenate(tests) ** 2)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_connection_point_wrong_in_x_is_found_and_left_out():
+    rng = np.random.default_rng(9)
+    X0, R, ground, xy = _strip(rng, 4)
+    xy = xy + rng.normal(0, 0.005, xy.shape)
+    wrong = 12
+    xy[2, wrong, 0] += 0.15
+    models = _models(X0, R, ground, xy)
+    joints = [scale_transfer(a, b) for a, b in pairwise(models)]
+    rejected = [joint.point[~joint.active].tolist() for joint in joints]
+    assert rejected[0] == [wrong]
+    joint = joints[0]
+    k = joint.point.tolist().index(wrong)
+    assert joint.test[k] > 4
+    assert wrong not in form_strip(models, joints).point
