@@ -6,8 +6,9 @@ import difflib
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from aatri.arrays import Int
+
 if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command line starts without it
-    import numpy as np
     import numpy.typing as npt
 
 MAX_BYTES = 255
@@ -19,7 +20,7 @@ def canonical(ids: Iterable[str]) -> list[str]:
     return sorted(set(ids), key=lambda text: text.encode("utf-8"))
 
 
-def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.NDArray[Any]) -> npt.NDArray[np.int32]:
+def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.NDArray[Any]) -> Int:
     """Row of each id in a table of ids; -1 where it is not there.
 
     Parameters

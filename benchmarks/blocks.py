@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from aatri.arrays import Float, Int
 from aatri.geometry.rotations import exp_rotation, rotation_from_angles
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,8 +29,8 @@ class ArrayBlock:
     """
 
     c_mm: float
-    image: npt.NDArray[np.int32]
-    point: npt.NDArray[np.int32]
+    image: Int
+    point: Int
     xy_mm: Float
     sigma_mm: float
     position_m: Float

@@ -13,12 +13,10 @@ X0 counts from the mean of the projection centres, to which COLMAP reduces as we
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.geometry.collinearity import collinearity
 from benchmarks.blocks import ArrayBlock
-
-Float = npt.NDArray[np.float64]
 
 
 def cost_and_gradient(block: ArrayBlock, X0: Float, ground_from_image: Float, X: Float) -> tuple[float, float]:
@@ -54,5 +52,5 @@ def cost_and_gradient(block: ArrayBlock, X0: Float, ground_from_image: Float, X:
     return cost, float(max(np.abs(g).max() for g in (g_t, g_theta, by_point)))
 
 
-def _summed(row: npt.NDArray[np.int32], values: Float, n: int) -> Float:
+def _summed(row: Int, values: Float, n: int) -> Float:
     return np.stack([np.bincount(row, values[:, j], minlength=n) for j in range(values.shape[1])], axis=1)

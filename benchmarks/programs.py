@@ -13,20 +13,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.arrays import Float
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
 from benchmarks.blocks import ArrayBlock
 from benchmarks.common_gradient import cost_and_gradient
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 
-def complex_step(f: Callable[[npt.NDArray[Any]], npt.NDArray[Any]], x: npt.NDArray[np.float64]) -> npt.NDArray[Any]:
+
+def complex_step(f: Callable[[npt.NDArray[Any]], npt.NDArray[Any]], x: Float) -> npt.NDArray[Any]:
     """Jacobian of f at x, shape (size of f, size of x)."""
     columns = []
     for k in range(x.size):

@@ -8,10 +8,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 from aatri.pipeline.methods.registry import Registry
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, Role, stage
-from aatri.tables.schema import Artifact, Float, Table, attribute, column, table
+from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.orientations import Control, Positions, given_orientations
+from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -16,8 +16,6 @@ from aatri.observations.poses import FILM, Poses
 from aatri.orientation.bundle.block import BundleInput, ControlRows, ParameterRows, PositionRows
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
-
-Float = npt.NDArray[np.float64]
 
 
 def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.calibration_tables import CalibrationTables
 from aatri.adapters.orientations import Control, Positions
 from aatri.adjustment.statistics.reliability import Reliability, reliability
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
@@ -28,8 +28,6 @@ from aatri.geometry.rotations import skew
 from aatri.observations.poses import CAMERA
 from aatri.orientation.bundle.adjust import BundleResult
 from aatri.orientation.bundle.block import BundleInput
-
-Float = npt.NDArray[np.float64]
 
 
 def bundle_solution(
@@ -138,7 +136,7 @@ def _tests(control: Control, positions: Positions, given: BundleInput, result: B
     return assemble.stacked(parts)
 
 
-def _control_tests(control: Control, known: npt.NDArray[np.integer], result: BundleResult) -> Tests:
+def _control_tests(control: Control, known: Int, result: BundleResult) -> Tests:
     """Reliability of the observed control coordinates; exact ones have none."""
     observed = control.observed[known]
     both = observed[:, :, None] & observed[:, None, :]

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.camera_parameters import Unit, Units, additional_parameters, camera_scale, units_of
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -20,8 +20,6 @@ from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.observations.poses import ADDITIONAL
 from aatri.orientation.bundle.block import ParameterRows
-
-Float = npt.NDArray[np.float64]
 
 _SAME = 1e-6
 """Nominal values and formats of two blocks are the same within this, mm."""
@@ -51,7 +49,7 @@ class Calibration:
     set: str
     interior: bool
     per: Unit
-    ids: npt.NDArray[np.str_]
+    ids: Text
     names: tuple[str, ...]
     scale: tuple[SetScale, ...]
     principal_point_mm: Float
@@ -94,7 +92,7 @@ def calibration_of(solution: Solution) -> Calibration:
                        scales, sets.principal_point_mm, p.value[mine].reshape(n, s), covariance)  # fmt: skip
 
 
-def calibrated_units(block: Block, calibration: Calibration) -> tuple[Units, npt.NDArray[np.int64]]:
+def calibrated_units(block: Block, calibration: Calibration) -> tuple[Units, Int]:
     """Units of a block and their rows in a calibration of the same cameras.
 
     Raises

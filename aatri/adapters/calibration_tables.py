@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.camera_parameters import Unit, Units, camera_scale, units_of
 from aatri.artifacts.block import Block
@@ -13,8 +12,6 @@ from aatri.artifacts.solution import CalibratedSets, ErrorFields, ParameterCovar
 from aatri.camera.parameters.error_field import image_error_field
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical
 from aatri.orientation.bundle.adjust import AdjustedParameters
-
-Float = npt.NDArray[np.float64]
 
 GRID = 11
 """Grid points of an image-error field in each direction."""

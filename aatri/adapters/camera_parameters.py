@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters
@@ -22,10 +22,6 @@ from aatri.errors import InputError
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.adjust import AdjustedParameters
 from aatri.orientation.bundle.block import ParameterRows
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Text = npt.NDArray[np.str_]
 
 Unit = Literal["camera", "session", "image"]
 
@@ -128,7 +124,7 @@ def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows 
     return _by_image(block, _camera_rows(block, image_points))
 
 
-def _is_open(block: Block) -> npt.NDArray[np.bool_]:
+def _is_open(block: Block) -> Bool:
     sigma = block.camera_parameters.sigma
     return np.asarray(block.camera_parameters.free | (np.isfinite(sigma) & (sigma > 0)))
 

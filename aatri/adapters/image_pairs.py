@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from aatri.adapters.solution import stacked
+from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import ModelPoints, Models, Orientations, Unformed
@@ -19,8 +18,7 @@ from aatri.geometry.coplanarity import Rays, ray_directions
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation.relative.dependent import RelativeOrientation
 
-Int = npt.NDArray[np.integer[Any]]
-Rows = npt.NDArray[np.int32]
+Rows = Int
 
 
 @dataclass(frozen=True)

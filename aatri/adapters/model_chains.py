@@ -5,21 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.image_pairs import images_of_strip
 from aatri.adapters.solution import stacked
+from aatri.arrays import Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Discrepancies, FreeStrips, Gaps, Joints, StripImages, StripPoints, Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.orientation.strips.chain import FreeStrip
 from aatri.orientation.strips.scale_transfer import Joint, Model
-
-Int = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)
@@ -178,7 +175,7 @@ def _discrepancies(first_joint: int, chain: Chain, strip: FreeStrip) -> Discrepa
 
 
 def _gaps(block: Block, gaps: Sequence[Gap]) -> Gaps:
-    def named(table: npt.NDArray[np.str_], row: int) -> str:
+    def named(table: Text, row: int) -> str:
         return str(table[row]) if row >= 0 else ""
 
     return Gaps(

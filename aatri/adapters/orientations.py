@@ -9,15 +9,11 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import ANTENNA, CONTROL, OBSERVED_VALUE, Block
 from aatri.errors import InputError
 from aatri.geometry.rotations import AngleSystem, rotation_from_angles
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import GroundPoints, ImageOrientations, Residuals, SolvedCameras
@@ -18,12 +18,8 @@ from aatri.tables.schema import Table, columns_of
 
 T = TypeVar("T", bound=Table)
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer[Any]]
-Bool = npt.NDArray[np.bool_]
 
-
-def check_same_block(block: Block, image_ids: Sequence[str] | npt.NDArray[np.str_], what: str) -> None:
+def check_same_block(block: Block, image_ids: Sequence[str] | Text, what: str) -> None:
     """Refuse an artifact that was made from another block: its images are others.
 
     Raises
@@ -83,7 +79,7 @@ def solved_cameras(block: Block) -> SolvedCameras:
 
 
 def residuals(
-    kind: str, row: Int, image: npt.NDArray[np.str_], point: npt.NDArray[np.str_], value: Float, sigma: Float,
+    kind: str, row: Int, image: Text, point: Text, value: Float, sigma: Float,
     active: Bool | None = None,
 ) -> Residuals:  # fmt: skip
     """Residuals of one kind; values of fewer than three coordinates are filled with NaN.

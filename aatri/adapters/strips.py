@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.orientations import Control, Positions
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
@@ -18,11 +17,6 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation.free_block.component_growth import StripPoints
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer[Any]]
-Bool = npt.NDArray[np.bool_]
-Text = npt.NDArray[np.str_]
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
 

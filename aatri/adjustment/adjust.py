@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints, support
 from aatri.adjustment.diagnosis import refuse_undetermined
@@ -38,11 +37,10 @@ from aatri.adjustment.stepping.runaways import steadied
 from aatri.adjustment.structure.index_problem import Ordering, prepare
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
+from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -219,7 +217,7 @@ def _with_runaways_slowed(
     return slowed, factorise_constrained(slowed, state, factored.damping)
 
 
-def _size(problem: Problem, state: State, blocks: npt.NDArray[np.integer]) -> Float:
+def _size(problem: Problem, state: State, blocks: Int) -> Float:
     """Trace of the normal matrix of some eliminated blocks."""
     rays = problem.rays
     assert rays is not None

@@ -30,7 +30,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import Sides, forward
@@ -38,10 +37,8 @@ from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State, Unknowns
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
 
 PENALTY = 4.0
 """Weight of a violated constraint in the cost of a step, in its multipliers."""
@@ -211,7 +208,7 @@ def _weights(
     return diagonal
 
 
-def _used(r: Records) -> npt.NDArray[np.bool_]:
+def _used(r: Records) -> Bool:
     """Components that are demanded, (n, m)."""
     size = np.abs(r.whitener) if r.whitener.ndim == 2 else np.abs(r.whitener).max(axis=2)
     return np.asarray((size > 0) & r.active[:, None])

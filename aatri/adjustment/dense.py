@@ -24,12 +24,11 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.stepping.damping import ROUNDING, Damping, gain
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 
-Float = npt.NDArray[np.float64]
 S = TypeVar("S")
 
 Linearise = Callable[[S], tuple[Float, Float]]

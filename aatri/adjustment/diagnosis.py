@@ -8,16 +8,14 @@ in larger ones the null vector of the leading part that ends at the first vanish
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.reference import reduced_matrix
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Float
 from aatri.errors import GeometryError
-
-Float = npt.NDArray[np.float64]
 
 WHOLE = 2e7
 """Up to this many numbers of the dense Jacobian the whole matrix is analysed."""

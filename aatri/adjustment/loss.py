@@ -21,10 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float
 
 NEWTON = 0.9999
 """Curvature near the optimum: the rest keeps the normal equations positive definite."""

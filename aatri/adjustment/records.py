@@ -16,14 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Int
 
 Evaluate = Callable[[State, Int], tuple[Float, tuple[Float, ...]]]
 Fill = Callable[[int, int, Float, tuple[Float, ...]], None]

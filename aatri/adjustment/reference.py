@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.unknowns import State, Unknowns
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Float, Int
 
 
 def dense_jacobian(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> tuple[Float, Float]:

@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
+from aatri.arrays import Int
+
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 WORTH_A_THREAD = 100_000
@@ -47,7 +49,7 @@ def in_threads(n: int, work: Callable[[int, int], None], threads: int | None = N
         run_all(pool, [partial(work, first, last) for first, last in pairwise(bounds)])
 
 
-def taken(values: npt.NDArray[Scalar], order: npt.NDArray[np.integer]) -> npt.NDArray[Scalar]:
+def taken(values: npt.NDArray[Scalar], order: Int) -> npt.NDArray[Scalar]:
     """Rows of an array in a given order, in several threads: such copies wait for memory, not for arithmetic."""
     found = np.empty((len(order), *values.shape[1:]), dtype=values.dtype)
 

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Text
 
-Ids = Sequence[str] | npt.NDArray[np.str_]
+Ids = Sequence[str] | Text
 State = Mapping[str, Any]
 """Values of all groups, by name."""
 

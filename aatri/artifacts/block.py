@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, attribute, column, table
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 NO_ROLE, CONTROL, CHECK, APPROXIMATE = 0, 1, 2, 3
 """Role of one coordinate of a ground point."""

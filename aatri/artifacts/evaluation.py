@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from aatri.tables.schema import Artifact, Float, Int, Table, Text, attribute, column, table
+from aatri.arrays import Float, Int, Text
+from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.suspects import Suspects
-from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, column, table
+from aatri.tables.schema import Artifact, Table, column, table
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.suspects import Suspects
-from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, attribute, column, table
+from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
 @dataclass(frozen=True, eq=False)

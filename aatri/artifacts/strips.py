@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
 from aatri.artifacts.suspects import Suspects
-from aatri.tables.schema import Artifact, Bool, Float, Int, Table, Text, column, table
+from aatri.tables.schema import Artifact, Table, column, table
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aatri.tables.schema import Float, Int, Table, Text, column
+from aatri.arrays import Float, Int, Text
+from aatri.tables.schema import Table, column
 
 
 @dataclass(frozen=True, eq=False)

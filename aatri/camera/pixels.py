@@ -14,11 +14,9 @@ down from there is read as it says.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float
 from aatri.errors import InputError
-
-Float = npt.NDArray[np.float64]
 
 ORIGINS = ("top-left-corner", "top-left-centre", "bottom-left-corner", "image-centre")
 
@@ -78,7 +76,7 @@ def image_centre_px(origin: str, y_direction: str, format_px: Float) -> Float:
     return np.array([width / 2, height / 2 if downwards == (y_direction == "down") else -height / 2])
 
 
-def half_format_mm(digital: npt.NDArray[np.bool_], format_mm_or_px: Float, pixel_size_mm: Float) -> Float:
+def half_format_mm(digital: Bool, format_mm_or_px: Float, pixel_size_mm: Float) -> Float:
     """Half the image format.
 
     Parameters

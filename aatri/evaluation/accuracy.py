@@ -15,8 +15,8 @@ Sources: ASPRS Positional Accuracy Standards, Edition 2 (30 check points); Foers
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.artifacts.solution import Solution
@@ -29,7 +29,7 @@ from aatri.evaluation.differences import (
     truth_differences,
 )
 from aatri.evaluation.orientations import AXES, observed_position_figures, true_orientation_figures
-from aatri.evaluation.statistics import Float, bias, counts, largest, outside_hull, rmse, rmse_interval
+from aatri.evaluation.statistics import bias, counts, largest, outside_hull, rmse, rmse_interval
 from aatri.evaluation.verdict import verdict
 
 
@@ -75,9 +75,7 @@ def _control_figures(control: PointDifferences, rejected: int) -> dict[str, floa
     }
 
 
-def _check_figures(
-    check: PointDifferences, outside: npt.NDArray[np.bool_] | None, confidence: float
-) -> dict[str, float]:
+def _check_figures(check: PointDifferences, outside: Bool | None, confidence: float) -> dict[str, float]:
     root = rmse(check.difference_m)
     low, high = rmse_interval(root, counts(check.difference_m), confidence)
     figures = {
@@ -138,7 +136,7 @@ def _nees(difference: Float, covariance: Float) -> float:
     return float(np.einsum("ni,ni->n", d, np.linalg.solve(covariance[known], d[:, :, None])[..., 0]).mean() / 3)
 
 
-def _extrapolated(block: Block, solution: Solution, check: PointDifferences) -> npt.NDArray[np.bool_] | None:
+def _extrapolated(block: Block, solution: Solution, check: PointDifferences) -> Bool | None:
     rows = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
     plan = solution.points.xyz_m[:, :2]
     return outside_hull(plan[check.point], plan[rows])

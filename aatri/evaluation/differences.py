@@ -13,14 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import rows_of
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,7 @@ class PointDifferences:
     difference_m: Float
     sigma_m: Float
 
-    def take(self, rows: npt.NDArray[np.bool_]) -> PointDifferences:
+    def take(self, rows: Bool) -> PointDifferences:
         """The chosen rows."""
         return PointDifferences(self.point[rows], self.difference_m[rows], self.sigma_m[rows])
 
@@ -71,7 +68,7 @@ def truth_differences(block: Block, solution: Solution) -> PointDifferences:
     return PointDifferences(point, difference, sigma).take(rows)
 
 
-def is_new(block: Block) -> npt.NDArray[np.bool_]:
+def is_new(block: Block) -> Bool:
     """Which points of the Block have no control role in any coordinate.
 
     Returns
@@ -90,9 +87,7 @@ def rejected_control(block: Block, solution: Solution) -> Int:
     return np.unique(rows_of(residuals.point[rows], block.points.id))
 
 
-def _differences(
-    block: Block, solution: Solution, takes_part: npt.NDArray[np.bool_], variance: Float
-) -> PointDifferences:
+def _differences(block: Block, solution: Solution, takes_part: Bool, variance: Float) -> PointDifferences:
     given = block.ground_points
     difference = np.where(takes_part, solution.points.xyz_m[given.point] - given.xyz_m, np.nan)
     sigma = np.where(takes_part, np.sqrt(variance), np.nan)

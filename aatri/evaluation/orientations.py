@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.statistics import Float, bias, largest, rmse
+from aatri.evaluation.statistics import bias, largest, rmse
 from aatri.geometry.rotations import log_rotation
 
 AXES = "xyz"

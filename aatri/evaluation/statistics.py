@@ -12,13 +12,11 @@ coordinate that does not take part, and a column without any gives NaN.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Int
 
 
-def counts(differences: Float) -> npt.NDArray[np.int64]:
+def counts(differences: Float) -> Int:
     """Number of values in each column.
 
     Parameters
@@ -77,7 +75,7 @@ def largest(differences: Float) -> Float:
     return np.where(top < 0, np.nan, top)
 
 
-def rmse_interval(rmse_m: Float, n: npt.NDArray[np.int64], confidence: float) -> tuple[Float, Float]:
+def rmse_interval(rmse_m: Float, n: Int, confidence: float) -> tuple[Float, Float]:
     """Chi-square interval of the standard deviation behind an RMSE about zero.
 
     Parameters

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import (
     APPROXIMATE_VALUE,
     PROJECTION_CENTRE,
@@ -35,12 +36,11 @@ from aatri.artifacts.block import (
     Strips,
 )
 from aatri.formats.tables.source import texts
-from aatri.tables.schema import Float, Int
 
 
 def plain_block(
     *, name: str, files: Sequence[Path], cameras: Cameras, camera_parameters: CameraParameters, images: Images,
-    point_ids: Sequence[str] | npt.NDArray[np.str_], image_points: ImagePoints, ground_points: GroundPoints,
+    point_ids: Sequence[str] | Text, image_points: ImagePoints, ground_points: GroundPoints,
     exterior: Exterior, rejects: Rejects | None = None,
 ) -> Block:  # fmt: skip
     """The Block of these tables; all others are empty. Rows must be in canonical order."""

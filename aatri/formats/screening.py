@@ -18,16 +18,13 @@ import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.places import place
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
 from aatri.ids import printable
 from aatri.progress import SILENT, Reporter
-
-Bool = npt.NDArray[np.bool_]
-Int = npt.NDArray[np.int64]
 
 MAX_REJECT_SHARE = 0.05
 """Largest share of a class (images, points, image points) that may be rejected."""
@@ -123,7 +120,7 @@ def _measured_at(block: Block, row: int) -> str:
     return place(block, int(block.image_points.file[row]), int(block.image_points.line[row]))
 
 
-def _mm_per_unit(block: Block) -> npt.NDArray[np.float64]:
+def _mm_per_unit(block: Block) -> Float:
     """(images, 2) size in mm of the unit of the image coordinates."""
     pixel = (block.cameras.image_coordinates == "pixel")[:, None]
     return np.where(pixel, block.cameras.pixel_size_mm, 1.0)[block.images.camera].reshape(-1, 2)

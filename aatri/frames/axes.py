@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
+from aatri.arrays import Float
 
 _PLACE = {"east": 0, "north": 1, "up": 2, "x": 0, "y": 1, "z": 2, "longitude": 0, "latitude": 1, "height": 2}
-
-Float = npt.NDArray[np.float64]
 
 
 def columns_in_order(axes: Sequence[str]) -> list[int]:

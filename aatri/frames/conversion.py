@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.frames.axes import in_right_handed_order
-
-Float = npt.NDArray[np.float64]
 
 _DEGREE_M = 111_000.0
 _STEP_M = 1.0

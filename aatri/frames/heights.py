@@ -12,11 +12,9 @@ height.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.units import EARTH_RADIUS_M
-
-Float = npt.NDArray[np.float64]
 
 TOPOCENTRIC = "+proj=topocentric"
 

@@ -16,11 +16,9 @@ Source: Kraus, Photogrammetry; photogrammetry.md F1 gives the same for phi-omega
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.geometry.rotations import skew
-
-Float = npt.NDArray[np.float64]
 
 
 def in_image_axes(X0: Float, ground_from_image: Float, X: Float) -> Float:

@@ -24,9 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.rotations import skew
-
-Float = npt.NDArray[np.float64]
 
 _AXES = skew(np.eye(3))
 
@@ -48,7 +47,7 @@ class Rays:
     left_sigma: Float
     right_sigma: Float
 
-    def take(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Rays:
+    def take(self, rows: Bool | Int) -> Rays:
         """The rays of the chosen points."""
         return Rays(self.left[rows], self.right[rows], self.left_sigma[rows], self.right_sigma[rows])
 

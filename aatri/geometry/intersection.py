@@ -18,12 +18,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.geometry.coplanarity import Rays, corrected
 from aatri.geometry.vectors import finite_rows
-
-Float = npt.NDArray[np.float64]
 
 PARALLEL = 1e-12
 """Rays whose directions differ less, as the square of the sine or relative eigenvalue, do not meet."""
@@ -88,7 +86,7 @@ def projection_coefficients(u1: Float, w: Float, base: Float) -> Float:
     return np.asarray(np.einsum("nki,ni->nk", along, cross) / square[:, None])
 
 
-def intersect_rays(X0: Float, directions: Float, point_row: npt.NDArray[np.integer], n_points: int) -> Float:
+def intersect_rays(X0: Float, directions: Float, point_row: Int, n_points: int) -> Float:
     """Points nearest to all their rays, any number of rays per point.
 
     Parameters

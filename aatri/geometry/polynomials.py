@@ -14,9 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 TERMS = ("1", "U", "V", "UU", "UV")
 """Names of the terms, in order."""

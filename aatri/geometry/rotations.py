@@ -17,7 +17,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
+
 AngleSystem = Literal["omega-phi-kappa", "phi-omega-kappa"]
 
 

@@ -17,11 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.geometry.rotations import exp_rotation, nearest_rotation, skew
-
-Float = npt.NDArray[np.float64]
 
 UNKNOWNS = 7
 """T (3), rotation increment d (3), logarithm of the scale."""

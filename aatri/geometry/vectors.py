@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Bool, Float
 
 
 def unit(v: npt.ArrayLike) -> Float:
@@ -38,7 +38,7 @@ def tangents(direction: npt.ArrayLike) -> Float:
     return np.stack([first, np.cross(b, first) * np.sign(b @ axes[0])], axis=1)
 
 
-def finite_rows(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+def finite_rows(values: npt.ArrayLike) -> Bool:
     """Whether all numbers of each row are given.
 
     Parameters

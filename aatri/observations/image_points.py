@@ -18,20 +18,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
 from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
 from aatri.camera.models import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.rotations import skew
 from aatri.observations.kernels.collinearity import in_front, linearise
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,13 @@ Source: the object-space error of Lu, Hager & Mjolsness 2000; Hong et al. 2016 f
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import POINT, POSE, Poses
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
 
 
 def object_space_records(rays: ImagePointRows, distance_m: float, factor: float) -> Records:

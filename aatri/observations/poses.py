@@ -8,14 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from aatri.adjustment.unknowns import Ids, Unknowns
+from aatri.arrays import Bool, Float
 from aatri.geometry.rotations import exp_rotation
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 POSE = "image"
 POINT = "point"

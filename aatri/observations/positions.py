@@ -9,15 +9,12 @@ was observed. Source: photogrammetry.md F11.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
 from aatri.observations.poses import POSE, Poses
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
 
 
 def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float) -> Records:

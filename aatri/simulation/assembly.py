@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.artifacts import block as b
 from aatri.simulation import film, measured
 from aatri.simulation.flight import Plan
@@ -20,9 +20,6 @@ from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
 from aatri.simulation.settings import BROWN, Camera, Film, Gnss
 from aatri.units import EARTH_RADIUS_M, LENGTH_MM
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,9 @@ directions in which E, N and h grow; they are orthogonal, the map being conforma
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.units import EARTH_RADIUS_M
-
-Float = npt.NDArray[np.float64]
 
 
 def tangent_from_map(local_m: Float) -> Float:

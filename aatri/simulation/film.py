@@ -10,12 +10,10 @@ Source: photogrammetry.md F5.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.simulation.settings import Camera, Film
-
-Float = npt.NDArray[np.float64]
 
 CORNERS = {"1": (106.002, -106.003), "2": (-106.001, -106.004), "3": (-106.000, 106.002), "4": (105.999, 106.002)}
 SIDES = {"5": (112.001, 0.002), "6": (-111.999, -0.001), "7": (0.003, 112.002), "8": (-0.002, -112.001)}
@@ -45,7 +43,7 @@ def placed(images: int, film: Film, rng: np.random.Generator) -> tuple[Float, Fl
     return rotation_from_angles(angles)[:, :2, :2] @ deformed, shift
 
 
-def comparator(photo_mm: Float, image: npt.NDArray[np.int64], placement: tuple[Float, Float]) -> Float:
+def comparator(photo_mm: Float, image: Int, placement: tuple[Float, Float]) -> Float:
     """Comparator readings of photo coordinates: (n, 2), mm; `placement` as `placed` gives it."""
     matrix, shift = placement
     return np.asarray(np.einsum("nij,nj->ni", matrix[image], photo_mm) + shift[image])

@@ -15,12 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.simulation.settings import Camera, Flight
 
-Float = npt.NDArray[np.float64]
 TURN_S = 180.0
 """Time between the last exposure of a strip and the first of the next, s."""
 

@@ -25,12 +25,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.simulation.settings import Camera
-
-Float = npt.NDArray[np.float64]
 
 MOST_ITERATIONS = 100
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
 from aatri.simulation import film
 from aatri.simulation.flight import Plan
@@ -21,9 +22,7 @@ from aatri.simulation.gross import gross_errors
 from aatri.simulation.settings import Camera, Gnss, GrossErrors, Noise
 from aatri.units import LENGTH_MM
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Rows = npt.NDArray[np.int32]
+Rows = Int
 Streams = Mapping[str, np.random.Generator]
 
 
@@ -61,7 +60,7 @@ def rows(numbers: npt.ArrayLike) -> Rows:
     return np.asarray(numbers, dtype=np.int32)
 
 
-def texts(*values: str, times: int = 1) -> npt.NDArray[np.str_]:
+def texts(*values: str, times: int = 1) -> Text:
     """A text column: the values, over and over."""
     return np.array(values * times, dtype=np.str_)
 

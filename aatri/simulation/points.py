@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL
 from aatri.errors import GeometryError
 from aatri.simulation import earth, targets
@@ -19,9 +19,6 @@ from aatri.simulation.flight import Plan
 from aatri.simulation.rays import Photography, Rays, taken
 from aatri.simulation.settings import Flight, Known, Ties
 from aatri.simulation.terrain import Surface
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 LEAST_RAYS = 2
 MOST_BATCHES = 50
@@ -127,7 +124,7 @@ def _counts(rays: Rays, points: int) -> Int:
     return np.bincount(rays.point, minlength=points)
 
 
-def _chosen(seen: _Seen, mask: npt.NDArray[np.bool_]) -> _Seen:
+def _chosen(seen: _Seen, mask: Bool) -> _Seen:
     """The points of the mask, numbered anew."""
     return _Seen(seen.local_m[mask], seen.rays.of_points(np.where(mask, np.cumsum(mask) - 1, -1)))
 

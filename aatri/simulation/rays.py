@@ -10,14 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from aatri.arrays import Float, Int
 from aatri.simulation import earth, forward
 from aatri.simulation.settings import Camera
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 CHUNK = 256
 """Images at a time."""

@@ -8,11 +8,9 @@ Control lies on a regular net from edge to edge of the block: perimeter, and cha
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.simulation.flight import Plan
-
-Float = npt.NDArray[np.float64]
 
 
 def standard_positions(plan: Plan) -> Float:

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Text
 from aatri.errors import ArtifactError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.tables.digest import content_digest
@@ -132,7 +133,7 @@ def _write_table(group: h5py.Group, rows: Table) -> None:
             dataset.attrs["refers"] = declared.refers
 
 
-def _encoded(texts: npt.NDArray[np.str_]) -> npt.NDArray[Any]:
+def _encoded(texts: Text) -> npt.NDArray[Any]:
     data = np.char.encode(texts, "utf-8") if texts.size else np.zeros(texts.shape, "S1")
     width = max(1, data.dtype.itemsize)
     return data.astype(h5py.string_dtype("utf-8", width))

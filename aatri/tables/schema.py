@@ -17,17 +17,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from aatri.errors import ArtifactError
-
-Float: TypeAlias = npt.NDArray[np.float64]
-Int: TypeAlias = npt.NDArray[np.int32]
-Bool: TypeAlias = npt.NDArray[np.bool_]
-Text: TypeAlias = npt.NDArray[np.str_]
 
 DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
 ATTRIBUTE_TYPES = (str, int, float, bool)

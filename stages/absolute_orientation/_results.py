@@ -5,20 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
 from aatri.adapters.orientations import Control, Positions
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Parameters, Residuals
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.orientation.free_block.absolute import OrientedComponent
 from aatri.orientation.free_block.components import Component, strip_names
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 ROLE_NAME = "absolute_orientation"
 
@@ -44,7 +41,7 @@ class OrientedPart:
     result: OrientedComponent
 
 
-def control_counts(found: OrientedPart) -> npt.NDArray[np.int64]:
+def control_counts(found: OrientedPart) -> Int:
     """Coordinates of control and positions, and the seven parameters."""
     coordinates = np.isfinite(found.result.residual_m)[found.result.active]
     return np.array([int(coordinates.sum()), 7])
@@ -60,7 +57,7 @@ def precisions(given: Given, found: OrientedPart) -> list[Parameters]:
     return rows
 
 
-def _sigma(covariance: Float, given: npt.NDArray[np.bool_] | bool = True) -> Float:
+def _sigma(covariance: Float, given: Bool | bool = True) -> Float:
     return np.where(given, np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
 
 

@@ -19,11 +19,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
 from aatri.adapters.orientations import Positions, control_of, positions_of
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
@@ -45,9 +45,6 @@ from ._results import (
     residual_tables,
     suspect_tables,
 )
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 EXTRAPOLATION_WARNED = 3.0
 

@@ -30,7 +30,6 @@ from time import perf_counter
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
@@ -41,6 +40,7 @@ from aatri.adapters.orientations import Positions, control_of, positions_of
 from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.structure.index_problem import Ordering
+from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -56,9 +56,6 @@ from aatri.orientation.bundle.readmission import readmitted
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 
 class BundleOptions(Options):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.errors import GeometryError
@@ -15,7 +15,6 @@ from aatri.geometry.rotations import rotation_from_angles
 from aatri.ids import shown
 from aatri.orientation.refinement.flying_height import station_heights_m
 from aatri.plugin import Context
-from aatri.tables.schema import Float
 
 MOST_TILT_RAD = np.deg2rad(5.0)
 """Refraction and curvature corrections assume near-vertical images."""
@@ -88,7 +87,7 @@ def refuse_tilted(block: Block, corrections: list[str]) -> None:
         )
 
 
-def _control_rows(block: Block, coordinates: list[int]) -> npt.NDArray[np.bool_]:
+def _control_rows(block: Block, coordinates: list[int]) -> Bool:
     points = block.ground_points
     control = (points.role == CONTROL) & np.isfinite(points.xyz_m)
     return np.asarray(control[:, coordinates].all(axis=1))
@@ -128,7 +127,7 @@ def _estimated_by_strip(block: Block, image_points: ImagePoints, tangent: bool) 
     return estimated
 
 
-def _refuse_unknown(block: Block, unknown: npt.NDArray[np.bool_]) -> None:
+def _refuse_unknown(block: Block, unknown: Bool) -> None:
     if unknown.any():
         raise GeometryError(
             f"refraction and earth curvature need the flying height; not known for {int(unknown.sum())} images: "

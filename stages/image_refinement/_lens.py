@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.camera.models.distortion import Distortion, corner_points, corrected
 from aatri.camera.pixels import half_format_mm
 from aatri.errors import AatriError
 from aatri.plugin import Context
-from aatri.tables.schema import Float, Int
 
 NOT_OF_THE_LENS = ("principal_distance", "principal_point", "symmetry_point", "lever_arm", "boresight")
 """Camera parameters that are not of the distortion model; their components follow a dot."""

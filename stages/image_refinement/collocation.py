@@ -19,12 +19,12 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.camera_parameters import units_of
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.orientation.refinement.collocation import collocate_groups
 from aatri.plugin import SILENT, Context, Field, Options, stage
-from aatri.tables.schema import Bool, Float
 
 
 class CollocationOptions(Options):

@@ -23,13 +23,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.camera.corrections.earth_curvature import earth_curvature_correction
 from aatri.camera.corrections.refraction import refraction_constant, refraction_correction
 from aatri.errors import SpecError
 from aatri.plugin import SILENT, Context, Field, Options, stage
-from aatri.tables.schema import Float, Int
 
 from ._heights import Heights, heights_of, refuse_tilted
 from ._lens import lens_correction

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.places import place
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
     Corrections,
@@ -23,7 +23,6 @@ from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.plugin import Context
-from aatri.tables.schema import Float, Int
 
 from ._suspects import joined, suspects_of
 
@@ -50,7 +49,7 @@ class Transformations:
     redundancy : (n,) int32
     """
 
-    model: npt.NDArray[np.str_]
+    model: Text
     matrix: Float
     covariance: Float
     sigma0: Float
@@ -120,7 +119,7 @@ def _half_format(block: Block) -> Float:
     return half_format_mm(cameras.kind == "digital", cameras.format, cameras.pixel_size_mm)
 
 
-def _inside_format(block: Block, photo: Float, camera: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+def _inside_format(block: Block, photo: Float, camera: Int) -> Bool:
     allowed = _half_format(block)[camera] * (1 + FORMAT_TOLERANCE)
     return np.asarray(~(np.abs(photo) > allowed).any(axis=1))
 
@@ -135,7 +134,7 @@ def _warn_of_principal_points(block: Block, context: Context) -> None:
         )
 
 
-def _refuse_mostly_outside(block: Block, active: npt.NDArray[np.bool_], outside: npt.NDArray[np.bool_]) -> None:
+def _refuse_mostly_outside(block: Block, active: Bool, outside: Bool) -> None:
     if outside.sum() <= MOST_OUTSIDE * active.sum():
         return
     first = int(np.flatnonzero(outside)[0])
@@ -146,7 +145,7 @@ def _refuse_mostly_outside(block: Block, active: npt.NDArray[np.bool_], outside:
     )
 
 
-def _names(block: Block, rows: npt.NDArray[np.bool_]) -> str:
+def _names(block: Block, rows: Bool) -> str:
     image = block.images.id[block.image_points.image[rows]]
     point = block.points.id[block.image_points.point[rows]]
     return shown([f"{i}/{p}" for i, p in zip(image, point)])
@@ -158,13 +157,11 @@ def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:
     return np.asarray(np.sqrt(np.einsum("nij,nj->ni", share, sigma_mm**2)))
 
 
-def _largest(correction: Float, active: npt.NDArray[np.bool_]) -> float:
+def _largest(correction: Float, active: Bool) -> float:
     return float(np.sqrt((correction[active] ** 2).sum(axis=1)).max(initial=0.0))
 
 
-def _outside_suspects(
-    block: Block, photo: Float, camera: npt.NDArray[np.int32], outside: npt.NDArray[np.bool_]
-) -> Suspects:
+def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) -> Suspects:
     rows = np.flatnonzero(outside)
     beyond = np.abs(photo[rows]) - _half_format(block)[camera[rows]]
     given = block.image_points

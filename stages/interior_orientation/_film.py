@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.places import place
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.orientation.interior.affine import AffineFit
-from aatri.tables.schema import Float
 
 from ._assembly import Transformations
 
-Rows = npt.NDArray[np.int64]
+Rows = Int
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,11 @@ class FilmMarks:
     measured: Float
     calibrated_mm: Float
     sigma_mm: Float
-    present: npt.NDArray[np.bool_]
+    present: Bool
     nominal: Float
 
 
-def film_images(block: Block) -> npt.NDArray[np.bool_]:
+def film_images(block: Block) -> Bool:
     """Active images of film cameras whose coordinates need fiducial marks."""
     cameras = block.cameras
     needs = (cameras.kind == "film") & (cameras.image_coordinates != "photo")

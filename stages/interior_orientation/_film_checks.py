@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters.places import place
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError, GeometryError, InputError, raise_all
@@ -14,7 +14,6 @@ from aatri.orientation.interior.affine import FEWEST_MARKS, AffineFit
 from aatri.orientation.interior.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
 from aatri.orientation.interior.film_deformation import deformation, prediction_sigma_mm, shear_or_stretch, turn_rad
 from aatri.plugin import Context
-from aatri.tables.schema import Float
 
 from ._assembly import Transformations
 from ._film import FilmMarks, nominal_matrix
@@ -26,7 +25,7 @@ MOST_REJECTED = 0.05
 LARGEST_SHEAR = 1e-3
 """Affine deformation of film beyond this is unusual."""
 
-Bools = npt.NDArray[np.bool_]
+Bools = Bool
 
 
 def check_film(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: float, context: Context) -> Bools:

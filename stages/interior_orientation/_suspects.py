@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Text
 from aatri.artifacts.suspects import Suspects
 from aatri.tables.schema import columns_of
 
@@ -13,8 +14,8 @@ def suspects_of(
     *,
     kind: str,
     row: npt.ArrayLike,
-    image: npt.NDArray[np.str_],
-    point: npt.NDArray[np.str_],
+    image: Text,
+    point: Text,
     verdict: str,
     size: npt.ArrayLike = np.nan,
     sigma: npt.ArrayLike = np.nan,

@@ -12,15 +12,14 @@ Comparator coordinates and scanned film need fiducial marks: interior_orientatio
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals, ImagePoints
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.plugin import SILENT, Context, stage
-from aatri.tables.schema import Float
 
 from ._assembly import Transformations, image_points_of
 
@@ -38,7 +37,7 @@ def calibrated(block: Block, *, context: Context = SILENT) -> ImagePoints:
     )
 
 
-def calibrated_transformations(block: Block, images: npt.NDArray[np.int64]) -> Transformations:
+def calibrated_transformations(block: Block, images: Int) -> Transformations:
     """Transformations of the given images by the calibrated pixel size, or none where photo coordinates are given.
 
     Raises

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
 from aatri.adapters.orientations import Control
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals, StripTransformations
 from aatri.artifacts.strips import Strips
@@ -20,10 +20,6 @@ from aatri.geometry.vectors import finite_rows
 from aatri.orientation.free_block import tie_elimination
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.strip_polynomials import StripPolynomials, model_name, terms_of
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 ROLE_NAME = "strip_adjustment"
 
@@ -41,7 +37,7 @@ class Ground:
     control: tie_elimination.Control
 
 
-def tie_names(block: Block, strips: Strips, ground: Ground) -> tuple[npt.NDArray[np.str_], npt.NDArray[np.str_]]:
+def tie_names(block: Block, strips: Strips, ground: Ground) -> tuple[Text, Text]:
     """Ids of strip and point of every strip point."""
     return strips.strips.id[ground.strips[ground.points.strip]], block.points.id[ground.points.point]
 

@@ -19,11 +19,11 @@ Photogrammetry.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
 from aatri.adapters.orientations import Control, control_of, positions_of
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -49,10 +49,6 @@ from ._results import (
     tie_names,
     transformation_tables,
 )
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 
 class PolynomialOptions(Options):

@@ -17,7 +17,8 @@ ROLE = Role(ports={name: Numbers for name in "abcde"}, kind=Numbers)
 NUMBERS = '''\
 from dataclasses import dataclass
 from typing import ClassVar
-from aatri.tables.schema import Artifact, Float, Table, column, table
+from aatri.arrays import Float
+from aatri.tables.schema import Artifact, Table, column, table
 
 
 @dataclass(frozen=True, eq=False)

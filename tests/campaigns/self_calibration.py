@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -27,8 +27,6 @@ from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
 from tests.stages.chain import simulated
-
-Float = npt.NDArray[np.float64]
 
 LENS = {"k1": 5e-9, "k2": -2.2e-13, "b1": 1e-4}
 SETS: tuple[tuple[str, dict[str, Any] | None], ...] = (

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aatri.arrays import Float, Int, Text
 from aatri.errors import AatriError, ArtifactError, ResourceError
 from aatri.tables.digest import content_digest
 from aatri.tables.hdf5 import read, read_header, write
-from aatri.tables.schema import Artifact, Float, Int, Table, Text, attribute, column, table
+from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
 @dataclass(frozen=True, eq=False)

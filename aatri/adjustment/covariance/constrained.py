@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.constraints import gram, linearised_constraints
 from aatri.adjustment.elimination.chunks import CHUNK
@@ -18,8 +17,7 @@ from aatri.adjustment.elimination.right_hand_sides import backward, forward
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 
 def covariance_reduction(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:

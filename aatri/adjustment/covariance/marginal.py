@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction, reduce_covariances
@@ -33,9 +32,7 @@ from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Float
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,12 @@ follows from the block's.
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Float, Int
 
 
 def kept_covariances(

@@ -22,16 +22,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float
 
 
 def s_transformed(

@@ -6,7 +6,6 @@ Back substitution linearises the rays once more instead of keeping their Jacobia
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
@@ -15,8 +14,7 @@ from aatri.adjustment.kernels.eliminate import substitute
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 
 def kept_step(problem: Problem, factored: Factored) -> Float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.records import Fill, whitened
 from aatri.adjustment.structure.index import KeptRecords, Parts, part_columns
@@ -13,8 +12,7 @@ from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 CHUNK = 4096
 """Rays linearised at once: their Jacobians stay in the cache."""

@@ -17,7 +17,6 @@ from functools import partial
 from threading import Lock
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side, single_poses
@@ -31,10 +30,8 @@ from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float
 from aatri.errors import ResourceError
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
 
 
 def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
@@ -171,7 +168,7 @@ class Work:
             self.room.give(F)
             self.fronts[k] = None
 
-    def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: npt.NDArray[np.bool_]) -> None:
+    def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: Bool) -> None:
         m = node.panel
         info = lapack.cholesky_panel(F, m)
         pivot = np.diagonal(F)[:m] ** 2

@@ -10,10 +10,9 @@ import ctypes
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cython_blas, cython_lapack
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 _L, _R, _N, _T = (ctypes.c_char(letter) for letter in (b"L", b"R", b"N", b"T"))
 

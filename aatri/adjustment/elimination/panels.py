@@ -15,12 +15,10 @@ from threading import Lock
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.structure.tree import Tree
+from aatri.arrays import Float
 from aatri.errors import ResourceError
-
-Float = npt.NDArray[np.float64]
 
 
 class Panels(Protocol):

@@ -27,7 +27,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigvalsh_tridiagonal
 
 from aatri.adjustment.diagnosis import described
@@ -38,9 +37,9 @@ from aatri.adjustment.kernels.implicit import along_rays, onto_kept
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 
-Float = npt.NDArray[np.float64]
 Product = Callable[[Float], Float]
 
 ACCURACY = 1e-5
@@ -193,7 +192,7 @@ class _Reduced:
             total += self._summed(columns, np.einsum("nia,ni->na", A, v))
         return total * self.free
 
-    def _summed(self, columns: npt.NDArray[np.integer], values: Float) -> Float:
+    def _summed(self, columns: Int, values: Float) -> Float:
         total = np.zeros(len(self.free) + 1)
         np.add.at(total, columns, values)
         return total[:-1]

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
@@ -34,9 +33,7 @@ from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Float, Int
 
 LEAST_PIECE, MOST_PIECE = 200, 2000
 """Unknowns of a piece; more where one vertex has more."""
@@ -165,9 +162,7 @@ class _Pieces:
                 eliminate(p0, p1, some.start, rays.ray_start, v, A, B, loc, p.size, p.start, work.D0, work.h0,
                           self.problem.block_free, work.damping, *sums, *results)  # fmt: skip
 
-    def _one_after_the_other(
-        self, parts: Parts, some: slice
-    ) -> Iterator[tuple[npt.NDArray[np.int32], tuple[Float, Float, Float]]]:
+    def _one_after_the_other(self, parts: Parts, some: slice) -> Iterator[tuple[Int, tuple[Float, Float, Float]]]:
         """Rows of the parts in each piece that they meet, -1 in others, and its sums; at least one."""
         vertex = parts.vertex[some]
         piece = np.where(vertex >= 0, self.piece_of[np.maximum(vertex, 0)], -1)

@@ -15,9 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 UNCONTROLLED = 1e-6
 """Redundancy numbers below this count as zero."""

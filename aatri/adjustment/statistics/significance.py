@@ -20,11 +20,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float
 
 LEVELS = (0.90, 0.95, 0.99)
 """Correlations are reported from the first of these on, in these classes."""

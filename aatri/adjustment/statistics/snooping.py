@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.dense import DenseResult
 from aatri.adjustment.statistics.reliability import UNCONTROLLED
+from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 S = TypeVar("S")
 
 

@@ -9,7 +9,6 @@ Source: Cepek, GNU Gama, the test of the linearisation.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.elimination.chunks import linearised
@@ -18,9 +17,7 @@ from aatri.adjustment.kernels.linearity import largest_departure
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Float, Int
 
 LINEAR = 1e-6
 """Most that an adjusted observation may depart from the linear model, in its standard deviations."""

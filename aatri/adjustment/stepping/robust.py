@@ -13,13 +13,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.runaways import rays_beyond
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Int
 
 NEAR = 0.3
 """Newton decrement from which on the curvature counts."""
@@ -95,7 +95,7 @@ def _losses(problem: Problem) -> list[Huber]:
     return [r.loss for r in problem.records if r.loss is not None]
 
 
-def _beyond(records: Records, state: State, rows: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+def _beyond(records: Records, state: State, rows: Int) -> Bool:
     if records.loss is None:
         return np.zeros(0, dtype=bool)
     return records.loss.beyond(whitened(records, state, rows)[0])

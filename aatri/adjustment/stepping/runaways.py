@@ -16,7 +16,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.schedule import in_parallel
@@ -24,10 +23,7 @@ from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.unknowns import State
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Bool, Float, Int
 
 STEPS = 20
 """Most steps of a block."""

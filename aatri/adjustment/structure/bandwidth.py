@@ -14,16 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.structure.graph import Graph, border_vertices
 from aatri.adjustment.structure.index_problem import Ordering, graph_of, tree_of
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.structure.tree import Tree
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Int
 
 
 @dataclass(frozen=True)

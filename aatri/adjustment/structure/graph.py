@@ -16,12 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Bool, Float, Int
 
 LEAF = 32
 """Vertices of a leaf, about."""
@@ -61,7 +59,7 @@ class OrderedNode:
     children: tuple[int, ...]
 
 
-def border_vertices(graph: Graph) -> npt.NDArray[np.bool_]:
+def border_vertices(graph: Graph) -> Bool:
     """Vertices with more than 10 sqrt(n) neighbours: they would fill every separator."""
     return np.asarray(np.diff(graph.start) > 10 * np.sqrt(graph.n) + 40)
 
@@ -96,7 +94,7 @@ def nested_dissection(graph: Graph, position: Float, leaf: int = LEAF) -> list[O
     return nodes
 
 
-def _halves(graph: Graph, position: Float, vertices: Int, side: npt.NDArray[np.int32]) -> tuple[Int, Int, Int]:
+def _halves(graph: Graph, position: Float, vertices: Int, side: Int) -> tuple[Int, Int, Int]:
     """Left half, separator, right half; the better of the two directions."""
     best: tuple[Int, Int, Int] | None = None
     extent = np.ptp(position[vertices], axis=0)
@@ -112,7 +110,7 @@ def _halves(graph: Graph, position: Float, vertices: Int, side: npt.NDArray[np.i
     return best
 
 
-def _separated(graph: Graph, left: Int, right: Int, side: npt.NDArray[np.int32]) -> tuple[Int, Int, Int]:
+def _separated(graph: Graph, left: Int, right: Int, side: Int) -> tuple[Int, Int, Int]:
     """Two halves and the fewest vertices that touch every edge between them.
 
     By Koenig's theorem they follow from a largest matching of the edges: with Z all that alternating paths reach from

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.kernels.graph import counting_order, lexical_order, sort_within
 from aatri.adjustment.records import Records
@@ -19,10 +18,7 @@ from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import Unknowns
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-
+from aatri.arrays import Int
 
 SORTED_IMAGES = 12
 """Images by which the blocks of a node are sorted: blocks of nearly the same images are eliminated at once."""

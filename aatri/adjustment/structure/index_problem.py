@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.kernels.graph import counting_order, neighbours
 from aatri.adjustment.records import Records
@@ -18,8 +17,8 @@ from aatri.adjustment.structure.minimum_degree import minimum_degree
 from aatri.adjustment.structure.tree import Tree, build_tree
 from aatri.adjustment.threads import default_threads
 from aatri.adjustment.unknowns import Unknowns
+from aatri.arrays import Int
 
-Int = npt.NDArray[np.integer]
 Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
 
 DENSE_VERTICES = 80

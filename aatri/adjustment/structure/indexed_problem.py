@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.elimination.panels import Panels
 from aatri.adjustment.records import Fill, Records, in_order
@@ -15,9 +14,7 @@ from aatri.adjustment.structure.index import KeptRecords, Rays
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.unknowns import State, Unknowns
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Float, Int
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.kernels.eliminate import MOST_RAYS
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Unknowns
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Int
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.kernels import minimum_degree as compiled
 from aatri.adjustment.structure.graph import LEAF, Graph, OrderedNode, border_vertices
-
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Bool, Int
 
 FRONT_FLOPS = 2e6
 """Work for which a front is not worth having: what its handling takes beside its arithmetic."""
@@ -128,7 +126,7 @@ def _one_subtree_after_the_other(fronts: dict[int, _Front], vertices: Int) -> li
     return nodes
 
 
-def _without(graph: Graph, last: npt.NDArray[np.bool_]) -> tuple[Int, Int]:
+def _without(graph: Graph, last: Bool) -> tuple[Int, Int]:
     """Start and neighbours of the graph of all but some vertices."""
     number = np.cumsum(~last) - 1
     owner = np.repeat(np.arange(graph.n), np.diff(graph.start))

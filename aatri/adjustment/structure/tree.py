@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.structure.graph import Graph, OrderedNode
-
-Int = npt.NDArray[np.integer]
+from aatri.arrays import Int
 
 
 @dataclass(frozen=True)

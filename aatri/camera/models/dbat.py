@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.models.brown import PARAMETERS as BROWN
 from aatri.camera.models.brown import brown_basis, brown_derivative
 
 Array = npt.NDArray[Any]
-Float = npt.NDArray[np.float64]
 
 PARAMETERS = {
     "dbat1": ("px", "py", "K1", "K2", "K3", "P1", "P2"),

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.models import forward_models
 from aatri.camera.models.brown import PARAMETERS as BROWN_PARAMETERS
 from aatri.camera.models.brown import brown_correction, brown_derivative
@@ -21,8 +21,6 @@ from aatri.camera.models.inversion import invert
 from aatri.camera.models.radial_table import table_correction
 from aatri.errors import InputError
 from aatri.ids import did_you_mean
-
-Float = npt.NDArray[np.float64]
 
 MODELS = ("none", "brown", "table", "opencv", "fisheye", "bal")
 """The models of distortion."""

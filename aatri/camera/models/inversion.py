@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.models.folds import first_folded
 from aatri.errors import ConvergenceError, InputError
 
-Float = npt.NDArray[np.float64]
 Forward = Callable[[npt.NDArray[Any]], tuple[npt.NDArray[Any], npt.NDArray[Any]]]
 """u (n, 2) -> f (n, 2), derivative (n, 2, 2)."""
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.errors import InputError
-
-Float = npt.NDArray[np.float64]
 
 
 def table_correction(

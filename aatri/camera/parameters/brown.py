@@ -26,12 +26,10 @@ x = projection + dx.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.models.brown import brown_basis
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
-
-Float = npt.NDArray[np.float64]
 
 
 def interior_orientation(c0_mm: float, dc_dx0_dy0_mm: Float) -> tuple[Float, Float]:

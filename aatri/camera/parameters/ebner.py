@@ -21,11 +21,9 @@ Source: Ebner 1976, Bildmessung und Luftbildwesen 44; Bauer & Mueller 1972.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
-
-Float = npt.NDArray[np.float64]
 
 
 def _ebner_basis(xy_mm: Float, scale: SetScale) -> Float:

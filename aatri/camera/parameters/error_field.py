@@ -11,12 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.parameters.exterior_effects import exterior_effects, format_grid
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
-
-Float = npt.NDArray[np.float64]
 
 EXTERIOR = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
 """Names of the columns of `exterior_effects`."""

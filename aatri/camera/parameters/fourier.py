@@ -16,12 +16,10 @@ Source: Tang, Fritsch & Cramer 2012, New rigorous and flexible Fourier self-cali
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, no_classical_values
 from aatri.errors import SpecError
-
-Float = npt.NDArray[np.float64]
 
 HIGHEST_ORDER = 9
 """Waves shorter than a ninth of the format are beyond what tie points determine."""

@@ -24,12 +24,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.parameters.parameter_set import Basis, ParameterSet, SetScale, no_classical_values
 from aatri.errors import SpecError
-
-Float = npt.NDArray[np.float64]
 
 HIGHEST_DEGREE = 12
 """Polynomials of higher degree oscillate beyond what image points can determine."""

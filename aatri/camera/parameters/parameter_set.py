@@ -19,10 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError, SpecError
 from aatri.ids import did_you_mean
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

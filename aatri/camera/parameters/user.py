@@ -13,12 +13,10 @@ border of the image, the parameters then are lengths in mm. Reading the file is 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, no_classical_values
 from aatri.errors import PluginError
-
-Float = npt.NDArray[np.float64]
 
 REMEDY = 'define names = ["s", ...] and basis(x_mm, y_mm) -> (n, 2, number of names), numbers in mm per parameter'
 

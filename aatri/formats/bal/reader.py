@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, Block, CameraParameters, Cameras, GroundPoints, ImagePoints
 from aatri.errors import InputError
 from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
@@ -35,7 +35,6 @@ from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
 from aatri.ids import canonical, printable, rows_of
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import Float, Int
 
 PIXEL_MM = 0.001
 """Size given to a pixel; the files have none."""
@@ -193,7 +192,7 @@ def _image_points(problem: BalProblem, image: Int, point: Int, sigma_px: float) 
     return table.take(image_point_order(table))
 
 
-def _ground_points(problem: BalProblem, point: npt.NDArray[np.int32]) -> GroundPoints:
+def _ground_points(problem: BalProblem, point: Int) -> GroundPoints:
     """All points as start values."""
     n = len(point)
     table = GroundPoints(

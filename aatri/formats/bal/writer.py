@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError, ResourceError
 from aatri.formats.results.exported_rays import REMEDY, ExportedCamera, exported_cameras, exported_rays
 from aatri.geometry.rotations import log_rotation
-from aatri.tables.schema import Float, Int, Text
 
 
 def write_bal_problem(

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.text.text_file import missing
-from aatri.tables.schema import Float, Int
 
 OBSERVATION = np.dtype([("x", "<f8"), ("y", "<f8"), ("point", "<i8")])
 
@@ -127,7 +127,7 @@ def _images(data: _Bytes) -> list[ColmapImage]:
     return images
 
 
-def _points(data: _Bytes) -> tuple[npt.NDArray[np.int64], Float, Int]:
+def _points(data: _Bytes) -> tuple[Int, Float, Int]:
     ids, xyz = [], []
     for _ in range(data.take("Q")[0]):
         number, x, y, z, _, _, _, _, track = data.take("Q3d3BdQ")

@@ -11,10 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
-from aatri.tables.schema import Float, Int
+from aatri.arrays import Float, Int
 
 MODELS = {
     "SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8, "OPENCV_FISHEYE": 8,
@@ -51,7 +48,7 @@ class ColmapImage:
     camera: int
     name: str
     xy_px: Float
-    point: npt.NDArray[np.int64]
+    point: Int
     line: int = 0
 
 
@@ -74,7 +71,7 @@ class ColmapModel:
 
     cameras: list[ColmapCamera]
     images: list[ColmapImage]
-    points: npt.NDArray[np.int64]
+    points: Int
     xyz: Float
     point_lines: Int
     paths: list[Path]

@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from aatri.arrays import Float
 from aatri.artifacts.block import (
     APPROXIMATE,
     OBSERVED_VALUE,
@@ -47,7 +48,6 @@ from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import canonical, is_valid, printable, rows_of
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import Float
 
 PIXEL_MM = 0.001
 """Width given to a pixel; the model has none."""

@@ -15,15 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.text.number_text import number_of, numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.ids import did_you_mean, printable
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import Float, Int
 
 
 def text_paths(folder: Path) -> list[Path]:
@@ -149,7 +148,7 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
     )  # fmt: skip
 
 
-def _points(rows: list[_Row]) -> tuple[npt.NDArray[np.int64], Float, Int]:
+def _points(rows: list[_Row]) -> tuple[Int, Float, Int]:
     for row in rows:
         row.at_least(8, "id X Y Z R G B error")
     return (

@@ -12,9 +12,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -27,7 +27,6 @@ from aatri.formats.colmap.text import text_paths, write_text
 from aatri.formats.results.exported_rays import ExportedCamera, Rays, exported_cameras, exported_rays
 from aatri.geometry.collinearity import in_image_axes
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import Float, Int, Text
 
 MARGIN = 1.1
 """Size of an image whose format is not known, as a multiple of what its points need."""
@@ -161,7 +160,7 @@ def _errors_px(solution: Solution, rays: Rays, cameras: list[ExportedCamera], ra
     return error
 
 
-def _point_names(ids: Text) -> npt.NDArray[np.int64]:
+def _point_names(ids: Text) -> Int:
     """Numbers of points: their ids where all are positive numbers, else from 1."""
     if all(name.isascii() and name.isdigit() and str(int(name)) == name and 0 < int(name) < 2**53 for name in ids):
         return np.array([int(name) for name in ids], dtype=np.int64)

@@ -33,6 +33,7 @@ from typing import Literal
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.artifacts.block import (
     APPROXIMATE,
     CONTROL,
@@ -51,7 +52,6 @@ from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.ids import canonical, did_you_mean, rows_of
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import Float
 
 CAMERA = "camera"
 """Id of the camera; the files give it none."""

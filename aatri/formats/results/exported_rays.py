@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -20,7 +21,6 @@ from aatri.camera.models.forward_models import PARAMETERS
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import GeometryError, InputError
 from aatri.geometry.vectors import finite_rows
-from aatri.tables.schema import Bool, Float, Int
 
 PIXEL_MM = 0.01
 """Pixel of cameras whose pixel size is not known."""

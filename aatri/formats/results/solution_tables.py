@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import ResourceError
@@ -116,7 +117,7 @@ def _parameters(solution: Solution) -> Columns:
     return {"group": p.group, "object": p.object, "name": p.name, "value": p.value, "sigma": p.sigma}
 
 
-def point_roles(block: Block) -> npt.NDArray[np.str_]:
+def point_roles(block: Block) -> Text:
     """Role of every point, as in ground_points.csv: `control`, `XY:control Z:check`; a new point has none.
 
     Returns
@@ -131,7 +132,7 @@ def point_roles(block: Block) -> npt.NDArray[np.str_]:
     return roles
 
 
-def _role_text(code: npt.NDArray[np.int32]) -> str:
+def _role_text(code: Int) -> str:
     if len(set(code.tolist())) == 1:
         return _ROLES[int(code[0])]
     parts: dict[str, str] = {}
@@ -155,7 +156,7 @@ def _angle_sigmas(solution: Solution, system: AngleSystem, names: Iterable[str])
     return _split(names, sigma)
 
 
-def _sigmas(covariance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _sigmas(covariance: Float) -> Float:
     return np.asarray(np.sqrt(np.einsum("nii->ni", covariance)))
 
 

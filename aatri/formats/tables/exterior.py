@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE, Exterior
 from aatri.errors import InputError
 from aatri.formats.tables.images import ImageTables
@@ -25,8 +25,6 @@ from aatri.formats.tables.positions import (
 )
 from aatri.formats.tables.source import Source, angles_rad, choice, look_up, no_repeats, not_negative, texts
 from aatri.formats.text.csv_table import Column, CsvTable
-
-Float = npt.NDArray[np.float64]
 
 ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")
 
@@ -66,7 +64,7 @@ def exterior_table(source: Source, images: ImageTables) -> Exterior:
 
 
 def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float,
-         key: str) -> npt.NDArray[np.int32]:  # fmt: skip
+         key: str) -> Int:  # fmt: skip
     """1 where the values are observed: said so, or with a standard deviation in the row."""
     given = np.isfinite(values).any(axis=1)
     said = np.array(use, dtype=np.str_).reshape(-1)
@@ -82,7 +80,7 @@ def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sig
 
 
 def _attitudes(source: Source, table: CsvTable, use: Sequence[str],
-               frame: npt.NDArray[np.int32]) -> tuple[Float, Float, npt.NDArray[np.int32]]:  # fmt: skip
+               frame: Int) -> tuple[Float, Float, Int]:  # fmt: skip
     """Angles, their standard deviations (NaN where approximate) and use."""
     angles = np.stack([angles_rad(source, table, name) for name in ("a1", "a2", "a3")], axis=1)
     sigma = stacked(table, ("s1", "s2", "s3"))

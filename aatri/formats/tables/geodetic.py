@@ -1,6 +1,7 @@
 """geodetic.csv and covariances.csv as tables: metres and radians, in canonical order.
 
 `value` and `sigma` are in the block's ground or angle unit, whichever the type of the observation has. An observation
+from aatri.arrays import Float, Int
 from a station to itself, or a distance that is not positive, is set aside with its reason.
 """
 
@@ -11,10 +12,10 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Geodetic, GeodeticCovariances, Rejects
 from aatri.errors import InputError
 from aatri.formats.tables.source import Source, choice, look_up, rad_of, texts, yes_no
@@ -102,7 +103,7 @@ def _check_types(table: CsvTable, types: list[str]) -> None:
                    "a direction needs `set`", "name the set: its directions share an orientation")  # fmt: skip
 
 
-def _values(source: Source, table: CsvTable, types: list[str], column: str) -> npt.NDArray[np.float64]:
+def _values(source: Source, table: CsvTable, types: list[str], column: str) -> Float:
     """Values in m or rad, by type."""
     units = source.settings.units
     values = np.full(len(table), np.nan)
@@ -141,7 +142,7 @@ def unusable(rows: Geodetic) -> list[str]:
     return [TO_ITSELF if a else NOT_POSITIVE if b else "" for a, b in zip(itself, short)]
 
 
-def geodetic_order(rows: Geodetic) -> npt.NDArray[np.intp]:
+def geodetic_order(rows: Geodetic) -> Int:
     """The canonical order: by type, set, via, start, end, and the figures."""
     names = ("type", "set", "via", "start", "end", "start_kind", "end_kind", "group", "reduced")
     columns = [[str(text).encode() for text in getattr(rows, name)] for name in names]
@@ -164,7 +165,7 @@ def _rejects(rows: Geodetic, reasons: list[str]) -> Rejects:
                    reason=texts(reasons[k] for k in found), file=rows.file[found], line=rows.line[found])  # fmt: skip
 
 
-def _covariances(source: Source, types: list[str], rows: Geodetic, order: npt.NDArray[np.intp]) -> GeodeticCovariances:
+def _covariances(source: Source, types: list[str], rows: Geodetic, order: Int) -> GeodeticCovariances:
     """Covariances with the row numbers of the canonical order, the smaller one first."""
     table = source.table("covariances.csv", COVARIANCES)
     if table is None:
@@ -198,8 +199,8 @@ def _unit(source: Source, kind: str) -> float:
     return ANGLE_RAD["deg" if units.angle == "dms" else units.angle or "rad"] if kind in ANGLES else units.ground_m
 
 
-def _check_definite(table: CsvTable, rows: GeodeticCovariances, sigma: npt.NDArray[np.float64],
-                    place: npt.NDArray[np.intp]) -> None:  # fmt: skip
+def _check_definite(table: CsvTable, rows: GeodeticCovariances, sigma: Float,
+                    place: Int) -> None:  # fmt: skip
     """A fault for each set of correlated observations whose covariance matrix is not positive definite."""
     n = len(sigma)
     graph = coo_array((np.ones(len(rows)), (rows.row_a, rows.row_b)), shape=(n, n))

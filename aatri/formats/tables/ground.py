@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from aatri.arrays import Int
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPoints, Points
 from aatri.formats.tables.positions import (
     COORDINATES,
@@ -86,7 +86,7 @@ def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> 
             source.reporter.warn(f"{where}: control points {names[0]} and {names[1]} are {gap:.3g} m apart: one place?")
 
 
-def _roles(table: CsvTable) -> npt.NDArray[np.int32]:
+def _roles(table: CsvTable) -> Int:
     """(n, 3) role per X, Y, Z of the table, from `control`, `XY:control Z:check` and so on."""
     known: dict[str, list[int]] = {}
     for cell in set(table.text["role"]):

@@ -6,8 +6,8 @@ from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Cameras, FiducialPoints, Fiducials, ImagePoints, Images, Points, Strips
 from aatri.errors import InputError
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative, texts, yes_no
@@ -87,7 +87,7 @@ def image_point_table(source: Source, table: CsvTable | None, images: ImageTable
     return rows.take(image_point_order(rows))
 
 
-def image_point_order(rows: ImagePoints) -> npt.NDArray[np.intp]:
+def image_point_order(rows: ImagePoints) -> Int:
     """The canonical order: by image, point, x, y, then whatever may still differ."""
     order = np.lexsort((rows.xy[:, 1], rows.xy[:, 0], rows.point, rows.image))
     same = (np.diff(rows.image[order]) == 0) & (np.diff(rows.point[order]) == 0)
@@ -131,8 +131,8 @@ def fiducial_point_table(source: Source, images: ImageTables, cameras: Cameras, 
     return measured.take(np.lexsort((measured.fiducial, measured.image)))
 
 
-def _sigma_mm(source: Source, table: CsvTable, image: npt.NDArray[np.int32], images: ImageTables, cameras: Cameras,
-              kind: str) -> npt.NDArray[np.float64]:  # fmt: skip
+def _sigma_mm(source: Source, table: CsvTable, image: Int, images: ImageTables, cameras: Cameras,
+              kind: str) -> Float:  # fmt: skip
     """Standard deviations in mm, the default where a cell is empty; fiducials fall back on that of image points."""
     units, defaults = source.settings.units, source.settings.sigma
     default = defaults.image if kind == "image" else defaults.fiducial or defaults.image

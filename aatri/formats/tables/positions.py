@@ -12,15 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, InputError
 from aatri.formats.tables.source import Source, look_up
 from aatri.formats.text.csv_table import Column, CsvTable
 from aatri.frames.axes import columns_in_order, in_right_handed_order
 from aatri.frames.conversion import Frame, convert
-
-Float = npt.NDArray[np.float64]
 
 COORDINATES, SIGMAS, COVARIANCES = ("X", "Y", "Z"), ("sX", "sY", "sZ"), {"sXY": (0, 1), "sXZ": (0, 2), "sYZ": (1, 2)}
 POSITION = dict.fromkeys((*SIGMAS, *COVARIANCES), Column("number"))
@@ -32,22 +30,22 @@ def stacked(table: CsvTable, names: Sequence[str]) -> Float:
     return np.stack([table.number[name] for name in names], axis=1)
 
 
-def frames_of(source: Source, table: CsvTable) -> npt.NDArray[np.int32]:
+def frames_of(source: Source, table: CsvTable) -> Int:
     """Number of the frame of each row, in the order of block.yaml."""
     known = {name: k for k, name in enumerate(source.settings.frames)}
     rows = look_up(table, "frame", known, "frame", "add it to `frames` in block.yaml, or mend the name")
     return np.maximum(rows, 0)
 
 
-def in_own_order(source: Source, frame: npt.NDArray[np.int32], role: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def in_own_order(source: Source, frame: Int, role: Int) -> Int:
     """Roles per X, Y, Z of the table in the order of the right-handed axes."""
     axes = [f.axes for f in source.settings.frames.values()]
     order = np.array([columns_in_order(names) for names in axes])[frame]
-    ordered: npt.NDArray[np.int32] = np.take_along_axis(role, order, axis=1)
+    ordered: Int = np.take_along_axis(role, order, axis=1)
     return ordered
 
 
-def ask_for_sigma(source: Source, table: CsvTable, lacking: npt.NDArray[np.bool_], key: str, unit: str) -> None:
+def ask_for_sigma(source: Source, table: CsvTable, lacking: Bool, key: str, unit: str) -> None:
     """A fault if a standard deviation is neither in the row nor in block.yaml."""
     if lacking.any():
         row, axis = (int(k) for k in np.argwhere(lacking)[0])
@@ -92,7 +90,7 @@ def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
     return covariance
 
 
-def positions(source: Source, table: CsvTable, frame: npt.NDArray[np.int32], xyz: Float,
+def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
                covariance: Float) -> tuple[Float, Float]:  # fmt: skip
     """Coordinates and covariances in the right-handed axes of the first frame, m."""
     frames = [Frame(name, tuple(f.axes), f.crs, f.vertical) for name, f in source.settings.frames.items()]

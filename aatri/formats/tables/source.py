@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import AatriError, Errors, InputError
 from aatri.formats.tables.settings import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
@@ -18,10 +19,6 @@ from aatri.ids import did_you_mean, printable
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
 from aatri.units import ANGLE_RAD, rad_from_dms
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Bool = npt.NDArray[np.bool_]
 
 FILES = ("block.yaml", "images.csv", "image_points.csv", "fiducials.csv", "ground_points.csv", "exterior.csv",
          "geodetic.csv", "covariances.csv", "relative_control.yaml")  # fmt: skip
@@ -57,7 +54,7 @@ class Source:
         return np.full(rows, FILES.index(name), dtype=np.int32)
 
 
-def texts(values: Iterable[str]) -> npt.NDArray[np.str_]:
+def texts(values: Iterable[str]) -> Text:
     """A text column."""
     listed = list(values)
     return np.array(listed, dtype=np.str_) if listed else np.zeros(0, "U1")

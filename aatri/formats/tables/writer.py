@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.artifacts.block import (
     ANTENNA,
     APPROXIMATE,
@@ -34,7 +35,6 @@ from aatri.formats.tables.settings_writer import settings_text
 from aatri.frames.axes import in_order_of
 from aatri.progress import SILENT, Reporter
 
-Float = npt.NDArray[np.float64]
 Cells = list[str]
 
 _ROLE_NAMES = {CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate", NO_ROLE: "ignore"}

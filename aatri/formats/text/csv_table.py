@@ -17,14 +17,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
 from aatri.ids import did_you_mean, is_valid, printable
 from aatri.progress import SILENT, Reporter
-
-Float = npt.NDArray[np.float64]
 
 MOST_PER_COLUMN = 20
 """So many faults of one column are shown with their place; the rest is counted."""
@@ -45,7 +44,7 @@ class CsvTable:
 
     path: Path
     header: tuple[str, ...]
-    line: npt.NDArray[np.int32]
+    line: Int
     text: dict[str, list[str]]
     number: dict[str, Float]
     source: Sequence[str] = field(repr=False)

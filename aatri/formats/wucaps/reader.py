@@ -11,8 +11,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Int
 from aatri.artifacts.block import (
     NO_ROLE,
     Block,
@@ -113,7 +113,7 @@ def _fiducial_table(camera: Camera) -> Fiducials:
                      xy_mm=np.array([camera.fiducials[m] for m in marks]).reshape(-1, 2))  # fmt: skip
 
 
-def _image_table(photos: list[Photo], strip: npt.NDArray[np.int32]) -> Images:
+def _image_table(photos: list[Photo], strip: Int) -> Images:
     n = len(photos)
     blank = texts([""] * n)
     return Images(

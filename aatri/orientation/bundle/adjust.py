@@ -15,7 +15,6 @@ from time import perf_counter
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.adjust import Adjusted, adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
@@ -24,6 +23,7 @@ from aatri.adjustment.loss import Huber
 from aatri.adjustment.records import Records
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.arrays import Bool, Float
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_points import (
     CameraRows,
@@ -37,9 +37,6 @@ from aatri.observations.positions import position_records
 from aatri.orientation.bundle.block import BundleInput, ParameterRows, determinable
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
 from aatri.progress import SILENT, Reporter
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 Datum = Literal["given", "minimal", "free"]
 DatumOver = Literal["points", "images", "marked"]

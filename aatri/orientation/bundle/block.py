@@ -8,17 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.unknowns import Ids
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.strip_numbering import StripNumbering
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Bool = npt.NDArray[np.bool_]
 
 MIN_IMAGE_POINTS = 3
 

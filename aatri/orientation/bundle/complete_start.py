@@ -7,16 +7,14 @@ known points get a closed three-point start and a resection. Both are repeated w
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
 from aatri.orientation.resection.start import start_orientation
-
-Float = npt.NDArray[np.float64]
 
 
 def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> tuple[Poses, Float]:

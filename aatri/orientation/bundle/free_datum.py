@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import expm, qr
 
 from aatri.adjustment.adjust import Adjusted
@@ -31,12 +30,10 @@ from aatri.adjustment.covariance.s_transformation import s_transformed
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State, Unknowns
+from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import nearest_rotation, skew
 from aatri.observations.poses import POINT, POSE, Poses
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 OPEN = 1e-8
 """A direction is open if no observation changes by more than this share of it."""

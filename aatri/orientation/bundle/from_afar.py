@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
 from aatri.observations.poses import Poses
@@ -23,10 +23,6 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.space_start import start_in_space, turned_over
 from aatri.progress import SILENT, Reporter
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
-Bool = npt.NDArray[np.bool_]
 
 FAR_SIGMA0 = 3.0
 """sigma0 above which an adjustment that had to be damped is tried from elsewhere."""

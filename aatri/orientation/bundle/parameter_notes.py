@@ -11,7 +11,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.statistics.removal import Removal, stepwise_removal
@@ -31,8 +30,6 @@ from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
 from aatri.orientation.bundle.adjust import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.block import BundleInput, ParameterRows
 from aatri.progress import Reporter
-
-Float = npt.NDArray[np.float64]
 
 CHANGED = 1e-3
 """Probability below which a difference to a calibration is told as a warning."""

@@ -11,14 +11,11 @@ never smaller than sigma^2. It is re-admitted if v'S^-1 v / 2 is within `limit` 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool
 from aatri.geometry.collinearity import collinearity
 from aatri.observations.image_points import ImagePointRows
 from aatri.orientation.bundle.adjust import BundleResult
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 
 def readmitted(rays: ImagePointRows, rejected: Bool, result: BundleResult, limit: float = 3.0) -> Bool:

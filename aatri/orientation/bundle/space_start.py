@@ -11,20 +11,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.arrays import Bool, Float
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.coordinates import value_records
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses, pose_unknowns
 from aatri.observations.positions import position_records
 from aatri.orientation.bundle.block import BundleInput, determinable
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 SPACE_ITERATIONS = 60
 SPACE_TOLERANCE = 0.1

@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import (
     Similarity,
@@ -33,9 +33,6 @@ from aatri.geometry.similarity import (
 from aatri.orientation.free_block.datum_analysis import DatumAnalysis, analyse_datum
 from aatri.orientation.free_block.tie_elimination import Control, Linearised, observations_of
 from aatri.orientation.free_block.tied_adjustment import Problem, TiedResult, adjust_tied
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 CONTROL_LIMIT = 5.0
 """Test statistic of wrong control; larger than for pure noise, as a component is deformed smoothly."""

@@ -15,13 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, robust_closed_form, transform
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 WEAKEST_RAD = 0.05
 """A tie whose weakest rotation is known worse than this joins nothing."""

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.similarity import (
     IDENTITY,
     Similarity,
@@ -28,10 +28,6 @@ from aatri.geometry.similarity import (
 from aatri.orientation.free_block.component_growth import StripPoints, Tie, grow_components
 from aatri.orientation.free_block.tie_elimination import Linearised, observations_of
 from aatri.orientation.free_block.tied_adjustment import Problem, TiedResult, adjust_tied
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 GROSS = 30.0
 """Points further from the median over their strips than this, in medians of all such distances, start as rejected."""

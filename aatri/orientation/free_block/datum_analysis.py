@@ -17,13 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh
 
+from aatri.arrays import Bool, Float
 from aatri.geometry.similarity import Similarity, jacobian
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 UNDETERMINED = 0.04
 NAMED = 0.3

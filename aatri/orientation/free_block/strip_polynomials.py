@@ -24,16 +24,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.polynomials import COUNT, TERMS, StripAxes, correction_design
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.tie_elimination import Control, Linearised, Observations, eliminate, observations_of
 from aatri.orientation.free_block.tied_adjustment import Problem, TiedResult, adjust_tied
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 RANK = 1e-7
 WORST = 2.0

@@ -18,11 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Int
 
 EXACT = 1e-2
 """Standard deviation of exact control, as a share of that of the strips' points: its residuals stay below 1e-4 of the

@@ -10,13 +10,10 @@ Source: Paule & Mandel 1982 (added variance); Foerstner 1979 (variance component
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.statistics.reliability import UNCONTROLLED
+from aatri.arrays import Bool, Float
 from aatri.orientation.free_block.tie_elimination import Eliminated, Linearised, Observations
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 MEDIAN_CHI2_3 = 2.366
 """Median of chi-square with three degrees of freedom."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.free_block.tie_elimination import (
     Eliminated,
@@ -27,9 +27,6 @@ from aatri.orientation.free_block.tie_elimination import (
 )
 from aatri.orientation.free_block.tie_statistics import clearest_errors, deformation, record_tests
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 S = TypeVar("S")
 
 ROUNDS = 25

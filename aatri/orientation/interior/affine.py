@@ -24,11 +24,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
+from aatri.arrays import Bool, Float, Int
 
 FEWEST_MARKS = 3
 """An affine transformation needs three marks that are not on one line."""

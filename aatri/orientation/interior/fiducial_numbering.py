@@ -14,10 +14,8 @@ every rotation is in order; what is not:
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
+from aatri.arrays import Float, Int
 
 SCALE_TOLERANCE = 0.02
 """Largest difference from the nominal scale."""

@@ -12,9 +12,8 @@ scales are read from A'A: its off-diagonal element is the shear, half the differ
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 
 def turn_rad(photo_from_nominal: Float) -> Float:

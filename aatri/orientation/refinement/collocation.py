@@ -25,9 +25,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg
 
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import SpecError
 from aatri.orientation.refinement.residual_covariance import (
     MODELS,
@@ -37,9 +37,6 @@ from aatri.orientation.refinement.residual_covariance import (
     fit_covariance,
     gathered,
 )
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer]
 
 NUGGET = 1e-9
 """Share of C0 added to the diagonal: a Gaussian covariance matrix of near points is singular to rounding."""
@@ -141,7 +138,7 @@ def predict(collocation: Collocation, xy_mm: Float) -> tuple[Float, Float]:
 
 
 def collocate_groups(
-    group: Int, xy_mm: Float, residual_mm: Float, active: npt.NDArray[np.bool_], *, model: str = "best",
+    group: Int, xy_mm: Float, residual_mm: Float, active: Bool, *, model: str = "best",
     cells_per_side: int = 20,
 ) -> tuple[Float, Float, dict[int, Collocation]]:  # fmt: skip
     """Collocation by camera or session: corrections of all image points, also of those set aside.

@@ -11,17 +11,14 @@ than a tenth of c tell nothing.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float, Int
 
 LEAST_EXTENT = 0.1
 """Diagonal of the points in the image, as a share of the principal distance, that gives a scale."""
 
 
-def station_heights_m(
-    image: npt.NDArray[np.integer], xy_mm: Float, plan_m: Float, height_m: Float, principal_distance_mm: Float
-) -> Float:
+def station_heights_m(image: Int, xy_mm: Float, plan_m: Float, height_m: Float, principal_distance_mm: Float) -> Float:
     """Heights of the stations of images with known points.
 
     Parameters

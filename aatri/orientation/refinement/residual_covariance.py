@@ -19,10 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import optimize
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 MODELS: dict[str, Callable[[Float], Float]] = {
     "exponential": lambda q: np.asarray(np.exp(-q)),

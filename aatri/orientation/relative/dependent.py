@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.coplanarity import Rays, parallax, sampson
 from aatri.geometry.intersection import Intersection
@@ -30,9 +30,6 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.orientation.relative.essential import essential_starts
 from aatri.orientation.relative.pair_adjustment import AdjustedPair, State, adjust_pair, state_of
 from aatri.orientation.relative.start import parallel_start, refuse_degenerate
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 WEAK_RAD = 0.01
 """A direction or rotation less certain than this is reported: the geometry is near a singular one."""

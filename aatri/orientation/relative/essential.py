@@ -18,13 +18,11 @@ import itertools
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.geometry.coplanarity import Rays
 from aatri.geometry.intersection import projection_coefficients
 from aatri.geometry.rotations import log_rotation
-
-Float = npt.NDArray[np.float64]
 
 SAMPLES = 300
 """Samples of five points: with half the points wrong, one of them is free of errors with probability 0.9999."""
@@ -135,7 +133,7 @@ def _cubic_equations(X: Float) -> Float:
     return np.asarray(terms.swapaxes(1, 2) @ _COLLECT)
 
 
-def _samples(n: int) -> npt.NDArray[np.intp]:
+def _samples(n: int) -> Int:
     if comb(n, 5) <= SAMPLES:
         return np.array(list(itertools.combinations(range(n), 5)), dtype=np.intp)
     random = np.random.default_rng(_SEED)

@@ -11,18 +11,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.dense import DenseResult, Linearise, adjust
 from aatri.adjustment.statistics.snooping import snoop, statistics
+from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError
 from aatri.geometry.coplanarity import Rays, sampson
 from aatri.geometry.intersection import Intersection, intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 State = tuple[Float, Float, Float]
 """(left_from_right (3, 3), base (3,), tangents of the base (3, 2))."""
 

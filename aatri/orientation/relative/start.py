@@ -15,12 +15,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import Rays
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
-
-Float = npt.NDArray[np.float64]
 
 
 def parallel_start(rays: Rays) -> tuple[Float, Float]:

@@ -12,14 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.collinearity import collinearity
 from aatri.geometry.rotations import exp_rotation
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Bool = npt.NDArray[np.bool_]
 
 HUBER = 3.0
 MIN_POINTS = 3
@@ -150,7 +146,7 @@ def _mean_sigma(sigma: Float, rows: Int, n: int) -> Float:
     return np.asarray(total / np.maximum(np.bincount(rows, minlength=n), 1))
 
 
-def _reweight(robust: Float, rays: npt.NDArray[np.integer], v: Float, rows: Int, n: int) -> Bool:
+def _reweight(robust: Float, rays: Int, v: Float, rows: Int, n: int) -> Bool:
     """Huber weights by the image's own median spread; returns which images' weights still change."""
     size = np.sqrt((v**2).mean(axis=1))
     order = np.lexsort((size, rows))

@@ -14,13 +14,11 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
-
-Float = npt.NDArray[np.float64]
 
 MAX_TRIPLES = 20
 

@@ -14,15 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from aatri.arrays import Float, Int
 from aatri.orientation.strips.scale_transfer import Joint, Model
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)

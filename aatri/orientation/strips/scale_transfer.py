@@ -19,19 +19,14 @@ Source: photogrammetry.md A405-A407 (there k = (Z2a - Bza) / Z1b, the mean of th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.adjustment.dense import DenseResult, adjust
 from aatri.adjustment.statistics.snooping import snoop
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import tangents, unit
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Int = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)

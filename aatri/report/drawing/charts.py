@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from aatri.arrays import Float
 from aatri.report.drawing import svg
 from aatri.report.drawing.scales import Axis, log_axis, tick_text
-from aatri.report.drawing.svg import Float
 
 WIDTH, LEFT, RIGHT = 390.0, 135.0, 20.0
 

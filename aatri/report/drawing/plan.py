@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.report.drawing import svg
 from aatri.report.drawing.scales import Plan, length_text, plan_of, round_below, thinned
-from aatri.report.drawing.svg import Float
 
 MOST_FOOTPRINTS = 400
 MOST_STRIP_LABELS = 60

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from aatri.arrays import Float
 from aatri.artifacts.solution import ErrorFields
 from aatri.report.drawing import svg
 from aatri.report.drawing.plan import furniture
 from aatri.report.drawing.scales import Plan, length_text, plan_of, round_below, thinned
-from aatri.report.drawing.svg import Float
 
 MOST_VECTORS = 1500
 MOST_FIELDS = 4

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.report.drawing.svg import Float
+from aatri.arrays import Float, Int
 
 MOST_MARKS = 5000
 """At most this many marks of one kind are drawn."""
@@ -19,7 +19,7 @@ def round_below(value: float) -> float:
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step <= value / power * (1 + 1e-12)))
 
 
-def thinned(n: int, most: int = MOST_MARKS) -> npt.NDArray[np.int64]:
+def thinned(n: int, most: int = MOST_MARKS) -> Int:
     """Evenly spaced rows, all of them if there are not too many.
 
     Returns

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup, escape
 
-Float = npt.NDArray[np.float64]
+from aatri.arrays import Float
 
 
 def element(name: str, *children: str, **attributes: object) -> Markup:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
+
+from aatri.arrays import Float
 
 SXB_OFFSET_M = np.array([999779.50631, 112260.591, 139.8321])
 """What the reports of SXB and its exports are reduced by: control file minus control points of the f-op0 export."""
@@ -45,13 +46,13 @@ class DbatReport:
     sigma0_px: float
     counts: tuple[int, int, int]
     photos: list[str]
-    exterior: npt.NDArray[np.float64]
-    exterior_sigma: npt.NDArray[np.float64]
+    exterior: Float
+    exterior_sigma: Float
     interior: dict[str, float]
     interior_sigma: dict[str, float]
-    prior: dict[str, npt.NDArray[np.float64]]
-    control: dict[str, npt.NDArray[np.float64]]
-    control_sigma: dict[str, npt.NDArray[np.float64]]
+    prior: dict[str, Float]
+    control: dict[str, Float]
+    control_sigma: dict[str, Float]
     residual_rms_px: float
 
 
@@ -109,7 +110,7 @@ def _item(text: str, head: str) -> tuple[float, float]:
     return float(_match(r"Value: +(\S+)", item)), float(_match(r"Deviation: +(\S+)", item))
 
 
-def _table(text: str, columns: int) -> dict[str, npt.NDArray[np.float64]]:
+def _table(text: str, columns: int) -> dict[str, Float]:
     rows = [[cell.strip() for cell in line.split(",")] for line in text.split("\n")]
     return {
         row[0]: np.array([float(cell) for cell in row[1 : columns + 1]])
