@@ -6,10 +6,10 @@ import difflib
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from aatri.arrays import Int
-
 if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command line starts without it
     import numpy.typing as npt
+
+    from aatri.arrays import Int
 
 MAX_BYTES = 255
 """Longest id, in UTF-8 bytes."""
