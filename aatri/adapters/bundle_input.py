@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.orientations import Control, Positions, given_orientations
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
+from aatri.adapters.orientations import given_orientations
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -13,7 +15,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows, film_correction
 from aatri.observations.poses import FILM, Poses
-from aatri.orientation.bundle.block import BundleInput, ControlRows, ParameterRows, PositionRows
+from aatri.orientation.bundle.block import BundleInput, ParameterRows
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
 
@@ -53,8 +55,8 @@ def bundle_input(
         rays,
         poses,
         xyz,
-        ControlRows(control.point, control.xyz_m, control.covariance_m2, control.observed, control.held),
-        PositionRows(positions.image, positions.position_m, positions.covariance_m2, positions.lever_arm_m),
+        control,
+        positions,
         parameters,
         marked=np.isin(np.arange(len(block.points)), block.ground_points.point[block.ground_points.datum]),
         numbering=numbering,

@@ -9,7 +9,8 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.calibration_tables import CalibrationTables
-from aatri.adapters.orientations import Control, Positions
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.adjustment.statistics.reliability import Reliability, reliability
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
@@ -100,7 +101,7 @@ def _residuals(
     ]  # fmt: skip
     known = np.flatnonzero(result.point_adjusted[control.point])
     if len(known):
-        there = control.observed[known] | control.held[known]
+        there = control.given[known]
         v = np.where(there, result.xyz_m[control.point[known]] - control.xyz_m[known], np.nan)
         sigma = np.where(there, np.sqrt(np.einsum("nii->ni", control.covariance_m2[known])), np.nan)
         names = block.points.id[control.point[known]]

@@ -1,7 +1,4 @@
-"""What a Block gives to an adjustment: control by coordinate, observed positions, starting orientations.
-
-A control coordinate of variance zero is held at its value; any other is an observation.
-"""
+"""Starting orientations a Block itself gives."""
 
 from __future__ import annotations
 
@@ -14,82 +11,6 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import ANTENNA, CONTROL, OBSERVED_VALUE, Block
 from aatri.errors import InputError
 from aatri.geometry.rotations import AngleSystem, rotation_from_angles
-
-
-@dataclass(frozen=True)
-class Control:
-    """Control points.
-
-    Attributes
-    ----------
-    row : (n,) int32
-        Row in the Block's ground_points.
-    point : (n,) int32
-        Row in points.
-    xyz_m : (n, 3) float64, m
-    covariance_m2 : (n, 3, 3) float64, m^2
-    observed : (n, 3) bool
-        The coordinate is control, with a standard deviation.
-    held : (n, 3) bool
-        The coordinate is control and exact.
-    """
-
-    row: Int
-    point: Int
-    xyz_m: Float
-    covariance_m2: Float
-    observed: Bool
-    held: Bool
-
-
-def control_of(block: Block) -> Control:
-    """Control points of a block, in the order of its ground_points."""
-    ground = block.ground_points
-    wanted = (ground.role == CONTROL) & np.isfinite(ground.xyz_m)
-    row = np.flatnonzero(wanted.any(axis=1)).astype(np.int32)
-    exact = np.einsum("nii->ni", ground.covariance_m2)[row] == 0
-    return Control(
-        row,
-        ground.point[row],
-        ground.xyz_m[row],
-        ground.covariance_m2[row],
-        wanted[row] & ~exact,
-        wanted[row] & exact,
-    )
-
-
-@dataclass(frozen=True)
-class Positions:
-    """Observed positions of projection centres or antennas.
-
-    Attributes
-    ----------
-    row : (n,) int32
-        Row in the Block's exterior.
-    image : (n,) int32
-        Row in images.
-    position_m : (n, 3) float64, m
-    covariance_m2 : (n, 3, 3) float64, m^2
-    lever_arm_m : (n, 3) float64, m, camera axes
-        Zero where the projection centre itself was observed.
-    """
-
-    row: Int
-    image: Int
-    position_m: Float
-    covariance_m2: Float
-    lever_arm_m: Float
-
-
-def positions_of(block: Block) -> Positions:
-    """Observed positions of a block, in the order of its exterior table."""
-    exterior = block.exterior
-    known = np.isfinite(exterior.position_m).all(axis=1) & (exterior.position_use == OBSERVED_VALUE)
-    row = np.flatnonzero(known & block.images.active[exterior.image]).astype(np.int32)
-    image = exterior.image[row]
-    arm = block.cameras.lever_arm_m[block.images.camera[image]]
-    arm = np.where((exterior.refers_to[row] == ANTENNA)[:, None], arm, 0.0)
-    return Positions(row, image, exterior.position_m[row], exterior.position_covariance_m2[row], arm)
 
 
 def given_orientations(block: Block) -> tuple[Float, Float]:

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.orientations import Control, Positions
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -21,14 +22,9 @@ from aatri.orientation.free_block.component_growth import StripPoints
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
 
 
-def given_coordinates(control: Control) -> Bool:
-    """Which coordinates of control points are control, (n, 3) bool."""
-    return control.observed | control.held
-
-
 def origin_of(control: Control, positions: Positions) -> Float:
     """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
-    known = np.concatenate([np.where(given_coordinates(control), control.xyz_m, np.nan), positions.position_m])
+    known = np.concatenate([np.where(control.given, control.xyz_m, np.nan), positions.position_m])
     sums, counts = np.nansum(known, axis=0), np.isfinite(known).sum(axis=0)
     return np.asarray(np.round(sums / np.maximum(counts, 1)))
 

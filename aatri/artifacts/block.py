@@ -12,16 +12,17 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.codes import (
+    ANTENNA as ANTENNA,
+    APPROXIMATE as APPROXIMATE,
+    APPROXIMATE_VALUE as APPROXIMATE_VALUE,
+    CHECK as CHECK,
+    CONTROL as CONTROL,
+    NO_ROLE as NO_ROLE,
+    OBSERVED_VALUE as OBSERVED_VALUE,
+    PROJECTION_CENTRE as PROJECTION_CENTRE,
+)
 from aatri.tables.schema import Artifact, Table, attribute, column, table
-
-NO_ROLE, CONTROL, CHECK, APPROXIMATE = 0, 1, 2, 3
-"""Role of one coordinate of a ground point."""
-
-APPROXIMATE_VALUE, OBSERVED_VALUE = 0, 1
-"""Use of an exterior position or attitude."""
-
-PROJECTION_CENTRE, ANTENNA = 0, 1
-"""What an exterior position refers to."""
 
 
 @dataclass(frozen=True, eq=False)

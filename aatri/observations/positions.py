@@ -8,13 +8,55 @@ was observed. Source: photogrammetry.md F11.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
 from aatri.observations.poses import POSE, Poses
+
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
+
+@dataclass(frozen=True)
+class Positions:
+    """Observed positions of projection centres or antennas.
+
+    Attributes
+    ----------
+    row : (n,) int32
+        Row in the Block's exterior.
+    image : (n,) int32
+        Row in images.
+    position_m : (n, 3) float64, m
+    covariance_m2 : (n, 3, 3) float64, m^2
+    lever_arm_m : (n, 3) float64, m, camera axes
+        Zero where the projection centre itself was observed.
+    """
+
+    row: Int
+    image: Int
+    position_m: Float
+    covariance_m2: Float
+    lever_arm_m: Float
+
+
+def positions_of(block: Block) -> Positions:
+    """Observed positions of a block, in the order of its exterior table."""
+    exterior = block.exterior
+    known = np.isfinite(exterior.position_m).all(axis=1) & (exterior.position_use == OBSERVED_VALUE)
+    row = np.flatnonzero(known & block.images.active[exterior.image]).astype(np.int32)
+    image = exterior.image[row]
+    arm = block.cameras.lever_arm_m[block.images.camera[image]]
+    arm = np.where((exterior.refers_to[row] == ANTENNA)[:, None], arm, 0.0)
+    return Positions(row, image, exterior.position_m[row], exterior.position_covariance_m2[row], arm)
 
 
 def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float) -> Records:

@@ -8,7 +8,8 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
-from aatri.adapters.orientations import Control, Positions
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Parameters, Residuals
@@ -70,7 +71,7 @@ def residual_tables(given: Given, found: OrientedPart) -> list[Residuals]:
         assemble.residuals(
             "control", given.control.row[control], none[0], block.points.id[given.control.point[control]],
             result.residual_m[:n],
-            _sigma(given.control.covariance_m2[control], pieces.given_coordinates(given.control)[control]),
+            _sigma(given.control.covariance_m2[control], given.control.given[control]),
             result.active[:n],
         ),
         assemble.residuals(

@@ -22,7 +22,8 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
-from aatri.adapters.orientations import Positions, control_of, positions_of
+from aatri.observations.control import control_of
+from aatri.observations.positions import Positions, positions_of
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -140,7 +141,7 @@ def _orient(given: Given, component: Component, what: str, limit: float) -> Orie
         ),
         xyz_m=np.concatenate([given.control.xyz_m[held], given.positions.position_m[seen]]) - given.origin,
         covariance_m2=np.concatenate([given.control.covariance_m2[held], given.positions.covariance_m2[seen]]),
-        given=np.concatenate([pieces.given_coordinates(given.control)[held], np.ones((len(seen), 3), dtype=bool)]),
+        given=np.concatenate([given.control.given[held], np.ones((len(seen), 3), dtype=bool)]),
     )  # fmt: skip
     body = np.concatenate([component.xyz, centres])
     result = orient_component(datum, body, rotations[:, :, 2].mean(0), what=what, limit=limit)

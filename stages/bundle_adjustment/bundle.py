@@ -36,7 +36,8 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.bundle_input import bundle_input
 from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.orderings import report_orderings
-from aatri.adapters.orientations import Positions, control_of, positions_of
+from aatri.observations.control import control_of
+from aatri.observations.positions import Positions, positions_of
 from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.structure.index_problem import Ordering
@@ -204,7 +205,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names)
-        if not advice and options.datum == "given" and not (given.control.observed | given.control.held).any():
+        if not advice and options.datum == "given" and not given.control.given.any():
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
-from aatri.adapters.orientations import Control
+from aatri.observations.control import Control
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals, StripTransformations
@@ -81,7 +81,7 @@ def residual_tables(
 ) -> Residuals:
     """Adjusted minus given at control, the strips' mean minus the single strip at ties."""
     n = len(ground.rows)
-    given = pieces.given_coordinates(control)
+    given = control.given
     strip, point = tie_names(block, strips, ground)
     shared = np.flatnonzero(np.bincount(ground.points.point, minlength=len(block.points))[ground.points.point] > 1)
     at_control = result.point_m[control.point] - ground.control.xyz_m

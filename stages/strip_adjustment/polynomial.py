@@ -22,7 +22,8 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
-from aatri.adapters.orientations import Control, control_of, positions_of
+from aatri.observations.control import Control, control_of
+from aatri.observations.positions import positions_of
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -140,7 +141,7 @@ def _on_the_ground(strips: Strips, initial: Solution, control: Control, origin: 
         control.point.astype(np.int64),
         control.xyz_m - origin,
         control.covariance_m2,
-        pieces.given_coordinates(control),
+        control.given,
     )
     return Ground(origin, np.array(numbers), similarities, axes, rows, points, given)
 

@@ -21,14 +21,15 @@ import numpy as np
 
 from aatri.adapters.bundle_input import rays_of
 from aatri.adapters.camera_parameters import camera_parameters
-from aatri.adapters.orientations import control_of, positions_of
+from aatri.observations.control import control_of
+from aatri.observations.positions import Positions, positions_of
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.evaluation.statistics import sigma0_fits
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
-from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -60,8 +61,8 @@ def well_posed(seed: int, free_c: bool = False) -> tuple[BundleInput, float]:
         block.images.id, block.points.id, rays_of(block, image_points),
         Poses(block.true_images.position_m.copy(), block.true_images.ground_from_image.copy()),
         block.true_points.xyz_m.copy(),
-        ControlRows(control.point, control.xyz_m, control.covariance_m2, control.observed, control.held),
-        PositionRows(positions.image, positions.position_m, positions.covariance_m2, positions.lever_arm_m),
+        control,
+        positions,
         (camera,) if camera else (),
     )  # fmt: skip
     return given, 60.0e-3 * 2500.0
@@ -107,7 +108,7 @@ def outcome(given: BundleInput, reference: BundleResult) -> str:
 def without_positions(given: BundleInput) -> BundleInput:
     """The block with control alone."""
     p, none = given.positions, np.zeros(0, dtype=np.int64)
-    return replace(given, positions=PositionRows(p.image[none], p.position_m[none], p.covariance_m2[none],
+    return replace(given, positions=Positions(p.row[none], p.image[none], p.position_m[none], p.covariance_m2[none],
                                                  p.lever_arm_m[none]))  # fmt: skip
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from aatri.adapters.bundle_input import bundle_input
-from aatri.adapters.orientations import control_of, positions_of
+from aatri.observations.control import control_of
+from aatri.observations.positions import positions_of
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
@@ -178,10 +179,10 @@ def test_an_image_point_split_in_two_of_sqrt_2_sigma_counts_the_same(
 
 def test_exact_control_is_control_of_a_vanishing_sigma(given: BundleInput) -> None:
     c = given.control
-    nothing, every = np.zeros_like(c.held), np.ones_like(c.held)
-    exact = _adjusted(replace(given, control=replace(c, observed=nothing, held=every)))
+    nothing, every = np.zeros_like(c.exact), np.ones_like(c.exact)
+    exact = _adjusted(replace(given, control=replace(c, observed=nothing, exact=every)))
     tiny = np.tile(1e-18 * np.eye(3), (len(c.point), 1, 1))
-    weighted = _adjusted(replace(given, control=replace(c, covariance_m2=tiny, observed=every, held=nothing)), 1e-6)
+    weighted = _adjusted(replace(given, control=replace(c, covariance_m2=tiny, observed=every, exact=nothing)), 1e-6)
     others = np.ones(len(given.xyz_m), dtype=bool)
     others[c.point] = False
     assert np.abs(weighted.xyz_m[~others] - exact.xyz_m[~others]).max() < 1e-9

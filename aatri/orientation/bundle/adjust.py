@@ -190,7 +190,7 @@ _WITHOUT_FACTOR = (
 
 def _start_points(given: BundleInput, origin: Float) -> Float:
     xyz = given.xyz_m.copy()
-    point, coordinate = np.nonzero(given.control.held)
+    point, coordinate = np.nonzero(given.control.exact)
     xyz[given.control.point[point], coordinate] = given.control.xyz_m[point, coordinate]
     return np.asarray(xyz - origin)
 
@@ -227,7 +227,7 @@ def _unknowns(
     given: BundleInput, parameters: tuple[ParameterRows, ...], poses: Bool, point: Bool, places: Float
 ) -> list[Unknowns]:
     free = np.repeat(point[:, None], 3, axis=1)
-    row, coordinate = np.nonzero(given.control.held)
+    row, coordinate = np.nonzero(given.control.exact)
     free[given.control.point[row], coordinate] = False
     groups = [pose_unknowns(given.image_ids, poses, places)]
     for p in parameters:

@@ -12,32 +12,13 @@ import numpy as np
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.strip_numbering import StripNumbering
 
 MIN_IMAGE_POINTS = 3
-
-
-@dataclass(frozen=True)
-class ControlRows:
-    """Control: point row, coordinates, covariance, and which coordinates are observed or held; see given.Control."""
-
-    point: Int
-    xyz_m: Float
-    covariance_m2: Float
-    observed: Bool
-    held: Bool
-
-
-@dataclass(frozen=True)
-class PositionRows:
-    """Observed positions; see observations.positions."""
-
-    image: Int
-    position_m: Float
-    covariance_m2: Float
-    lever_arm_m: Float
 
 
 @dataclass(frozen=True)
@@ -99,8 +80,8 @@ class BundleInput:
         Start; NaN where unknown.
     xyz_m : (n_points, 3) float64, m
         Start; NaN where unknown.
-    control : ControlRows
-    positions : PositionRows
+    control : Control
+    positions : Positions
     parameters : tuple of ParameterRows
         In the order FILM, ADDITIONAL, CAMERA.
     marked : (n_points,) bool, optional
@@ -114,8 +95,8 @@ class BundleInput:
     rays: ImagePointRows
     poses: Poses
     xyz_m: Float
-    control: ControlRows
-    positions: PositionRows
+    control: Control
+    positions: Positions
     parameters: tuple[ParameterRows, ...] = ()
     marked: Bool | None = None
     numbering: StripNumbering | None = None
@@ -132,7 +113,7 @@ def determinable(given: BundleInput) -> tuple[Bool, Bool, Bool]:
     image = finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image)
     point = finite_rows(given.xyz_m)
     control = np.zeros(n_points, dtype=np.int64)
-    np.add.at(control, given.control.point, (given.control.observed | given.control.held).sum(axis=1))
+    np.add.at(control, given.control.point, given.control.given.sum(axis=1))
     positioned = np.bincount(given.positions.image, minlength=n_images) > 0
     while True:
         ray = rays.active & image[rays.image] & point[rays.point]

@@ -45,7 +45,7 @@ def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> B
     rays = given.rays.take(ray)
     origin = np.round(given.xyz_m[point].mean(axis=0))
     control = given.control
-    exact, coordinate = np.nonzero(control.held)
+    exact, coordinate = np.nonzero(control.exact)
     xyz = given.xyz_m.copy()
     xyz[control.point[exact], coordinate] = control.xyz_m[exact, coordinate]
     free = np.repeat(point[:, None], 3, axis=1)

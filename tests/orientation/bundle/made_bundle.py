@@ -6,8 +6,10 @@ import numpy as np
 
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.image_points import ImagePointRows
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle.block import BundleInput
 
 C_MM, SIGMA_MM, HEIGHT_M = 150.0, 0.01, 1500.0
 
@@ -36,10 +38,10 @@ def made_bundle(seed: int = 0, *, start_error: float = 1.0) -> BundleInput:
     )  # fmt: skip
 
 
-def no_control() -> ControlRows:
+def no_control() -> Control:
     nothing = np.zeros((0, 3), dtype=bool)
-    return ControlRows(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), nothing, nothing)
+    return Control(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), nothing, nothing)
 
 
-def no_positions() -> PositionRows:
-    return PositionRows(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+def no_positions() -> Positions:
+    return Positions(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)))

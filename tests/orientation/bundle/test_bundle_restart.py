@@ -89,6 +89,6 @@ def test_a_block_without_datum_is_refused_for_that_reason(block: tuple[BundleInp
     given = without_positions(block[0])
     c, none = given.control, np.zeros(0, dtype=np.int64)
     nothing = replace(c, point=c.point[none], xyz_m=c.xyz_m[none], covariance_m2=c.covariance_m2[none],
-                      observed=c.observed[none], held=c.held[none])  # fmt: skip
+                      observed=c.observed[none], exact=c.exact[none])  # fmt: skip
     with pytest.raises(GeometryError, match="leave 7 unknown"):
         adjust_bundle_from_afar(replace(given, control=nothing), covariances=False)

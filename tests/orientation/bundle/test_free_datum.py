@@ -11,9 +11,11 @@ from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformed
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.errors import GeometryError
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
-from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle.block import BundleInput
 from tests.orientation.bundle.made_bundle import made_bundle
 
 TIGHT = {"tolerance": 1e-9}
@@ -134,17 +136,17 @@ def test_the_datum_has_no_shift_rotation_or_scale_against_its_start(given: Bundl
     np.testing.assert_allclose((away * shift).sum(), 0.0, atol=1e-5)
 
 
-def _positions(given: BundleInput, sigma_m: float = 0.1) -> PositionRows:
+def _positions(given: BundleInput, sigma_m: float = 0.1) -> Positions:
     n = len(given.image_ids)
     covariance = np.tile(sigma_m**2 * np.eye(3), (n, 1, 1))
-    return PositionRows(np.arange(n, dtype=np.int32), given.poses.position_m, covariance, np.zeros((n, 3)))
+    return Positions(np.arange(n, dtype=np.int32), np.arange(n, dtype=np.int32), given.poses.position_m, covariance, np.zeros((n, 3)))
 
 
-def _control(given: BundleInput, points, observed) -> ControlRows:
+def _control(given: BundleInput, points, observed) -> Control:
     n = len(points)
     at = np.array(points, dtype=np.int32)
     used = np.tile(np.array(observed, dtype=bool), (n, 1))
-    return ControlRows(at, given.xyz_m[at], np.tile(0.01 * np.eye(3), (n, 1, 1)), used, np.zeros((n, 3), dtype=bool))
+    return Control(at, at, given.xyz_m[at], np.tile(0.01 * np.eye(3), (n, 1, 1)), used, np.zeros((n, 3), dtype=bool))
 
 
 def test_with_observed_positions_of_all_images_nothing_is_free(given: BundleInput) -> None:

@@ -1,0 +1,66 @@
+"""Control points: given ground coordinates, each coordinate observed or exact.
+
+    v = X - X_given,    dv/dX = 1
+
+A coordinate of variance zero is exact: it is held at its value. Any other is an observation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.codes import CONTROL
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
+
+@dataclass(frozen=True)
+class Control:
+    """Control points.
+
+    Attributes
+    ----------
+    row : (n,) int32
+        Row in the Block's ground_points.
+    point : (n,) int32
+        Row in points.
+    xyz_m : (n, 3) float64, m
+    covariance_m2 : (n, 3, 3) float64, m^2
+    observed : (n, 3) bool
+        The coordinate is control, with a standard deviation.
+    exact : (n, 3) bool
+        The coordinate is control and exact.
+    """
+
+    row: Int
+    point: Int
+    xyz_m: Float
+    covariance_m2: Float
+    observed: Bool
+    exact: Bool
+
+    @property
+    def given(self) -> Bool:
+        """Coordinates that are control, (n, 3)."""
+        return self.observed | self.exact
+
+
+def control_of(block: Block) -> Control:
+    """Control points of a block, in the order of its ground_points."""
+    ground = block.ground_points
+    wanted = (ground.role == CONTROL) & np.isfinite(ground.xyz_m)
+    row = np.flatnonzero(wanted.any(axis=1)).astype(np.int32)
+    exact = np.einsum("nii->ni", ground.covariance_m2)[row] == 0
+    return Control(
+        row,
+        ground.point[row],
+        ground.xyz_m[row],
+        ground.covariance_m2[row],
+        wanted[row] & ~exact,
+        wanted[row] & exact,
+    )
