@@ -101,10 +101,11 @@ def _tie(points: StripPoints, member: Int, pose: list[Similarity], a: int, b: in
     noise = np.sqrt(np.median(variance_a + similarity.scale**2 * variance_b))
     sigma = max(float(noise), float(np.median(distance)) / 1.5 if len(X) > 3 else 0.0)
     fitting = distance <= 10 * max(sigma, float(np.median(distance)))
+    if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
+        return Tie(similarity, np.inf, len(X))
     spread = np.linalg.svd(X[fitting] - X[fitting].mean(0), compute_uv=False)
     across = float(np.hypot(*spread[1:3]))
-    determined = fitting.sum() >= 3 and across > 1e-9 * spread[0]
-    return Tie(similarity, sigma / across if determined else np.inf, len(X))
+    return Tie(similarity, sigma / across if across > 1e-9 * spread[0] else np.inf, len(X))
 
 
 def _mean_points(points: StripPoints, strips: Int, pose: list[Similarity]) -> tuple[Int, Float, Float]:

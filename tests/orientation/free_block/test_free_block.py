@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, closed_form, transform
-from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.orientation.free_block.component_growth import StripPoints, grow_components
 from aatri.orientation.free_block.components import join_strips
 
 RNG = np.random.default_rng(5)
@@ -99,3 +99,14 @@ def test_the_order_of_rows_does_not_matter():
     order = RNG.permutation(len(points.strip))
     first, second = join_strips(points, ["1", "2"]), join_strips(points.take(order), ["1", "2"])
     np.testing.assert_allclose(first.components[0].xyz, second.components[0].xyz, rtol=0, atol=1e-9)
+
+
+def test_common_points_of_which_most_are_wrong_tie_nothing():
+    rng = np.random.default_rng(1)
+    xyz = rng.uniform(0, 100, (3, 3))
+    wrong = xyz + np.array([[3e3, -2e2, 9e2], [-7e4, 2e4, 5e4], [0.0, 0.0, 0.0]])
+    covariance = np.tile(1e-12 * np.eye(3), (6, 1, 1))
+    points = StripPoints(np.repeat([0, 1], 3), np.tile([0, 1, 2], 2), np.concatenate([xyz, wrong]), covariance)
+    member, _, ties = grow_components(points, 2)
+    assert member.tolist() == [0, 1]
+    assert not np.isfinite(ties[0, 1].sigma_rad)
