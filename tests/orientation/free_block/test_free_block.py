@@ -101,12 +101,11 @@ def test_the_order_of_rows_does_not_matter():
     np.testing.assert_allclose(first.components[0].xyz, second.components[0].xyz, rtol=0, atol=1e-9)
 
 
-def test_common_points_of_which_most_are_wrong_tie_nothing():
-    rng = np.random.default_rng(1)
-    xyz = rng.uniform(0, 100, (3, 3))
-    wrong = xyz + np.array([[3e3, -2e2, 9e2], [-7e4, 2e4, 5e4], [0.0, 0.0, 0.0]])
+def test_common_points_that_do_not_fit_each_other_tie_nothing():
+    one = np.array([[95.0, 14.4, 94.9], [31.2, 42.3, 82.8], [40.9, 55.0, 2.8]])
+    other = np.array([[2034.6, 0.3, 0.8], [2804.1, 0.5, 1.0], [9616.6, 0.7, 0.5]])  # two of them can be made to fit
     covariance = np.tile(1e-12 * np.eye(3), (6, 1, 1))
-    points = StripPoints(np.repeat([0, 1], 3), np.tile([0, 1, 2], 2), np.concatenate([xyz, wrong]), covariance)
+    points = StripPoints(np.repeat([0, 1], 3), np.tile([0, 1, 2], 2), np.concatenate([one, other]), covariance)
     member, _, ties = grow_components(points, 2)
     assert member.tolist() == [0, 1]
     assert not np.isfinite(ties[0, 1].sigma_rad)
