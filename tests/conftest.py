@@ -6,6 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from aatri.pipeline.methods.kernel_cache import use_kernel_cache
+
+use_kernel_cache()  # before Numba is imported: an edit of a kernel leads to another folder, in the processes of tests too
+
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
