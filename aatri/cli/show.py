@@ -36,6 +36,8 @@ def show(
         say_table(("  column", "shape", "unit", "description"), rows)
     say()
     _say_provenance(record)
+    if record is None:
+        _say_warnings(path)
 
 
 def _file(what: str) -> Path:
@@ -56,6 +58,14 @@ def _record(path: Path) -> dict[str, Any] | None:
     from aatri.pipeline.store import run_folder as store
 
     return store.read_json(path.resolve().parent / "record.json") or store.read_json(path.with_suffix(".json"))
+
+
+def _say_warnings(path: Path) -> None:
+    """The warnings that the file itself holds, wherever it was copied to."""
+    from aatri.tables.hdf5 import read_warnings
+
+    for text in read_warnings(path):
+        say(f"warning  {text}")
 
 
 def _shape(shape: Any) -> str:

@@ -98,35 +98,6 @@ def rmse_interval(rmse_m: Float, n: Int, confidence: float) -> tuple[Float, Floa
     return np.where(n > 0, low, np.nan), np.where(n > 0, high, np.nan)
 
 
-SIGMA0_TOLERANCE = 0.1
-"""How far from 1 sigma0 may lie, if the chi-square test fails: with many observations that test is very sharp."""
-
-
-def sigma0_interval(redundancy: int) -> tuple[float, float]:
-    """Two-sided 95 % interval of sigma0 where the model and the standard deviations are right.
-
-    Parameters
-    ----------
-    redundancy : int
-        1 or more.
-
-    Returns
-    -------
-    low, high : float
-    """
-    from scipy.special import chdtri  # inverse of the upper tail
-
-    return float(chdtri(redundancy, 0.975) / redundancy) ** 0.5, float(chdtri(redundancy, 0.025) / redundancy) ** 0.5
-
-
-def sigma0_fits(sigma0: float, redundancy: int) -> bool:
-    """Whether sigma0 is in its 95 % interval or near 1; True where there is no redundancy to tell by."""
-    if redundancy < 1 or abs(sigma0 - 1.0) <= SIGMA0_TOLERANCE:
-        return True
-    low, high = sigma0_interval(redundancy)
-    return low <= sigma0 <= high
-
-
 def outside_hull(plan_m: Float, corners_m: Float) -> Bool | None:
     """Which points lie outside the convex hull of others, in plan.
 

@@ -1,6 +1,7 @@
 """Artifacts in HDF5: one group per table, one dataset per column, attributes at the root.
 
 Every dataset carries `units` and `description`, row numbers also `refers`, so that the file reads without aatri.
+The group `notes`, of any kind of artifact, holds what its stage warned of; it is no part of the content.
 `write` puts a whole file on disk and reads it back; making it appear atomically is the store's work.
 Files of others are read defensively: hard links only, no external storage, known filters and dtypes, and exactly the
 declared names.
@@ -8,6 +9,8 @@ declared names.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +22,17 @@ from aatri.arrays import Text
 from aatri.errors import ArtifactError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.tables.digest import content_digest
-from aatri.tables.schema import DTYPES, Artifact, Column, Table, attributes_of, columns_of, is_optional, tables_of
+from aatri.tables.schema import (
+    DTYPES,
+    Artifact,
+    Column,
+    Table,
+    attributes_of,
+    column,
+    columns_of,
+    is_optional,
+    tables_of,
+)
 
 A = TypeVar("A", bound=Artifact)
 
@@ -29,8 +42,26 @@ IN_MEMORY_BYTES = 1 << 29
 _LIBVER = ("v110", "v110")  # metadata checksums, and a file left open by a crash refuses to open
 
 
-def write(artifact: Artifact, path: Path) -> str:
+NOTES = "notes"
+
+
+@dataclass(frozen=True, eq=False)
+class Notes(Table):
+    """What the stage that made the artifact had to say of it."""
+
+    level: Text = column("str", doc="warning")
+    text: Text = column("str", doc="in words, with the ids it is about")
+
+
+def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
     """Write the artifact to a new file, read it back, and return its content digest.
+
+    Parameters
+    ----------
+    artifact : Artifact
+    path : Path
+    warnings : sequence of str
+        What the stage warned of; kept beside the content.
 
     Raises
     ------
@@ -52,6 +83,9 @@ def write(artifact: Artifact, path: Path) -> str:
                 rows = getattr(artifact, name)
                 if rows is not None:
                     _write_table(file.create_group(name), rows)
+            if warnings:
+                notes = Notes(level=np.full(len(warnings), "warning"), text=np.array([_encodable(w) for w in warnings]))
+                _write_table(file.create_group(NOTES), notes)
             if in_memory:
                 file.flush()
                 image = file.id.get_file_image()
@@ -85,6 +119,27 @@ def read(path: Path, cls: type[A]) -> A:
         if isinstance(error, ArtifactError):
             raise
         raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path), remedy="run it again") from error
+
+
+def read_warnings(path: Path) -> tuple[str, ...]:
+    """What the stage that made an artifact warned of.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing or no HDF5 file, or its notes are not of their schema.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if NOTES not in file:
+                return ()
+            notes = _read_table(_hard(file, NOTES, str(path)), Notes, f"{path}:{NOTES}")
+    except OSError as error:
+        if isinstance(error, ArtifactError):
+            raise
+        raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path)) from error
+    assert isinstance(notes, Notes)
+    return tuple(str(text) for text in notes.text)
 
 
 def read_header(path: Path) -> dict[str, Any]:
@@ -133,6 +188,10 @@ def _write_table(group: h5py.Group, rows: Table) -> None:
             dataset.attrs["refers"] = declared.refers
 
 
+def _encodable(text: str) -> str:
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def _encoded(texts: Text) -> npt.NDArray[Any]:
     data = np.char.encode(texts, "utf-8") if texts.size else np.zeros(texts.shape, "S1")
     width = max(1, data.dtype.itemsize)
@@ -158,7 +217,7 @@ def _read(file: h5py.File, cls: type[A], path: str) -> A:
         fields[name] = _scalar(file.attrs[name])
     declared = tables_of(cls)
     for name in file:
-        if name not in declared:
+        if name not in declared and name != NOTES:
             raise ArtifactError(f"{kind} has an unknown table {name!r}{did_you_mean(name, declared)}", where=path)
     for name, table_cls in declared.items():
         if name in file:

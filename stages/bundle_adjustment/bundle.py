@@ -40,6 +40,7 @@ from aatri.observations.control import control_of
 from aatri.observations.positions import Positions, positions_of
 from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
+from aatri.adjustment.statistics.global_test import global_test, sigma0_note
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.arrays import Bool
 from aatri.artifacts.block import Block
@@ -47,8 +48,8 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError, ResourceError, SpecError
-from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.ids import shown
+from aatri.notes import tell
 from aatri.orientation.bundle.adjust import BundleResult, Datum, DatumOver
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
@@ -255,13 +256,5 @@ def _report_down_weighted(result: BundleResult, options: BundleOptions, context:
 
 
 def _report_misfit(result: BundleResult, context: Context) -> None:
-    sigma0, redundancy = result.adjusted.sigma0, result.adjusted.redundancy
-    if not np.isnan(sigma0) and not sigma0_fits(sigma0, redundancy):
-        low, high = sigma0_interval(redundancy)
-        why = "gross errors, an effect not modelled, or standard deviations that are too small"
-        if sigma0 < low:
-            why = "standard deviations that are too large"
-        context.warn(
-            f"sigma0 {sigma0:.3f}, expected {low:.3f} to {high:.3f} (95 %): {why}; "
-            "the standard deviations of the result are as wrong"
-        )
+    if not np.isnan(result.adjusted.sigma0):
+        tell([sigma0_note(global_test(result.adjusted.sigma0, result.adjusted.redundancy))], context)

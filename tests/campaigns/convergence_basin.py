@@ -25,7 +25,7 @@ from aatri.observations.control import control_of
 from aatri.observations.positions import Positions, positions_of
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.evaluation.statistics import sigma0_fits
+from aatri.adjustment.statistics.global_test import global_test
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
@@ -102,7 +102,8 @@ def outcome(given: BundleInput, reference: BundleResult) -> str:
     sigma = np.where(sigma > 0, sigma, 1e-6)
     if found.point_adjusted.all() and np.nanmax(np.abs(found.xyz_m - reference.xyz_m) / sigma) < 1e-4:
         return "right"
-    return "false" if sigma0_fits(found.adjusted.sigma0, found.adjusted.redundancy) else "told"
+    verdict = global_test(found.adjusted.sigma0, found.adjusted.redundancy).verdict
+    return "told" if verdict in ("warned", "far") else "false"
 
 
 def without_positions(given: BundleInput) -> BundleInput:

@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 from aatri import __version__
 from aatri.cli.main import app
 from aatri.strict_yaml import load
+from aatri.tables.hdf5 import read_warnings
 from tests.made_up_stages import made_up_registry, write_pipeline
 
 LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
@@ -93,6 +94,19 @@ def test_control_characters_do_not_reach_the_terminal(project: Path) -> None:
     result = aatri("run", "--set", "a.count=7")
     assert "\x1b" not in result.output
     assert "warning: a: seven is \\x1b[31mmany" in result.stderr
+
+
+def test_a_warning_is_on_the_terminal_in_the_artifact_in_the_record_and_in_the_report(project: Path) -> None:
+    result = aatri("run", "-q", "--set", "a.count=7")
+    assert "warning: a: seven is" in result.stderr
+    run = next(project.rglob("current")).parent
+    artifact = run / "current" / "a.h5"
+    assert read_warnings(artifact) == ("seven is \x1b[31mmany",)
+    assert json.loads(artifact.resolve().with_name("record.json").read_text())["warnings"] == ["seven is \x1b[31mmany"]
+    assert "seven is" in (run / "report.html").read_text()
+    copied = project / "copied.h5"
+    copied.write_bytes(artifact.read_bytes())
+    assert "warning  seven is" in aatri("show", str(copied)).stdout
 
 
 def test_status_tells_done_failed_and_not_run(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.evaluation.statistics import sigma0_interval
+from aatri.adjustment.statistics.global_test import sigma0_interval
 from aatri.report.drawing import svg
 from aatri.report.drawing.charts import residual_histogram, sigma0_chart
 from aatri.report.drawing.plan import footprints

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from aatri.arrays import Float, Int, Text
 from aatri.errors import AatriError, ArtifactError, ResourceError
 from aatri.tables.digest import content_digest
-from aatri.tables.hdf5 import read, read_header, write
+from aatri.tables.hdf5 import read, read_header, read_warnings, write
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
@@ -95,6 +95,16 @@ def test_the_header_is_read_without_the_data(tmp_path: Path) -> None:
     assert header["kind"] == "Network"
     assert header["attributes"]["height_m"] == 6.5
     assert header["tables"]["stations"]["rows"] == 2
+
+
+def test_warnings_are_in_the_file_and_no_part_of_the_content(tmp_path: Path) -> None:
+    made = _network()
+    told = ["image \u70b91 is left out", "odd \udcff name", "sigma0 3.1"]
+    assert write(made, tmp_path / "told.h5", told) == write(made, tmp_path / "n.h5")
+    assert content_digest(read(tmp_path / "told.h5", Network)) == content_digest(made)
+    assert read_warnings(tmp_path / "told.h5") == ("image \u70b91 is left out", "odd \\udcff name", "sigma0 3.1")
+    assert read_warnings(tmp_path / "n.h5") == ()
+    assert read_header(tmp_path / "told.h5")["tables"]["notes"]["rows"] == 3
 
 
 def test_provenance_is_no_content_but_everything_else_is() -> None:

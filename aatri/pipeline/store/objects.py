@@ -63,7 +63,7 @@ def commit_object(
         (folder / "record.json").unlink(missing_ok=True)
         temporary = temporary_name(final)
         try:
-            content_digest = hdf5.write(artifact, temporary)
+            content_digest = hdf5.write(artifact, temporary, record.get("warnings", ()))
             sync(temporary)
             sha256, size = file_sha256(temporary), temporary.stat().st_size
             temporary.replace(final)

@@ -3,8 +3,8 @@
 Internal is how well the observations agree with each other; external is how the result agrees with what it never saw.
 A good internal light says nothing about the external ones.
 
-sigma0 is tested two-sided against chi-square at 95 %: r sigma0^2 must lie between the 0.025 and 0.975 quantiles. With
-many observations that is a very sharp test, so a failed test within 10 % of 1 is remarked upon, no more.
+sigma0 has the global test of `adjustment.statistics.global_test`: good within its 95 % interval, bad where it is also
+beyond 0.5 to 2, else to be looked at: with many observations the test is very sharp.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from aatri.adjustment.statistics.global_test import global_test
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.statistics import sigma0_fits, sigma0_interval
 from aatri.report.numbers import metres, number
 from aatri.report.run_view import RunView, StageView
 
@@ -80,12 +80,13 @@ def _sigma0(stage: StageView | None) -> Light:
     redundancy = int(stage.metrics.get("redundancy") or 0) if stage else 0
     if stage is None or sigma0 is None or redundancy < 1:
         return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
-    low, high = sigma0_interval(redundancy)
-    words = f"{stage.name}: {sigma0:.3f}, redundancy {number(redundancy)}, expected {low:.3f} to {high:.3f} (95 %)"
-    if low <= sigma0 <= high:
+    test = global_test(float(sigma0), redundancy)
+    expected = f"expected {test.low:.3f} to {test.high:.3f} (95 %)"
+    words = f"{stage.name}: {sigma0:.3f}, redundancy {number(redundancy)}, {expected}"
+    if test.verdict == "fits":
         return Light("sigma0", GOOD, words)
-    size = "too large" if sigma0 > high else "too small"
-    return Light("sigma0", LOOK if sigma0_fits(sigma0, redundancy) else BAD, f"{words}: {size}")
+    size = "too large" if test.sigma0 > test.high else "too small"
+    return Light("sigma0", BAD if test.verdict == "far" else LOOK, f"{words}: {size}")
 
 
 def _suspects(stage: StageView | None, solution: Solution | None) -> Light:

@@ -1,0 +1,48 @@
+"""What a method has to say beside its result: notes, returned with the result and told once by the stage.
+
+Methods compute and return; they neither log nor warn. A note says in words what happened and names the ids it is
+about. The stage tells all notes of a result with `tell`: a `note` goes to the log, a `warning` also to the terminal,
+the record, the artifact and the report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from aatri.ids import shown
+from aatri.progress import Reporter
+
+Level = Literal["note", "warning"]
+
+
+@dataclass(frozen=True)
+class Note:
+    """One thing to say.
+
+    Attributes
+    ----------
+    level : {'note', 'warning'}
+        A warning is what the user must see.
+    text : str
+        One sentence, without the ids.
+    ids : tuple of str
+        Images, points, models ... it is about, all of them; told in part where they are many.
+    """
+
+    level: Level
+    text: str
+    ids: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.text}: {shown(self.ids)}" if self.ids else self.text
+
+
+def tell(notes: Iterable[Note], reporter: Reporter) -> None:
+    """Tell notes in their order: notes to the log, warnings as warnings."""
+    for note in notes:
+        if note.level == "warning":
+            reporter.warn(str(note))
+        else:
+            reporter.log(str(note))
