@@ -38,15 +38,35 @@ def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> Non
         done.result()
 
 
-def in_threads(n: int, work: Callable[[int, int], None], threads: int | None = None) -> None:
-    """Work on n items that do not depend on each other: `work(first, last)` for parts of them, in several threads."""
-    parts = max(min(threads or default_threads(), n // WORTH_A_THREAD), 1)
+def in_threads(
+    n: int, work: Callable[[int, int], None], threads: int | None = None, *, worth: int = WORTH_A_THREAD
+) -> None:
+    """Work on n items that do not depend on each other: `work(first, last)` for parts of them, in several threads.
+
+    Parameters
+    ----------
+    worth : int
+        Items for which a thread of their own pays.
+    """
+    parts = max(min(threads or default_threads(), n // worth), 1)
     bounds = [n * k // parts for k in range(parts + 1)]
     if parts == 1:
         work(0, n)
         return
     with ThreadPoolExecutor(parts) as pool:
         run_all(pool, [partial(work, first, last) for first, last in pairwise(bounds)])
+
+
+def items_between(start: Int, first: int, last: int) -> tuple[int, int]:
+    """The items whose first row lies in first ... last - 1: the share of a thread, where rows belong to items.
+
+    Parameters
+    ----------
+    start : (n_items + 1,) int
+        First row of each item, ascending; the last is the number of rows.
+    """
+    a, b = np.searchsorted(start[:-1], [first, last])
+    return int(a), int(b) if last < start[-1] else len(start) - 1
 
 
 def taken(values: npt.NDArray[Scalar], order: Int) -> npt.NDArray[Scalar]:

@@ -48,16 +48,21 @@ def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
 
 def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Poses:
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
-    known = rays.active & finite_rows(xyz_m)[rays.point]
     missing = ~(finite_rows(position) & finite_rows(rotation))
-    for image in np.unique(rays.image[known & missing[rays.image]]):
-        mine = known & (rays.image == image)
+    rows = np.flatnonzero(rays.active & finite_rows(xyz_m)[rays.point] & missing[rays.image])
+    rows = rows[np.argsort(rays.image[rows], kind="stable")]
+    images, first = np.unique(rays.image[rows], return_index=True)
+    start_position, start_rotation = np.full_like(position, np.nan), np.full_like(rotation, np.nan)
+    for image, mine in zip(images, np.split(rows, first[1:])):
         start = start_orientation(rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]])
-        if start is None:
-            continue
-        zero = np.zeros(int(mine.sum()), dtype=np.int32)
-        result = resect_images(rays.xy_mm[mine], rays.sigma_mm[mine], zero, rays.point[mine], rays.c_mm[mine][:1],
-                               xyz_m, start[0][None], start[1][None])  # fmt: skip
-        if result.resected[0]:
-            position[image], rotation[image] = result.position_m[0], result.ground_from_image[0]
+        if start is not None:
+            start_position[image], start_rotation[image] = start
+    c_mm = np.ones(len(position))
+    c_mm[images] = rays.c_mm[rows[first]]
+    result = resect_images(
+        rays.xy_mm[rows], rays.sigma_mm[rows], rays.image[rows], rays.point[rows], c_mm, xyz_m,
+        start_position, start_rotation,
+    )  # fmt: skip
+    found = result.resected
+    position[found], rotation[found] = result.position_m[found], result.ground_from_image[found]
     return Poses(position, rotation)
