@@ -35,14 +35,15 @@ def made_block(
     image_index, point_index = np.indices((n_images if rays else 0, n_points)).reshape(2, -1)
     fields: dict[str, Any] = {
         "name": "made", "rotation": "omega-phi-kappa", "earth_curvature": "ignore", "terrain_height_m": 12.0,
+        "undulation_m": np.nan, "heading": "true",
         "files": b.Files.empty(), "frames": b.Frames(id=["map"], axes=["east,north,up"], crs=["local"], vertical=[""]),
         "cameras": b.Cameras(
             id=["cam"], kind=["film"], image_coordinates=["photo"], pixel_size_mm=[[np.nan, np.nan]],
             pixel_origin=[""], pixel_y=[""], format=[[230.0, 230.0]], principal_distance_mm=[150.0],
             principal_point_mm=[[0.0, 0.0]], symmetry_point_mm=[[0.0, 0.0]], distortion=["none"],
-            lever_arm_m=[[0.0, 0.0, 0.0]], boresight_rad=[[0.0, 0.0, 0.0]]),
+            lever_arm_m=[[0.0, 0.0, 0.0]], boresight_rad=[[0.0, 0.0, 0.0]], mount_deg=[0]),
         "camera_parameters": b.CameraParameters.empty(), "distortion_table": b.DistortionTable.empty(),
-        "fiducials": b.Fiducials.empty(), "strips": b.Strips(id=["1", "2"]),
+        "fiducials": b.Fiducials.empty(), "rig_members": b.RigMembers.empty(), "strips": b.Strips(id=["1", "2"]),
         "images": b.Images(
             id=image_names, camera=np.zeros(n_images, int), strip=np.repeat([0, 1], columns),
             sequence=np.tile(np.arange(columns), 2).astype(float), time_s=np.full(n_images, np.nan),
@@ -57,7 +58,7 @@ def made_block(
         "ground_points": b.GroundPoints(
             point=given, xyz_m=xyz[given], covariance_m2=np.tile(np.eye(3) * 0.01**2, (len(given), 1, 1)), role=roles,
             datum=np.zeros(len(given), bool), file=np.full(len(given), -1), line=np.zeros(len(given), int)),
-        "exterior": b.Exterior.empty(), "geodetic": b.Geodetic.empty(),
+        "ground_point_covariances": b.GroundPointCovariances.empty(), "exterior": b.Exterior.empty(), "geodetic": b.Geodetic.empty(),
         "geodetic_covariances": b.GeodeticCovariances.empty(), "relative_control": b.RelativeControl.empty(),
         "relative_control_members": b.RelativeControlMembers.empty(), "rejects": b.Rejects.empty(),
     }  # fmt: skip

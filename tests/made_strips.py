@@ -103,6 +103,7 @@ class MadeBlock:
             pixel_y=[""], format=[[230.0, 230.0]], principal_distance_mm=[C_MM], principal_point_mm=[[0.0, 0.0]],
             symmetry_point_mm=[[0.0, 0.0]], distortion=["none"],
             lever_arm_m=[getattr(self, "lever_arm_m", np.zeros(3))], boresight_rad=[[0.0] * 3],
+            mount_deg=[0],
         )  # fmt: skip
         tables["strips"] = b.Strips(id=[str(k + 1) for k in range(len(self.frames))])
         text = [""] * n_images
@@ -132,7 +133,8 @@ class MadeBlock:
                 refers_to=np.full(n, int(self.lever_arm_m.any())), drift_group=[""] * n,
                 file=np.full(n, -1), line=np.full(n, -1),
             )  # fmt: skip
-        return Block(name="made", rotation="omega-phi-kappa", earth_curvature="ignore", terrain_height_m=0.0, **tables)
+        return Block(name="made", rotation="omega-phi-kappa", earth_curvature="ignore", terrain_height_m=0.0,
+                     undulation_m=np.nan, heading="true", **tables)
 
     def image_points(self):
         block, m = self.block(), len(self.rows)

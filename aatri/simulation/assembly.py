@@ -68,6 +68,8 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
         rotation="omega-phi-kappa",
         earth_curvature="correct" if scene.earth == "map" else "ignore",
         terrain_height_m=scene.photography.terrain_height_m,
+        undulation_m=np.nan,
+        heading="true",
         frames=b.Frames(
             id=texts(_FRAME[scene.earth]), axes=texts("east,north,up"), crs=texts(_CRS[scene.earth]), vertical=texts("")
         ),
@@ -96,6 +98,8 @@ _CRS = {
 def _not_simulated() -> dict[str, Any]:
     return {
         "files": b.Files.empty(),
+        "rig_members": b.RigMembers.empty(),
+        "ground_point_covariances": b.GroundPointCovariances.empty(),
         "geodetic": b.Geodetic.empty(),
         "geodetic_covariances": b.GeodeticCovariances.empty(),
         "relative_control": b.RelativeControl.empty(),
@@ -134,6 +138,7 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dic
             distortion=texts(camera.distortion if camera.distortion_known else "none"),
             lever_arm_m=np.zeros((1, 3)),
             boresight_rad=np.zeros((1, 3)),
+            mount_deg=rows([0]),
         ),
         "camera_parameters": b.CameraParameters(
             camera=rows(np.zeros(len(brown))),

@@ -11,8 +11,8 @@ import numpy as np
 
 from aatri.artifacts.block import GroundPoints, Points
 from aatri.errors import InputError, raise_all
-from aatri.formats.tables.ground import GROUND_POINTS, ground_point_table
-from aatri.formats.tables.settings import Settings
+from aatri.formats.tables.ground import GROUND_POINTS, ground_point_tables
+from aatri.formats.tables.settings.block import Settings
 from aatri.formats.tables.source import Source, texts
 from aatri.formats.text.text_file import missing
 from aatri.ids import canonical, rows_of
@@ -58,7 +58,7 @@ def with_control(
     raise_all(source.problems)
     assert table is not None
     ids = canonical([*names, *table.text["point"]])
-    given = ground_point_table(source, table, Points(id=texts(ids)))
+    given = ground_point_tables(source, table, Points(id=texts(ids)), None).points
     raise_all(source.problems)
     given = replace(given, file=np.full(len(given), len(paths), np.int32))
     kept = replace(start, point=rows_of(list(names), ids))

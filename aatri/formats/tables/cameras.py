@@ -8,10 +8,9 @@ import numpy as np
 
 from aatri.artifacts.block import CameraParameters, Cameras, DistortionTable, Fiducials
 from aatri.errors import InputError
-from aatri.formats.tables.settings import VECTORS, CameraSettings
-from aatri.formats.tables.source import Source, texts
+from aatri.formats.tables.settings.camera import VECTORS, CameraSettings
+from aatri.formats.tables.source import Source, ask_for_angle_unit, plain_angle_rad, texts
 from aatri.ids import canonical, is_valid, printable
-from aatri.units import ANGLE_RAD
 
 
 class CameraTables(NamedTuple):
@@ -35,10 +34,8 @@ def camera_tables(source: Source) -> CameraTables:
 def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> Cameras:
     nothing = [np.nan, np.nan]
     for name, camera in zip(ids, cameras):
-        if any(camera.boresight) and source.settings.units.angle is None:
-            where = source.document.where("cameras", name, "boresight")
-            source.problems.append(InputError("units.angle is missing, but a boresight is given", where=where,
-                                              remedy="add units: {angle: deg} (or gon, rad)"))  # fmt: skip
+        if any(camera.boresight) or _has_unit(camera.sigmas.get("boresight", 0.0)):
+            ask_for_angle_unit(source, "a boresight is given", "cameras", name)
     n = len(ids)
     return Cameras(
         id=texts(ids),
@@ -53,14 +50,14 @@ def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> C
         symmetry_point_mm=np.array([c.symmetry_point for c in cameras]).reshape(n, 2),
         distortion=texts(c.distortion.model for c in cameras),
         lever_arm_m=np.array([c.lever_arm for c in cameras]).reshape(n, 3),
-        boresight_rad=np.array([c.boresight for c in cameras]).reshape(n, 3) * _rad(source),
+        boresight_rad=np.array([c.boresight for c in cameras]).reshape(n, 3) * plain_angle_rad(source),
+        mount_deg=np.array([c.mount for c in cameras], np.int32),
     )
 
 
-def _rad(source: Source) -> float:
-    """Factor of plain angles in block.yaml; degrees where tables have degrees, minutes and seconds."""
-    unit = source.settings.units.angle
-    return ANGLE_RAD["deg" if unit == "dms" else unit or "rad"]
+def _has_unit(sigma: float | list[float]) -> bool:
+    """Whether a standard deviation is a figure: 0 and infinity are so in every unit."""
+    return any(0 < s < np.inf for s in (sigma if isinstance(sigma, list) else [sigma]))
 
 
 def _parameters(source: Source, cameras: list[CameraSettings]) -> CameraParameters:
@@ -71,7 +68,7 @@ def _parameters(source: Source, cameras: list[CameraSettings]) -> CameraParamete
         for parameter, given in settings.sigmas.items():
             if parameter in VECTORS:
                 listed = given if isinstance(given, list) else [given] * len(VECTORS[parameter])
-                unit = _rad(source) if parameter == "boresight" else 1.0
+                unit = plain_angle_rad(source) if parameter == "boresight" else 1.0
                 sigmas |= {f"{parameter}.{axis}": s * unit for axis, s in zip(VECTORS[parameter], listed)}
             else:
                 sigmas[parameter] = given[0] if isinstance(given, list) else given

@@ -1,7 +1,6 @@
-"""geodetic.csv and covariances.csv as tables: metres and radians, in canonical order.
+"""geodetic.csv as a table: metres and radians, in canonical order.
 
 `value` and `sigma` are in the block's ground or angle unit, whichever the type of the observation has. An observation
-from aatri.arrays import Float, Int
 from a station to itself, or a distance that is not positive, is set aside with its reason.
 """
 
@@ -12,16 +11,14 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Geodetic, GeodeticCovariances, Rejects
 from aatri.errors import InputError
-from aatri.formats.tables.source import Source, choice, look_up, rad_of, texts, yes_no
+from aatri.formats.tables.covariances import geodetic_covariances
+from aatri.formats.tables.source import Source, choice, look_up, plain_angle_rad, rad_of, texts, yes_no
 from aatri.formats.text.csv_table import Column, CsvTable
 from aatri.formats.text.number_text import number_of
-from aatri.units import ANGLE_RAD
 
 ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")
 
@@ -35,8 +32,6 @@ GEODETIC = {
     "sigma": Column("text", "cell"), "via": Column("id"), "from_kind": TEXT, "to_kind": TEXT, "set": TEXT,
     "group": TEXT, "h_from": NUMBER, "h_to": NUMBER, "active": TEXT, "reduced": TEXT,
 }  # fmt: skip
-COVARIANCES = {"table": Column("text", "cell"), "row_a": Column("number", "cell"), "row_b": Column("number", "cell"),
-               "value": Column("number", "cell")}  # fmt: skip
 
 TO_ITSELF = "from a station to itself"
 NOT_POSITIVE = "distance not positive"
@@ -50,14 +45,12 @@ class GeodeticTables(NamedTuple):
     rejects: Rejects
 
 
-def geodetic_tables(source: Source, images: Iterable[str], points: Iterable[str]) -> GeodeticTables:
+def geodetic_tables(source: Source, images: Iterable[str], points: Iterable[str],
+                    covariances: CsvTable | None) -> GeodeticTables:
     """Geodetic observations in canonical order, with their covariances."""
     nothing = GeodeticTables(Geodetic.empty(), GeodeticCovariances.empty(), Rejects.empty())
     table = source.table("geodetic.csv", GEODETIC)
     if table is None:
-        if (source.folder / "covariances.csv").exists() and not (source.folder / "geodetic.csv").exists():
-            source.problems.append(InputError("there is no geodetic.csv", where=str(source.folder / "covariances.csv"),
-                                              remedy="covariances are between its rows"))  # fmt: skip
         return nothing
     types = choice(table, "type", TYPES, "")
     kinds = {end: choice(table, f"{end}_kind", ("point", "image"), "point") for end in ("from", "to")}
@@ -78,10 +71,11 @@ def geodetic_tables(source: Source, images: Iterable[str], points: Iterable[str]
     )  # fmt: skip
     reasons = unusable(rows)
     order = geodetic_order(rows)
-    covariances = _covariances(source, types, rows, order)
+    unit = np.array([_unit(source, t) for t in types])
+    correlated = geodetic_covariances(source, covariances, rows, unit, order)
     rejects = _rejects(rows, reasons)
     active = rows.active & np.array([not reason for reason in reasons], dtype=bool)
-    return GeodeticTables(dataclasses.replace(rows, active=active).take(order), covariances, rejects)
+    return GeodeticTables(dataclasses.replace(rows, active=active).take(order), correlated, rejects)
 
 
 def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], points: list[str]) -> None:
@@ -165,54 +159,6 @@ def _rejects(rows: Geodetic, reasons: list[str]) -> Rejects:
                    reason=texts(reasons[k] for k in found), file=rows.file[found], line=rows.line[found])  # fmt: skip
 
 
-def _covariances(source: Source, types: list[str], rows: Geodetic, order: Int) -> GeodeticCovariances:
-    """Covariances with the row numbers of the canonical order, the smaller one first."""
-    table = source.table("covariances.csv", COVARIANCES)
-    if table is None:
-        return GeodeticCovariances.empty()
-    choice(table, "table", ("geodetic",), "geodetic")
-    numbers = np.stack([table.number["row_a"], table.number["row_b"]], axis=1)
-    for axis, name in enumerate(("row_a", "row_b")):
-        wrong = (numbers[:, axis] % 1 != 0) | (numbers[:, axis] < 1) | (numbers[:, axis] > len(rows))
-        table.complain(np.flatnonzero(wrong), name, f"{name} is {{}}, but geodetic.csv has rows 1 to {len(rows)}",
-                       "rows are counted from 1, without the header")  # fmt: skip
-    table.complain(np.flatnonzero(numbers[:, 0] == numbers[:, 1]), "row_b", "a variance, not a covariance",
-                   "the variance is the square of sigma in geodetic.csv")  # fmt: skip
-    if source.problems:
-        return GeodeticCovariances.empty()
-    unit = np.array([_unit(source, t) for t in types])
-    given = numbers.astype(np.intp) - 1
-    value = table.number["value"] * (unit[given[:, 0]] * unit[given[:, 1]])
-    place = np.argsort(order)
-    pair = np.sort(place[given], axis=1)
-    first = np.lexsort((pair[:, 1], pair[:, 0]))
-    pair, value = pair[first], value[first]
-    twice = np.flatnonzero((np.diff(pair, axis=0) == 0).all(axis=1))
-    table.complain(first[twice + 1], "row_a", "this pair of rows is given twice", "remove one")
-    result = GeodeticCovariances(row_a=pair[:, 0].astype(np.int32), row_b=pair[:, 1].astype(np.int32), value=value)
-    _check_definite(table, result, rows.sigma[order], first)
-    return result
-
-
 def _unit(source: Source, kind: str) -> float:
     units = source.settings.units
-    return ANGLE_RAD["deg" if units.angle == "dms" else units.angle or "rad"] if kind in ANGLES else units.ground_m
-
-
-def _check_definite(table: CsvTable, rows: GeodeticCovariances, sigma: Float,
-                    place: Int) -> None:  # fmt: skip
-    """A fault for each set of correlated observations whose covariance matrix is not positive definite."""
-    n = len(sigma)
-    graph = coo_array((np.ones(len(rows)), (rows.row_a, rows.row_b)), shape=(n, n))
-    _, label = connected_components(graph, directed=False)
-    for group in np.unique(label[rows.row_a]).tolist():
-        members = np.flatnonzero(label == group)
-        inside = np.flatnonzero(label[rows.row_a] == group)
-        local = {int(m): k for k, m in enumerate(members)}
-        correlation = np.eye(len(members))
-        for k in inside.tolist():
-            a, b = int(rows.row_a[k]), int(rows.row_b[k])
-            correlation[local[a], local[b]] = correlation[local[b], local[a]] = rows.value[k] / (sigma[a] * sigma[b])
-        if np.linalg.eigvalsh(correlation).min() <= 0:
-            table.complain([int(place[inside[0]])], "value", "covariance {}: the matrix is not positive definite",
-                           "a covariance is smaller than the product of its two sigmas")  # fmt: skip
+    return plain_angle_rad(source) if kind in ANGLES else units.ground_m

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from aatri.arrays import Int
-from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPoints, Points
+from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPointCovariances, GroundPoints, Points
+from aatri.formats.tables.covariances import check_places, ground_point_covariances, with_own_covariances
 from aatri.formats.tables.positions import (
     COORDINATES,
     POSITION,
@@ -40,11 +43,23 @@ def read_ground_points(source: Source) -> CsvTable | None:
     return source.table("ground_points.csv", GROUND_POINTS)
 
 
-def ground_point_table(source: Source, table: CsvTable | None, points: Points) -> GroundPoints:
-    """Ground points sorted by id."""
+class GroundTables(NamedTuple):
+    """Ground points, and the covariances between them."""
+
+    points: GroundPoints
+    covariances: GroundPointCovariances
+
+
+def ground_point_tables(
+    source: Source, table: CsvTable | None, points: Points, covariances: CsvTable | None
+) -> GroundTables:
+    """Ground points sorted by id, with their covariances."""
+    nothing = GroundTables(GroundPoints.empty(), GroundPointCovariances.empty())
     if table is None:
-        return GroundPoints.empty()
+        return nothing
     no_repeats(table, ["point"], "ground point")
+    check_places(covariances, table)
+    table = with_own_covariances(source, table, covariances)
     frame = frames_of(source, table)
     role = _roles(table)
     xyz = stacked(table, COORDINATES)
@@ -58,7 +73,7 @@ def ground_point_table(source: Source, table: CsvTable | None, points: Points) -
         ask_for_sigma(source, table, needs & np.isnan(sigma), "control", "ground")
     sigma = np.where(np.isnan(sigma), np.where(needs, default, 0.0) if default else 0.0, sigma)
     if source.problems:
-        return GroundPoints.empty()
+        return nothing
     warn_of_unusual(source, table, sigma)
     xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
     rows = GroundPoints(
@@ -68,7 +83,9 @@ def ground_point_table(source: Source, table: CsvTable | None, points: Points) -
         file=source.file("ground_points.csv", len(table)), line=table.line,
     )  # fmt: skip
     _warn_of_same_place(source, table, rows)
-    return rows.take(np.argsort(rows.point, kind="stable"))
+    order = np.argsort(rows.point, kind="stable")
+    rows = rows.take(order)
+    return GroundTables(rows, ground_point_covariances(source, table, covariances, frame, rows, order))
 
 
 def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> None:

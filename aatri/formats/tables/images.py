@@ -10,6 +10,7 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Cameras, FiducialPoints, Fiducials, ImagePoints, Images, Points, Strips
 from aatri.errors import InputError
+from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative, texts, yes_no
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable
 from aatri.ids import canonical, did_you_mean, printable
@@ -17,7 +18,7 @@ from aatri.ids import canonical, did_you_mean, printable
 ID, TEXT, NUMBER, NEEDED = Column("id", "cell"), Column("text"), Column("number"), Column("number", "cell")
 
 IMAGES = {
-    "image": ID, "camera": ID, "strip": Column("id", "column"), "sequence": NUMBER, "time": NUMBER, "flight": TEXT,
+    "image": ID, "camera": ID, "strip": Column("id"), "sequence": NUMBER, "time": NUMBER, "flight": TEXT,
     "session": TEXT, "rig": TEXT, "member": TEXT,
 }  # fmt: skip
 IMAGE_POINTS = {
@@ -44,6 +45,7 @@ def image_tables(source: Source, cameras: Cameras) -> ImageTables:
         source.problems.append(InputError("no rows", where=str(table.path), remedy="list the images"))
     no_repeats(table, ["image"], "image")
     _near_duplicates(source, table)
+    check_rigs_of_images(source, table)
     known = {str(name): k for k, name in enumerate(cameras.id)}
     camera = look_up(table, "camera", known, "camera", "add it to `cameras` in block.yaml, or mend the id")
     unused = [name for name in known if name not in set(table.text["camera"])]

@@ -82,7 +82,7 @@ def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
         if np.linalg.eigvalsh(block).min() < -1e-12 * np.trace(block):
             bad.append(int(k))
     if bad:
-        column = next(name for name in COVARIANCES if name in table.header)
+        column = next((name for name in COVARIANCES if name in table.header), "sXY")
         table.complain(bad, column, "sX ... sYZ form no covariance matrix: it has a negative eigenvalue",
                        "sXY, sXZ, sYZ are covariances, not standard deviations or correlations")  # fmt: skip
     undefined = np.isnan(s)

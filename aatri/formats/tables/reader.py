@@ -15,17 +15,27 @@ from aatri.artifacts.block import Block, Files, Frames, Points
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.screening import screen_block
 from aatri.formats.tables.cameras import camera_tables
+from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.exterior import exterior_table
 from aatri.formats.tables.geodetic import geodetic_tables
-from aatri.formats.tables.ground import ground_point_table, read_ground_points
+from aatri.formats.tables.ground import ground_point_tables, read_ground_points
 from aatri.formats.tables.images import fiducial_point_table, image_point_table, image_tables, read_image_points
 from aatri.formats.tables.relative_control import relative_control_tables
-from aatri.formats.tables.settings import Settings, read_settings
+from aatri.formats.tables.rigs import rig_member_table
+from aatri.formats.tables.settings.block import Settings
+from aatri.formats.tables.settings.reading import read_settings
 from aatri.formats.tables.source import FILES, Source, texts
 from aatri.formats.text.text_file import missing
 from aatri.frames.heights import is_tangent_frame
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
+
+
+NETWORK = {"geodetic.csv", "relative_control.yaml"}
+"""Files of which one makes a block without images worth while."""
+
+OF_IMAGES = {"image_points.csv", "fiducials.csv", "exterior.csv"}
+"""Files that name images."""
 
 
 def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
@@ -59,6 +69,7 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
 
 def _block(source: Source) -> Block:
     camera = camera_tables(source)
+    rigs = rig_member_table(source)
     images = image_tables(source, camera.cameras)
     if not len(images.images):
         raise_all(source.problems)  # else every row that names an image would be one more fault
@@ -67,9 +78,10 @@ def _block(source: Source) -> Block:
     points = Points(id=texts(canonical(ids)))
     image_points = image_point_table(source, measured, images, camera.cameras, points)
     fiducial_points = fiducial_point_table(source, images, camera.cameras, camera.fiducials)
-    ground_points = ground_point_table(source, given, points)
+    covariances = read_covariances(source)
+    ground = ground_point_tables(source, given, points, covariances)
     exterior = exterior_table(source, images)
-    geodetic = geodetic_tables(source, images.row, ids)
+    geodetic = geodetic_tables(source, images.row, ids, covariances)
     try:
         relative, members = relative_control_tables(source, images.row, ids)
     except AatriError as error:
@@ -83,11 +95,13 @@ def _block(source: Source) -> Block:
         rotation=settings.rotation or "omega-phi-kappa",
         earth_curvature=settings.earth_curvature or _earth_curvature(settings),
         terrain_height_m=np.nan if height is None else float(height),
+        undulation_m=np.nan if settings.undulation is None else float(settings.undulation),
+        heading=settings.heading or "true",
         files=Files(path=texts(str(source.folder / name) for name in FILES)),
         frames=_frames(settings),
         **camera._asdict(),
-        strips=images.strips, images=images.images, fiducial_points=fiducial_points, points=points,
-        image_points=image_points, ground_points=ground_points, exterior=exterior, geodetic=geodetic.geodetic,
+        rig_members=rigs, strips=images.strips, images=images.images, fiducial_points=fiducial_points, points=points,
+        image_points=image_points, ground_points=ground.points, ground_point_covariances=ground.covariances, exterior=exterior, geodetic=geodetic.geodetic,
         geodetic_covariances=geodetic.covariances, relative_control=relative, relative_control_members=members,
         rejects=geodetic.rejects,
     )  # fmt: skip
@@ -97,7 +111,7 @@ def _check_files(source: Source) -> None:
     """What must be there is there; a table with an unknown name is pointed out."""
     folder = source.folder
     here = {entry.name for entry in folder.iterdir()}
-    if "images.csv" not in here and ("geodetic.csv" not in here or "image_points.csv" in here):
+    if "images.csv" not in here and (not here & NETWORK or here & OF_IMAGES or source.settings.cameras):
         source.problems.append(missing(folder / "images.csv"))
     if "images.csv" in here and "image_points.csv" not in here:
         source.problems.append(missing(folder / "image_points.csv"))

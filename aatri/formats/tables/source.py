@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import AatriError, Errors, InputError
-from aatri.formats.tables.settings import Settings
+from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
 from aatri.formats.text.number_text import number_of
 from aatri.ids import did_you_mean, printable
@@ -139,6 +139,19 @@ def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike
         what = f"units.angle is missing, but {table.path.name} has angles in column {column}"
         source.problems.append(InputError(what, where=where, remedy="add units: {angle: deg} (or gon, rad, dms)"))
     return values
+
+
+def plain_angle_rad(source: Source) -> float:
+    """Factor of plain angles in block.yaml; degrees where tables have degrees, minutes and seconds."""
+    unit = source.settings.units.angle
+    return ANGLE_RAD["deg" if unit == "dms" else unit or "rad"]
+
+
+def ask_for_angle_unit(source: Source, because: str, *keys: str) -> None:
+    """A fault at a place of block.yaml that has angles, if the file does not say in which unit."""
+    if source.settings.units.angle is None:
+        source.problems.append(InputError(f"units.angle is missing, but {because}", where=source.document.where(*keys),
+                                          remedy="add units: {angle: deg} (or gon, rad)"))  # fmt: skip
 
 
 def rad_of(text: str, unit: str | None) -> float:

@@ -31,7 +31,7 @@ from aatri.errors import ResourceError
 from aatri.formats.tables.geodetic import reject_name
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
-from aatri.formats.tables.settings_writer import settings_text
+from aatri.formats.tables.settings.writing import settings_text
 from aatri.frames.axes import in_order_of
 from aatri.progress import SILENT, Reporter
 
@@ -71,17 +71,18 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
 def _tables(block: Block) -> dict[str, dict[str, Cells]]:
     """The tables that have rows (images and image points always), as cells."""
     tables = {"images.csv": _images(block), "image_points.csv": _image_points(block)}
-    if not len(block.images) and len(block.geodetic):
+    if not len(block.images):
         tables = {}
     for name, rows, columns in (
         ("fiducials.csv", block.fiducial_points, _fiducials),
         ("ground_points.csv", block.ground_points, _ground_points),
         ("exterior.csv", block.exterior, _exterior),
         ("geodetic.csv", block.geodetic, _geodetic),
-        ("covariances.csv", block.geodetic_covariances, _covariances),
     ):
         if len(rows):
             tables[name] = columns(block)
+    if len(block.geodetic_covariances) or len(block.ground_point_covariances):
+        tables["covariances.csv"] = _covariances(block)
     return tables
 
 
@@ -225,16 +226,20 @@ def _geodetic(block: Block) -> dict[str, Cells]:
 
 
 def _covariances(block: Block) -> dict[str, Cells]:
-    rows = block.geodetic_covariances
+    rows, ground = block.geodetic_covariances, block.ground_point_covariances
+    point, axis = block.points.id[block.ground_points.point], list(_axis_names(block).values())
     return {
-        "table": ["geodetic"] * len(rows),
-        "row_a": [str(k + 1) for k in rows.row_a.tolist()],
-        "row_b": [str(k + 1) for k in rows.row_b.tolist()],
-        "value": _numbers(rows.value),
+        "table": ["geodetic"] * len(rows) + ["ground_points"] * len(ground),
+        "row_a": [str(k + 1) for k in rows.row_a.tolist()] + _text(point[ground.row_a]),
+        "row_b": [str(k + 1) for k in rows.row_b.tolist()] + _text(point[ground.row_b]),
+        "value": _numbers(rows.value) + _numbers(ground.value),
+        "coord_a": [""] * len(rows) + [axis[k] for k in ground.axis_a.tolist()],
+        "coord_b": [""] * len(rows) + [axis[k] for k in ground.axis_b.tolist()],
     }
 
 
 def _axis_names(block: Block) -> dict[str, str]:
-    """What the tables call the right-handed axes X, Y, Z."""
+    """What the tables call the right-handed axes X, Y, Z, in this order."""
     own = {"east": "X", "north": "Y", "up": "Z"}
-    return {own.get(name, name.upper()): "XYZ"[k] for k, name in enumerate(_axes(block))}
+    named = {own.get(name, name.upper()): "XYZ"[k] for k, name in enumerate(_axes(block))}
+    return {axis: named[axis] for axis in "XYZ"}

@@ -26,6 +26,7 @@ from aatri.artifacts.block import (
     Frames,
     Geodetic,
     GeodeticCovariances,
+    GroundPointCovariances,
     GroundPoints,
     ImagePoints,
     Images,
@@ -33,6 +34,7 @@ from aatri.artifacts.block import (
     Rejects,
     RelativeControl,
     RelativeControlMembers,
+    RigMembers,
     Strips,
 )
 from aatri.formats.screening import screen_block
@@ -74,18 +76,22 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         rotation="phi-omega-kappa",
         earth_curvature="correct",
         terrain_height_m=np.nan,
+        undulation_m=np.nan,
+        heading="true",
         files=Files(path=texts(map(str, files.paths))),
         frames=Frames(id=texts(["map"]), axes=texts(["north,east,up"]), crs=texts(["local"]), vertical=texts([""])),
         cameras=_camera_table(files.camera),
         camera_parameters=CameraParameters.empty(),
         distortion_table=DistortionTable.empty(),
         fiducials=_fiducial_table(files.camera),
+        rig_members=RigMembers.empty(),
         strips=Strips(id=texts(strips)),
         images=_image_table(photos, rows_of([files.strips[p.strip] for p in photos], strips)),
         fiducial_points=FiducialPoints.empty(),
         points=Points(id=texts(point_ids)),
         image_points=_image_point_table(files.measured, image_ids, point_ids, image_sigma_mm),
         ground_points=_ground_table(files.ground, files.roles, point_ids, control_sigma_m or 0.0),
+        ground_point_covariances=GroundPointCovariances.empty(),
         exterior=Exterior.empty(),
         geodetic=Geodetic.empty(),
         geodetic_covariances=GeodeticCovariances.empty(),
@@ -104,6 +110,7 @@ def _camera_table(camera: Camera) -> Cameras:
         pixel_origin=texts([""]), pixel_y=texts([""]), format=unknown, principal_distance_mm=np.array([c]),
         principal_point_mm=np.array([[x0, y0]]), symmetry_point_mm=np.zeros((1, 2)), distortion=texts(["none"]),
         lever_arm_m=np.zeros((1, 3)), boresight_rad=np.zeros((1, 3)),
+        mount_deg=np.zeros(1, np.int32),
     )  # fmt: skip
 
 

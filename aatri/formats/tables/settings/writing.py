@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aatri.artifacts.block import Block
-from aatri.formats.tables.settings import VECTORS
+from aatri.formats.tables.settings.camera import VECTORS
 
 
 def settings_text(block: Block) -> str:
@@ -26,6 +26,10 @@ def settings_text(block: Block) -> str:
     lines = ["aatri_block: 1", f"name: {_yaml(block.name)}", "frames:"]
     lines += [f"  {_yaml(name)}: {_yaml(frame)}" for name, frame in frames.items()]
     lines += [f"earth_curvature: {block.earth_curvature}", f"units: {_yaml(units)}", f"rotation: {block.rotation}"]
+    if block.heading != "true":
+        lines.append(f"heading: {block.heading}")
+    if np.isfinite(block.undulation_m):
+        lines.append(f"undulation: {_yaml(float(block.undulation_m))}")
     if np.isfinite(block.terrain_height_m):
         lines.append(f"terrain_height: {_yaml(float(block.terrain_height_m))}")
     if len(block.cameras):
@@ -33,7 +37,25 @@ def settings_text(block: Block) -> str:
     for k, name in enumerate(block.cameras.id):
         lines.append(f"  {_yaml(str(name))}:")
         lines += [f"    {key}: {_yaml(value)}" for key, value in _camera(block, k).items()]
+    if len(block.rig_members):
+        lines.append("rigs:")
+    for name in dict.fromkeys(block.rig_members.rig.tolist()):
+        lines.append(f"  {_yaml(name)}: {_yaml(_rig(block, name))}")
     return "\n".join(lines) + "\n"
+
+
+def _rig(block: Block, name: str) -> dict[str, Any]:
+    """Members of a rig in the order of the table: the frame first."""
+    rows = block.rig_members
+    found: dict[str, Any] = {}
+    for k in np.flatnonzero(rows.rig == name).tolist():
+        position = np.where(rows.position_free[k], np.inf, rows.position_sigma_m[k]).tolist()
+        angles = np.where(rows.angle_free[k], np.inf, rows.angle_sigma_rad[k]).tolist()
+        found[str(rows.member[k])] = {} if rows.is_frame[k] else {
+            "position": rows.position_m[k].tolist(), "angles": rows.angles_rad[k].tolist(),
+            "sigmas": {"position": position, "angles": angles},
+        }  # fmt: skip
+    return found
 
 
 def _camera(block: Block, k: int) -> dict[str, Any]:
@@ -53,6 +75,8 @@ def _camera(block: Block, k: int) -> dict[str, Any]:
         found["fiducials"] = dict(zip(block.fiducials.id[marks].tolist(), block.fiducials.xy_mm[marks].tolist()))
     found["distortion"], found["sigmas"] = _distortion(block, k), _sigmas(block, k)
     found["lever_arm"], found["boresight"] = c.lever_arm_m[k].tolist(), c.boresight_rad[k].tolist()
+    if c.mount_deg[k]:
+        found["mount"] = int(c.mount_deg[k])
     return found
 
 

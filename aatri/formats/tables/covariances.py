@@ -1,0 +1,235 @@
+"""covariances.csv: full covariances between geodetic observations, and between given ground coordinates.
+
+Rows of table `geodetic` are counted from 1 in the order of geodetic.csv; their values are in the units of the two
+observations. Rows of table `ground_points` are point ids with a coordinate X, Y or Z each; their values are in the
+square of units.sigma_ground. One point's own variances and covariances may stand here where its cells sX ... sYZ in
+ground_points.csv are empty. Every set of correlated figures must have a positive definite covariance matrix.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import Geodetic, GeodeticCovariances, GroundPointCovariances, GroundPoints
+from aatri.errors import InputError
+from aatri.formats.tables.positions import COVARIANCES, SIGMAS
+from aatri.formats.tables.source import Source, choice, look_up
+from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.formats.text.number_text import number_of
+from aatri.frames.axes import columns_in_order
+
+TABLES = ("geodetic", "ground_points")
+COLUMNS = {"table": Column("text", "cell"), "row_a": Column("id", "cell"), "row_b": Column("id", "cell"),
+           "value": Column("number", "cell"), "coord_a": Column("text"), "coord_b": Column("text")}  # fmt: skip
+
+
+def read_covariances(source: Source) -> CsvTable | None:
+    """covariances.csv as it stands; the tables it speaks of are there."""
+    table = source.table("covariances.csv", COLUMNS)
+    if table is None:
+        return None
+    named = choice(table, "table", TABLES, "")
+    for name in TABLES:
+        if name in named and not (source.folder / f"{name}.csv").exists():
+            source.problems.append(InputError(f"there is no {name}.csv", where=table.where(named.index(name), "table"),
+                                              remedy="covariances are between its rows"))  # fmt: skip
+    return table
+
+
+def geodetic_covariances(
+    source: Source, table: CsvTable | None, rows: Geodetic, unit: Float, order: Int
+) -> GeodeticCovariances:
+    """Covariances of geodetic observations, with the row numbers of the canonical order, the smaller one first.
+
+    Parameters
+    ----------
+    rows : Geodetic
+        In the order of the file.
+    unit : (n,) float64
+        Factor of each observation's value to m or rad.
+    order : (n,) int
+        Rows of the file in canonical order.
+    """
+    chosen = _of(table, "geodetic")
+    if table is None or not len(chosen):
+        return GeodeticCovariances.empty()
+    before = len(source.problems)
+    numbers = np.zeros((len(table), 2))
+    for side, name in enumerate(("row_a", "row_b")):
+        numbers[chosen, side] = [_number(table.text[name][k]) for k in chosen]
+        mine = numbers[chosen, side]
+        wrong = (mine % 1 != 0) | (mine < 1) | (mine > len(rows))
+        table.complain(chosen[wrong], name, f"{name} is {{}}, but geodetic.csv has rows 1 to {len(rows)}",
+                       "rows are counted from 1, without the header")  # fmt: skip
+        column = "coord" + name[3:]
+        table.complain([k for k in chosen if table.text[column][k]], column, f"{column} is {{}}, but a geodetic "
+                       "observation has one value", "leave it empty")  # fmt: skip
+    table.complain(chosen[numbers[chosen, 0] == numbers[chosen, 1]], "row_b", "a variance, not a covariance",
+                   "the variance is the square of sigma in geodetic.csv")  # fmt: skip
+    if len(source.problems) > before:
+        return GeodeticCovariances.empty()
+    given = numbers[chosen].astype(np.intp) - 1
+    value = table.number["value"][chosen] * (unit[given[:, 0]] * unit[given[:, 1]])
+    pair = np.sort(np.argsort(order)[given], axis=1)
+    first = _without_repeats(table, chosen, pair)
+    pair, value = pair[first], value[first]
+    result = GeodeticCovariances(row_a=pair[:, 0].astype(np.int32), row_b=pair[:, 1].astype(np.int32), value=value)
+    own = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
+    _check_definite(table, chosen[first], pair, value, rows.sigma[order] ** 2, own)
+    return result
+
+
+def with_own_covariances(source: Source, table: CsvTable, covariances: CsvTable | None) -> CsvTable:
+    """ground_points.csv with the variances and covariances of single points that covariances.csv gives."""
+    chosen = _of(covariances, "ground_points")
+    if covariances is None or not len(chosen):
+        return table
+    number = {name: table.number[name].copy() for name in (*SIGMAS, *COVARIANCES)}
+    row, axis = _places(covariances, table)
+    names = {(k, k): name for k, name in enumerate(SIGMAS)} | {pair: name for name, pair in COVARIANCES.items()}
+    known = (row >= 0).all(axis=1) & (axis >= 0).all(axis=1)
+    for k in chosen[(known & (row[:, 0] == row[:, 1]))[chosen]].tolist():
+        i, j = sorted(axis[k].tolist())
+        cells, value = number[names[i, j]], float(covariances.number["value"][k])
+        if np.isfinite(cells[row[k, 0]]):
+            covariances.complain([k], "value", f"covariance {{}}: the point has {names[i, j]} already",
+                                 "give it once: here or in ground_points.csv")  # fmt: skip
+        elif i == j and value < 0:
+            covariances.complain([k], "value", "variance {} is negative", "0 (exact) or more")
+        else:
+            cells[row[k, 0]] = np.sqrt(value) if i == j else value
+    return dataclasses.replace(table, number=table.number | number)
+
+
+def ground_point_covariances(
+    source: Source, table: CsvTable, covariances: CsvTable | None, frame: Int, rows: GroundPoints, order: Int
+) -> GroundPointCovariances:
+    """Covariances between two points, in right-handed axes and the rows of the canonical order.
+
+    Parameters
+    ----------
+    table : CsvTable
+        ground_points.csv.
+    frame : (n,) int
+        Frame of each of its rows.
+    rows : GroundPoints
+        In canonical order.
+    order : (n,) int
+        Rows of the file in canonical order.
+    """
+    chosen = _of(covariances, "ground_points")
+    if covariances is None or not len(chosen):
+        return GroundPointCovariances.empty()
+    before = len(source.problems)
+    row, axis = _places(covariances, table)
+    chosen = chosen[row[chosen, 0] != row[chosen, 1]]
+    covariances.complain(chosen[(frame[row[chosen]] > 0).any(axis=1)], "row_a", "a point of another frame than the "
+                         "first", "covariances between points are read in the first frame only")  # fmt: skip
+    place = np.argsort(order)[row]
+    axes = next(iter(source.settings.frames.values())).axes
+    axis = np.argsort(columns_in_order(axes))[axis]
+    variance = np.einsum("nii->ni", rows.covariance_m2)
+    for side, name in enumerate(("row_a", "row_b")):
+        of_side = variance[place[chosen, side], axis[chosen, side]]
+        unknown = np.isnan(rows.xyz_m[place[chosen, side], axis[chosen, side]])
+        covariances.complain(chosen[unknown], name, f"{name} is {{}}, a point without this coordinate", "leave it out")
+        covariances.complain(chosen[~unknown & ~(of_side > 0)], name, f"{name} is {{}}, a point whose coordinate is "
+                             "exact", "give it a standard deviation, or leave the covariance out")  # fmt: skip
+    if len(source.problems) > before:
+        return GroundPointCovariances.empty()
+    pair = np.sort(3 * place[chosen] + axis[chosen], axis=1)
+    first = _without_repeats(covariances, chosen, pair)
+    pair = pair[first]
+    value = covariances.number["value"][chosen[first]] * source.settings.units.sigma_ground_m**2
+    point, i, j = (index.ravel() for index in np.indices((len(rows), 3, 3)))
+    own = np.nan_to_num(rows.covariance_m2).ravel()
+    inside = (i < j) & (own != 0)
+    within = 3 * point[inside] + i[inside], 3 * point[inside] + j[inside], own[inside]
+    _check_definite(covariances, chosen[first], pair, value, np.nan_to_num(variance).ravel(), within)
+    a, b = pair.astype(np.int32).T
+    return GroundPointCovariances(row_a=a // 3, axis_a=a % 3, row_b=b // 3, axis_b=b % 3, value=value)
+
+
+def _of(table: CsvTable | None, name: str) -> Int:
+    """Rows that speak of a table."""
+    return np.array([] if table is None else [k for k, cell in enumerate(table.text["table"]) if cell == name], np.intp)
+
+
+def _places(covariances: CsvTable, table: CsvTable) -> tuple[Int, Int]:
+    """(n, 2) row in ground_points.csv and number of the coordinate; -1 where they are faulty or of another table."""
+    known = {name: k for k, name in enumerate(table.text["point"])}
+    mine = _of(covariances, "ground_points")
+    row, axis = np.full((len(covariances), 2), -1), np.full((len(covariances), 2), -1)
+    for side in range(2):
+        ids, coords = covariances.text["row_" + "ab"[side]], covariances.text["coord_" + "ab"[side]]
+        row[mine, side] = [known.get(ids[k], -1) for k in mine]
+        axis[mine, side] = [("X", "Y", "Z").index(coords[k]) if coords[k] in ("X", "Y", "Z") else -1 for k in mine]
+    return row, axis
+
+
+def check_places(covariances: CsvTable | None, table: CsvTable) -> None:
+    """Faults of ids and coordinates in the rows of table ground_points."""
+    mine = _of(covariances, "ground_points").tolist()
+    if covariances is None or not mine:
+        return
+    known = {name: k for k, name in enumerate(table.text["point"])}
+    for side in "ab":
+        ids = ["" for _ in range(len(covariances))]
+        for k in mine:
+            ids[k] = covariances.text[f"row_{side}"][k]
+        part = dataclasses.replace(covariances, text={f"row_{side}": ids})
+        look_up(part, f"row_{side}", known, "ground point", "it is the id of a point in ground_points.csv")
+        cells = covariances.text[f"coord_{side}"]
+        wrong = [k for k in mine if cells[k] not in ("X", "Y", "Z")]
+        covariances.complain(wrong, f"coord_{side}", f"coord_{side} is {{}}", "it is X, Y or Z")
+
+
+def _number(text: str) -> float:
+    try:
+        return number_of(text)
+    except ValueError:
+        return np.nan
+
+
+def _without_repeats(table: CsvTable, chosen: Int, pair: Int) -> Int:
+    """The order of the pairs; a fault for each that is given twice."""
+    first = np.lexsort((pair[:, 1], pair[:, 0]))
+    twice = np.flatnonzero((np.diff(pair[first], axis=0) == 0).all(axis=1))
+    table.complain(chosen[first[twice + 1]], "row_a", "this pair of rows is given twice", "remove one")
+    return first
+
+
+def _check_definite(table: CsvTable, place: Int, pair: Int, value: Float, variance: Float,
+                    own: tuple[Int, Int, Float]) -> None:  # fmt: skip
+    """A fault for each set of correlated figures whose covariance matrix is not positive definite.
+
+    Parameters
+    ----------
+    place : (m,) int
+        Rows of the table, for the messages.
+    pair : (m, 2) int
+    value : (m,) float64
+    variance : (n,) float64
+    own : rows, rows and covariances known from elsewhere
+    """
+    n = len(variance)
+    i, j = np.concatenate([pair[:, 0], own[0]]), np.concatenate([pair[:, 1], own[1]])
+    covariance = np.concatenate([value, own[2]])
+    _, label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+    for group in np.unique(label[pair[:, 0]]).tolist():
+        members: Bool = label == group
+        local = np.cumsum(members) - 1
+        sigma = np.sqrt(variance[members])
+        matrix = np.eye(len(sigma))
+        inside = label[i] == group
+        a, b = local[i[inside]], local[j[inside]]
+        matrix[a, b] = matrix[b, a] = covariance[inside] / (sigma[a] * sigma[b])
+        if np.linalg.eigvalsh(matrix).min() <= 0:
+            table.complain([int(place[np.flatnonzero(label[pair[:, 0]] == group)[0]])], "value",
+                           "covariance {}: the matrix is not positive definite",
+                           "a covariance is smaller than the product of its two sigmas")  # fmt: skip

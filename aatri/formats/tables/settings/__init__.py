@@ -1,0 +1,1 @@
+"""block.yaml: its keys as validated models, reading with places, writing."""

@@ -1,0 +1,135 @@
+"""Cameras of block.yaml, and rigs of them: keys, types, units and defaults."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from aatri.formats.tables.settings.sections import (
+    FreeSigma,
+    Positive,
+    Section,
+    Three,
+    ThreeFreeSigmas,
+    Two,
+    TwoPositive,
+)
+from aatri.ids import did_you_mean, printable
+
+PARAMETERS = {
+    "none": (),
+    "table": (),
+    "brown": ("k1", "k2", "k3", "p1", "p2", "b1", "b2"),
+    "opencv": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "fisheye": ("k1", "k2", "k3", "k4"),
+    "bal": ("k1", "k2"),
+}
+"""Parameters of the distortion models."""
+
+VECTORS = {"principal_point": "xy", "symmetry_point": "xy", "lever_arm": "xyz", "boresight": "xyz"}
+"""Camera parameters of several components; a component is called `principal_point.x`."""
+
+
+class Pixel(Section):
+    """Size in mm, origin and y direction of pixel coordinates."""
+
+    size: TwoPositive
+    origin: Literal["top-left-corner", "top-left-centre", "bottom-left-corner", "image-centre"] | None = None
+    y: Literal["down", "up"] | None = None
+
+
+class Distortion(Section):
+    """Distortion model with its parameters."""
+
+    model: Literal["none", "brown", "table", "opencv", "fisheye", "bal"]
+    parameters: dict[str, float] = {}
+    radius: list[Annotated[float, Field(ge=0)]] = []
+    correction: list[float] = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _collect(cls, value: Any) -> Any:
+        """Gather the parameters of the model, which stand beside its name."""
+        if not isinstance(value, dict) or value.get("model") not in PARAMETERS:
+            return value
+        known = PARAMETERS[value["model"]]
+        rest = {key: item for key, item in value.items() if key not in known}
+        return rest | {"parameters": {key: value[key] for key in known if key in value}}
+
+    @model_validator(mode="after")
+    def _table(self) -> Distortion:
+        if len(self.radius) != len(self.correction):
+            raise ValueError(f"{len(self.radius)} radii, but {len(self.correction)} corrections")
+        if (self.model == "table") != bool(self.radius):
+            raise ValueError("radius and correction belong to the model `table`, and it needs them")
+        if sorted(set(self.radius)) != self.radius:
+            raise ValueError("radii must ascend")
+        return self
+
+
+class CameraSettings(Section):
+    """A camera."""
+
+    kind: Literal["film", "digital"]
+    image_coordinates: Literal["photo", "comparator", "pixel"]
+    pixel: Pixel | None = None
+    format: TwoPositive | None = None
+    principal_distance: Positive
+    principal_point: Two = [0.0, 0.0]
+    symmetry_point: Two = [0.0, 0.0]
+    fiducials: dict[str, Two] = {}
+    distortion: Distortion = Distortion(model="none")
+    sigmas: dict[str, FreeSigma | list[FreeSigma]] = {}
+    lever_arm: Three = [0.0, 0.0, 0.0]
+    boresight: Three = [0.0, 0.0, 0.0]
+    mount: Literal[0, 90, 180, 270] = 0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CameraSettings:
+        if self.image_coordinates == "pixel":
+            if self.pixel is None or self.pixel.origin is None or self.pixel.y is None:
+                raise ValueError("image_coordinates: pixel needs pixel: {size: ..., origin: ..., y: ...}")
+            if self.format is None and self.pixel.origin != "image-centre":
+                raise ValueError("image_coordinates: pixel needs format: [columns, rows]")
+        known = ["principal_distance", *VECTORS, *PARAMETERS[self.distortion.model]]
+        for name, sigma in self.sigmas.items():
+            if name not in known:
+                raise ValueError(f"sigmas: unknown parameter {printable(name)!r}{did_you_mean(name, known)}")
+            if isinstance(sigma, list) and len(sigma) != len(VECTORS.get(name, "x")):
+                raise ValueError(f"sigmas: {name} takes {len(VECTORS.get(name, 'x'))} values, not {len(sigma)}")
+        return self
+
+
+class RigMemberSigmas(Section):
+    """Standard deviations of the place of a rig member: 0 fixed, .inf free, else weighted."""
+
+    position: ThreeFreeSigmas = [0.0, 0.0, 0.0]
+    angles: ThreeFreeSigmas = [0.0, 0.0, 0.0]
+
+
+class RigMemberSettings(Section):
+    """A camera of a rig: projection centre (m) and omega, phi, kappa in the camera axes of the first member."""
+
+    position: Three = [0.0, 0.0, 0.0]
+    angles: Three = [0.0, 0.0, 0.0]
+    sigmas: RigMemberSigmas = RigMemberSigmas()
+
+
+def check_rig(rig: dict[str, RigMemberSettings]) -> dict[str, RigMemberSettings]:
+    """A rig has members, and the first one is its frame.
+
+    Raises
+    ------
+    ValueError
+        If it has none, or places the first.
+    """
+    if not rig:
+        raise ValueError("a rig needs members: {nadir: {}, oblique: {position: ..., angles: ...}}")
+    first, settings = next(iter(rig.items()))
+    if settings != RigMemberSettings():
+        raise ValueError(f"the first member, {printable(first)}, is the frame of the rig: it takes no position, angles")
+    return rig
+
+
+Rig = Annotated[dict[str, RigMemberSettings], AfterValidator(check_rig)]

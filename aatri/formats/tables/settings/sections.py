@@ -1,0 +1,43 @@
+"""What the sections of block.yaml share: strict mappings, and kinds of numbers.
+
+Unknown keys are errors, keys that start with `x_` are ignored.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+
+def broadcast(value: Any) -> Any:
+    """One number for three."""
+    return [value] * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def pair(value: Any) -> Any:
+    """One number for two."""
+    return [value] * 2 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Positive = Annotated[float, Field(gt=0)]
+Sigma = Annotated[float, Field(ge=0)]
+Two = Annotated[list[float], Field(min_length=2, max_length=2)]
+TwoPositive = Annotated[list[Positive], BeforeValidator(pair), Field(min_length=2, max_length=2)]
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+ThreeSigmas = Annotated[list[Sigma], BeforeValidator(broadcast), Field(min_length=3, max_length=3)]
+FreeSigma = Annotated[float, Field(ge=0, allow_inf_nan=True)]
+ThreeFreeSigmas = Annotated[list[FreeSigma], BeforeValidator(broadcast), Field(min_length=3, max_length=3)]
+
+
+class Section(BaseModel):
+    """A mapping of the file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_own_keys(cls, value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: item for key, item in value.items() if not str(key).startswith("x_")}
+        return value
