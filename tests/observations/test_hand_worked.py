@@ -22,6 +22,7 @@ from aatri.observations.image_points import (
     image_point_records,
     side_veto,
 )
+from aatri.observations.kernels.collinearity import in_front
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses, pose_unknowns, retract_poses
 from aatri.observations.positions import position_records
@@ -184,6 +185,14 @@ def test_the_veto_counts_active_points_that_change_sides_since_the_last_state_ta
     assert "1 image points" in veto(STATE, above)
     assert veto(STATE, {**STATE}) == ""
     assert veto(above, {**above}) == ""  # what is behind from the start may stay there
+
+
+def test_in_front_is_where_the_camera_looks() -> None:
+    found = np.zeros(3, dtype=bool)
+    image, point = np.array([1, 1, 2], dtype=np.int32), np.array([0, 1, 1], dtype=np.int32)
+    X = np.array([[130.0, 160.0, 0.0], [100.0, 200.0, 2000.0]])
+    in_front(0, 3, image, point, STATE[POSE].position_m, STATE[POSE].ground_from_image, X, found)
+    assert found.tolist() == [True, False, False]  # down, towards -z of the camera; the second point is above it
 
 
 def test_a_position_is_the_antenna_minus_the_observed_one() -> None:
