@@ -63,12 +63,18 @@ def bundle_input(
     )
 
 
-def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows:
-    """The film corrections that the fiducials leave open, weighted by their interior orientation."""
+def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
+    """The film corrections that the fiducials leave open, weighted by their interior orientation.
+
+    None where no image has measured fiducials: pixels are where they are.
+    """
     n = len(block.images)
     covariance = np.zeros((n, 6, 6))
     covariance[image_points.interior.image] = image_points.interior.covariance
-    free = np.repeat((np.einsum("nii->ni", covariance) > 0).all(axis=1)[:, None], 6, axis=1)
+    open_ = (np.einsum("nii->ni", covariance) > 0).all(axis=1)
+    if not open_.any():
+        return None
+    free = np.repeat(open_[:, None], 6, axis=1)
     rays = rays_of(block, image_points)
     labels = tuple(f"film correction d{k}" for k in range(6))
     zero = np.zeros((n, 6))

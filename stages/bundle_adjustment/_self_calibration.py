@@ -106,7 +106,9 @@ def parameters_of(
     block: Block, image_points: ImagePoints, film: bool, chosen: ChosenSet | None
 ) -> tuple[ParameterRows, ...]:
     """Unknowns beside poses and points: film corrections, additional parameters, parameters of camera models."""
-    groups = [film_parameters(block, image_points)] if film else []
+    groups = []
+    if film and (corrections := film_parameters(block, image_points)) is not None:
+        groups.append(corrections)
     if chosen is not None and chosen.calibration is not None:
         groups.append(calibrated_parameters(block, image_points, chosen.parameters, chosen.calibration))
     elif chosen is not None:

@@ -68,7 +68,8 @@ class BundleOptions(Options):
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
     )
     interior_unknowns: bool = Field(
-        False, description="carry the affine film correction of each image as weighted unknowns"
+        False,
+        description="carry the affine film correction of each image with measured fiducials as weighted unknowns",
     )
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"

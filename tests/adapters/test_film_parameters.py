@@ -1,0 +1,24 @@
+"""Film corrections are unknowns of images with measured fiducials only."""
+
+from __future__ import annotations
+
+from aatri.adapters.bundle_input import film_parameters
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.interior_orientation.affine import affine
+from aatri.tables.digest import content_digest
+from tests.stages.chain import run_chain, simulated
+
+
+def test_pixel_cameras_carry_no_film_unknowns() -> None:
+    made = run_chain(simulated(preset="uav", flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0}))
+    assert film_parameters(made.block, made.refined) is None
+    asked = bundle(made.block, made.refined, made.strip_block, options=BundleOptions(interior_unknowns=True))
+    assert content_digest(asked) == content_digest(made.bundle)
+
+
+def test_film_with_measured_fiducials_carries_six_an_image() -> None:
+    block = simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0})
+    rows = film_parameters(block, affine(block))
+    assert rows is not None
+    assert rows.free.shape == (3, 6)
+    assert rows.free.all()
