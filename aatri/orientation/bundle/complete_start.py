@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
@@ -31,15 +31,14 @@ def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> tuple[Po
     while True:
         xyz_m = _intersected(rays, poses, xyz_m)
         completed = _resected(rays, poses, xyz_m)
-        if (finite_rows(completed.position_m) == finite_rows(poses.position_m)).all():
+        if (_oriented(completed) == _oriented(poses)).all():
             return completed, xyz_m
         poses = completed
 
 
 def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
     missing = ~finite_rows(xyz_m)
-    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
-    use = rays.active & missing[rays.point] & oriented[rays.image]
+    use = rays.active & missing[rays.point] & _oriented(poses)[rays.image]
     looking = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])
     direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[use]], looking)
     found = intersect_rays(poses.position_m[rays.image[use]], direction, rays.point[use], len(xyz_m))
@@ -48,7 +47,7 @@ def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
 
 def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Poses:
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
-    missing = ~(finite_rows(position) & finite_rows(rotation))
+    missing = ~_oriented(poses)
     rows = np.flatnonzero(rays.active & finite_rows(xyz_m)[rays.point] & missing[rays.image])
     rows = rows[np.argsort(rays.image[rows], kind="stable")]
     images, first = np.unique(rays.image[rows], return_index=True)
@@ -66,3 +65,8 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Poses:
     found = result.resected
     position[found], rotation[found] = result.position_m[found], result.ground_from_image[found]
     return Poses(position, rotation)
+
+
+def _oriented(poses: Poses) -> Bool:
+    """Images with a position and a rotation: a position alone, from GNSS, lets no point be intersected."""
+    return finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
