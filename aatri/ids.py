@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command 
 
 MAX_BYTES = 255
 """Longest id, in UTF-8 bytes."""
+MAX_COMPARED_LENGTH, MOST_LOOKED_AT, MOST_COMPARED = 80, 5000, 100
+"""Bounds of the search for the nearest name."""
 
 
 def canonical(ids: Iterable[str]) -> list[str]:
@@ -55,7 +58,28 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def utf8(text: str) -> str:
+    """The text with what UTF-8 does not have escaped: bytes of file names in other encodings."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def clipped(text: str, most: int = 60) -> str:
+    """The text for a message, control characters escaped, cut to its first characters."""
+    shown = printable(text[: most + 1])
+    return shown if len(text) <= most else f"{shown[:most]}... ({len(text)} characters)"
+
+
 def did_you_mean(text: str, known: Iterable[str]) -> str:
-    """` - did you mean 'x'?`, or nothing if no known name is near."""
-    near = difflib.get_close_matches(text, list(known), n=1, cutoff=0.6)
+    """` - did you mean 'x'?`, or nothing if no known name is near.
+
+    Only names of about the same length with a like beginning or end are compared, and at most `MOST_COMPARED` of them:
+    comparing a thousand unknown ids with a thousand known ones would take minutes.
+    """
+    if not 0 < len(text) <= MAX_COMPARED_LENGTH:
+        return ""
+    head, tail, reach = text[:1].casefold(), text[-1:].casefold(), max(2, len(text) // 2)
+    alike = [name for name in itertools.islice(known, MOST_LOOKED_AT)
+             if abs(len(name) - len(text)) <= reach
+             and (name[:1].casefold() == head or name[-1:].casefold() == tail)]  # fmt: skip
+    near = difflib.get_close_matches(text, alike[:MOST_COMPARED], n=1, cutoff=0.6)
     return f" - did you mean {near[0]!r}?" if near else ""

@@ -25,9 +25,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 
 from aatri.errors import PluginError
 from aatri.progress import SILENT, StageContext
+from aatri.regular_file import wrong_path
 from aatri.tables.schema import Artifact
 
-__all__ = ["SILENT", "Context", "Field", "InputPath", "Options", "Port", "Role", "StageCard", "card_of", "stage"]
+__all__ = ["SILENT", "CodePath", "Context", "Field", "InputPath", "Options", "Port", "Role", "StageCard", "card_of", "stage"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -46,13 +47,30 @@ class InputFile:
     """Marks a path option whose content counts as input."""
 
 
+class CodeFile(InputFile):
+    """Marks a path option whose file is executed."""
+
+
 def _from_project(path: Path, info: ValidationInfo) -> Path:
     base = (info.context or {}).get("base")
-    return Path(base) / path if base is not None else path
+    full = Path(base) / path if base is not None else path
+    if what := wrong_path(full):
+        raise ValueError(what)
+    return full
+
+
+def _permitted(path: Path, info: ValidationInfo) -> Path:
+    context = info.context or {}
+    if "base" in context and not context.get("runs_code"):
+        raise ValueError("Python of the project, which is executed only with --local-plugins")
+    return path
 
 
 InputPath = Annotated[Path, AfterValidator(_from_project), InputFile()]
 """A file or folder to read; relative to pipeline.yaml. Its content is part of what the stage depends on."""
+
+CodePath = Annotated[Path, AfterValidator(_from_project), AfterValidator(_permitted), CodeFile()]
+"""A file of Python that the stage executes: an `InputPath` that a pipeline may name only under --local-plugins."""
 
 
 @dataclass(frozen=True)

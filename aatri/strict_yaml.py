@@ -18,7 +18,8 @@ from typing import Any, NoReturn
 import yaml
 
 from aatri.errors import AatriError, SpecError
-from aatri.ids import did_you_mean, printable
+from aatri.ids import clipped, did_you_mean, printable
+from aatri.regular_file import leads_nowhere, open_regular
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
@@ -91,9 +92,11 @@ def load(path: Path, error: type[AatriError] = SpecError) -> Document:
     try:
         if path.is_dir():
             raise error("is a folder, not a file", where=name)
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError as missing:
+        if target := leads_nowhere(path):
+            raise error(f"is a link to {target}, which is not there", where=name, remedy="mend the link") from missing
         raise error("no such file", where=name, remedy=_nearest(path)) from missing
     except (OSError, ValueError) as failure:
         raise error(f"cannot be read: {getattr(failure, 'strerror', None) or failure}", where=name) from failure
@@ -187,10 +190,10 @@ def _node(event: Any, line: int, column: int) -> _Node:
 def _refuse_extras(event: Any, source: _Source, line: int, column: int) -> None:
     if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
         sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
-        source.fail(f"{sign}{printable(event.anchor)}: anchors and aliases are not allowed", line, column,
+        source.fail(f"{sign}{clipped(event.anchor)}: anchors and aliases are not allowed", line, column,
                     remedy="write the value out, or put a text that begins with & or * in quotes")  # fmt: skip
     if event.tag is not None:
-        source.fail(f"{printable(event.tag)}: tags are not allowed", line, column,
+        source.fail(f"{clipped(event.tag)}: tags are not allowed", line, column,
                     remedy="remove it, or put a text that begins with ! in quotes")  # fmt: skip
 
 
@@ -199,7 +202,7 @@ def _new_key(event: Any, parent: _Node, source: _Source, line: int, column: int)
         source.fail("a key must be a single name", line, column, remedy="write `name: value`")
     key: str = event.value
     if key in parent.key_places:
-        source.fail(f"key {key!r} given twice, first in line {parent.key_places[key][0]}", line, column,
+        source.fail(f"key {clipped(key)!r} given twice, first in line {parent.key_places[key][0]}", line, column,
                     remedy="remove one of them")  # fmt: skip
     parent.key_places[key] = (line, column)
     return key

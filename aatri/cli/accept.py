@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from aatri.cli.console import reports_errors, say
+from aatri.cli.plugins_option import LocalPlugins
 
 
 @reports_errors
@@ -15,6 +16,7 @@ def accept(
     stages: Annotated[list[str], typer.Argument(metavar="STAGE...", help="Stages, or `all` whose code has changed.")],
     message: Annotated[str, typer.Option("--message", "-m", metavar="WHY", help="Why it does not matter.")],
     run: Annotated[Path | None, typer.Option(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    local_plugins: LocalPlugins = False,
 ) -> None:
     """Let results stand in spite of changed code. Written down, with the reason; nothing is removed."""
     from aatri.cli.planning import open_run
@@ -24,7 +26,7 @@ def accept(
     from aatri.pipeline.store.accept import accept as write
     from aatri.pipeline.store.lock import locked
 
-    opened = open_run(run)
+    opened = open_run(run, local_plugins=local_plugins)
     names = [node.name for node in opened.nodes]
     select(opened.nodes, only=[name for name in stages if name != "all"])
     with locked(opened.spec.run, "aatri accept"):

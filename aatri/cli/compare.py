@@ -24,11 +24,11 @@ def compare(
     """Show options and figures of runs side by side, the first stage that differs from the first run, and why."""
     from aatri.cli.locate import find_run
     from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run
-    from aatri.pipeline.store.objects import VARIANTS
+    from aatri.pipeline.store.inside import VARIANTS, names_in
 
     folders = [find_run(path).folder for path in runs]
     if variants:
-        folders = [f for folder in folders for f in (folder, *sorted((folder / VARIANTS).glob("*")))]
+        folders = [f for folder in folders for f in (folder, *(folder / VARIANTS / n for n in names_in(folder, VARIANTS)))]
     if len(folders) < 2:
         raise SpecError("one run only", where=str(folders[0]),
                         remedy="give another, or --variants after `aatri run --variant NAME`")  # fmt: skip

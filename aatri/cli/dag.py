@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.plugins_option import LocalPlugins
 
 if TYPE_CHECKING:
     from aatri.cli.planning import Opened
@@ -18,13 +19,14 @@ if TYPE_CHECKING:
 def dag(
     run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
     dot: Annotated[bool, typer.Option("--dot", help="As Graphviz takes it.")] = False,
+    local_plugins: LocalPlugins = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Show the stages with their inputs; ports that are given but not used are in brackets."""
     from aatri.cli.plan_table import plain_decision
     from aatri.cli.planning import open_run
 
-    opened = open_run(run)
+    opened = open_run(run, local_plugins=local_plugins)
     plan = opened.plan()
     if json:
         pairs = zip(opened.nodes, plan.decisions)

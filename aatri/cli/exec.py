@@ -37,7 +37,7 @@ def exec_(
 
     share_cores(1)
     given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-    opened = open_run(run) if run.is_dir() else open_request(given)
+    opened = open_run(run, local_plugins=local_plugins) if run.is_dir() else open_request(given)
     select(opened.nodes, only=[stage])
     how = How(Selection(forced=frozenset({stage} if force else ())), lock=not no_lock, command=f"aatri exec {stage}",
               source=opened.source, request=opened.request.plain())  # fmt: skip

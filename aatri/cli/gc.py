@@ -30,7 +30,7 @@ def gc(
     with locked(found.folder, "aatri gc", enabled=not dry_run):
         results = garbage(found.folder, keep, older, now)
         if not dry_run:
-            remove(results)
+            remove(found.folder, results)
     if json:
         say_json([{"stage": r.stage, "key": r.key, "ended": r.ended, "bytes": r.size} for r in results])
         return

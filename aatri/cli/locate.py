@@ -55,7 +55,7 @@ def find_run(given: Path | None) -> Run:
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
     path = given or DEFAULT
     if path.is_dir():
-        overview = store.read_json(path / "run.json")
+        overview = store.read_overview(path)
         if overview is None:
             raise ArtifactError(
                 "not the folder of a run: no run.json in it", where=str(path), remedy="see `run:` in pipeline.yaml"
@@ -64,7 +64,7 @@ def find_run(given: Path | None) -> Run:
     from aatri.pipeline.spec.spec import load_spec
 
     spec = load_spec(path)
-    return Run(spec.run, _stages(spec), store.read_json(spec.run / "run.json") or {})
+    return Run(spec.run, _stages(spec), store.read_overview(spec.run) or {})
 
 
 def split_stage(text: str | None) -> tuple[Path | None, str | None]:

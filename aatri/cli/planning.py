@@ -85,7 +85,10 @@ def open_request(request: Request) -> Opened:
         raise SpecError("no pipeline.yaml in this folder",
                         remedy="`aatri new` writes one here, or give the path of one")  # fmt: skip
     local = local_stages(request.local_plugins, path)
-    catalogue = Catalogue(local)
+    if local is not None and not local.is_dir():
+        narrate(f"note: --local-plugins: there is no folder {local}")
+        local = None
+    catalogue = Catalogue(local, runs_code=request.local_plugins)
     spec = load_spec(path, Path(request.into) if request.into else None)
     if request.variant:
         spec = with_variant(spec, request.variant)
@@ -97,19 +100,23 @@ def open_request(request: Request) -> Opened:
     nodes = wire(spec, catalogue)
     for note in notes:
         narrate(f"note: {note}")
-    return Opened(request, spec, nodes, Source(local=local))
+    return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins))
 
 
-def open_run(given: Path | None) -> Opened:
-    """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml."""
-    from aatri.pipeline.store.run_folder import read_json
+def open_run(given: Path | None, *, local_plugins: bool = False) -> Opened:
+    """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
+
+    That a run was made with --local-plugins does not permit to execute code of the project again: a run folder may
+    come from anyone.
+    """
+    from aatri.pipeline.store.run_folder import read_overview
 
     path = given or DEFAULT
     if given is None and not path.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
     if not path.is_dir():
-        return open_request(Request(str(path)))
-    overview = read_json(path / "run.json")
+        return open_request(Request(str(path), local_plugins=local_plugins))
+    overview = read_overview(path)
     if overview is None:
         raise ArtifactError("not the folder of a run: no run.json in it", where=str(path),
                             remedy="see `run:` in pipeline.yaml")  # fmt: skip
@@ -117,7 +124,10 @@ def open_run(given: Path | None) -> Opened:
     if not kept:
         raise ArtifactError("made by an older aatri; its pipeline is not known", where=str(path),
                             remedy="give the pipeline file")  # fmt: skip
+    if kept.get("local_plugins") and not local_plugins:
+        raise SpecError("was run with --local-plugins: planning it executes code of the project", where=str(path),
+                        remedy="--local-plugins, if you trust the project")  # fmt: skip
     into = "" if kept["variant"] else str(path)
     request = Request(kept["pipeline"], kept["into"] or into, tuple(kept["set_"]), tuple(kept["use"]), kept["variant"],
-                      kept["local_plugins"])  # fmt: skip
+                      local_plugins)  # fmt: skip
     return open_request(request)

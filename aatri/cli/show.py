@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.console import narrate, reports_errors, say, say_json, say_table
 from aatri.cli.locate import find_run, split_stage
-from aatri.errors import SpecError
+from aatri.errors import ArtifactError, SpecError
 
 
 @reports_errors
@@ -55,9 +55,20 @@ def _file(what: str) -> Path:
 
 def _record(path: Path) -> dict[str, Any] | None:
     """The record beside the artifact: in its object folder, or beside the link in `current`."""
-    from aatri.pipeline.store import run_folder as store
+    from aatri.pipeline.store.records import read_record
 
-    return store.read_json(path.resolve().parent / "record.json") or store.read_json(path.with_suffix(".json"))
+    places = [(path.resolve().parent, "record.json")]
+    if path.parent.name == "current":
+        places.append((path.parent, f"{path.stem}.json"))
+    for folder, name in places:
+        try:
+            record = read_record(folder, name)
+        except ArtifactError as error:
+            narrate(f"warning: {error}")
+            continue
+        if record is not None:
+            return record
+    return None
 
 
 def _say_warnings(path: Path) -> None:

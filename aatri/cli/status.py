@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.plugins_option import LocalPlugins
 
 if TYPE_CHECKING:
     from aatri.cli.planning import Opened
@@ -18,15 +19,16 @@ if TYPE_CHECKING:
 def status(
     run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
     verify: Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")] = False,
+    local_plugins: LocalPlugins = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Show which stages of a run are up to date, and what a run would do, and why."""
     from aatri.cli.planning import open_run
     from aatri.pipeline.store import run_folder as store
 
-    opened = open_run(run)
+    opened = open_run(run, local_plugins=local_plugins)
     plan = opened.plan(verify=verify)
-    overview = store.read_json(opened.spec.run / "run.json") or {}
+    overview = store.read_overview(opened.spec.run) or {}
     stages = [_state(opened, decision, node.method.name) for node, decision in zip(opened.nodes, plan.decisions)]
     ended = overview.get("status", "not run")
     if json:

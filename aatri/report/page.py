@@ -16,8 +16,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.errors import ResourceError
-from aatri.pipeline.store.durable import write_bytes
+from aatri.pipeline.store import inside
+from aatri.pipeline.store.durable import on_disk
 from aatri.report.drawing.charts import sigma0_chart
 from aatri.report.drawing.plan import block_plan
 from aatri.report.numbers import number, seconds
@@ -47,15 +47,9 @@ def write_report(run: Path) -> Path:
     ResourceError
         If the page cannot be written.
     """
-    path = run / "report.html"
     text = render(view(run))
-    try:
-        write_bytes(path, text.encode())
-    except OSError as error:
-        raise ResourceError(
-            f"cannot write: {error.strerror}", where=str(path), remedy="free space or permit"
-        ) from error
-    return path
+    with on_disk(run / "report.html"):
+        return inside.write(text.encode(), run, "report.html")
 
 
 def render(run: RunView) -> str:

@@ -14,6 +14,7 @@ from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.errors import AatriError, ArtifactError
+from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.tables.schema import Artifact
 
@@ -97,7 +98,7 @@ def view(folder: Path) -> RunView:
     ArtifactError
         If it is none.
     """
-    overview = store.read_json(folder / "run.json")
+    overview = store.read_overview(folder)
     if overview is None:
         raise ArtifactError("not the folder of a run", where=str(folder), remedy="aatri run makes one")
     return RunView(folder, overview, tuple(_stage(folder, entry) for entry in overview.get("stages", [])))
@@ -112,7 +113,7 @@ def _stage(folder: Path, entry: Mapping[str, Any]) -> StageView:
         inputs=entry.get("from", {}),
         record=_readable(store.current_record, folder, name),
         failure=_readable(store.failure, folder, name),
-        log=_log(folder / "failed" / name / "stage.log"),
+        log=_log(folder, name),
     )
 
 
@@ -125,9 +126,9 @@ def _readable(read: Any, folder: Path, name: str) -> Mapping[str, Any] | None:
     return found
 
 
-def _log(path: Path) -> tuple[str, ...]:
+def _log(folder: Path, stage: str) -> tuple[str, ...]:
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = inside.read(folder, "failed", stage, "stage.log").decode("utf-8", errors="replace").splitlines()
     except OSError:
         return ()
     return tuple(lines[-LOG_LINES:])

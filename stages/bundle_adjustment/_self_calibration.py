@@ -25,10 +25,11 @@ from aatri.camera.parameters.catalogue import holds_interior, parameter_set, wit
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
+from aatri.formats.text.text_file import read_lines
 from aatri.observations.poses import ADDITIONAL
 from aatri.orientation.bundle.adjust import AdjustedParameters
 from aatri.orientation.bundle.block import ParameterRows
-from aatri.plugin import Field, InputPath, Options
+from aatri.plugin import CodePath, Field, Options
 
 
 class SelfCalibration(Options):
@@ -48,7 +49,9 @@ class SelfCalibration(Options):
     remove: bool = Field(
         False, description="leave out what is not determined, not separable or not significant, and adjust again"
     )
-    user: InputPath | None = Field(None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user")
+    user: CodePath | None = Field(
+        None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user; needs --local-plugins"
+    )
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def _set_by_name(name: str, wanted: SelfCalibration | None) -> ParameterSet:
         return parameter_set(name)
     if wanted is None or wanted.user is None:
         raise SpecError("self_calibration with set: user needs a file", remedy="user: my_parameters.py")
-    return user_set(wanted.user.read_text(encoding="utf-8"), str(wanted.user))
+    return user_set("\n".join(read_lines(wanted.user)), str(wanted.user))
 
 
 def parameters_of(

@@ -23,13 +23,13 @@ from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import parameter_set, with_interior
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, CodePath, Context, Field, Options, stage
 
 
 class AdditionalParametersOptions(Options):
     """Where the terms of a user's set come from."""
 
-    user: InputPath | None = Field(None, description="file of the set, where the calibration has set: user")
+    user: CodePath | None = Field(None, description="file of the set, where the calibration has set: user; its code runs")
 
 
 @stage(version=1)
@@ -51,7 +51,7 @@ def additional_parameters(
     elif options.user is None:
         raise SpecError("the calibration has a set of the user's own", remedy="user: my_parameters.py")
     else:
-        parameters = user_set(options.user.read_text(encoding="utf-8"), str(options.user))
+        parameters = user_set("\n".join(read_lines(options.user)), str(options.user))
     parameters = with_interior(parameters) if found.interior else parameters
     correction_mm = calibrated_correction(block, image_points, parameters, found)
     m = image_points.measurements

@@ -74,6 +74,15 @@ def run(
     return listener.begun, {record["stage"]: record for record in records}
 
 
+def bare_record() -> dict[str, Any]:
+    """What a record holds beside its stage, key and output, of a stage without inputs, options and figures."""
+    time = "2026-01-01T00:00:00+00:00"
+    parts = {"plugin": "x/y", "version": 1, "options": {}, "files": {}, "inputs": {}, "code": "", "schemas": {},
+             "seed": None}  # fmt: skip
+    return {"plugin": "x/y", "version": 1, "options": {}, "inputs": {}, "parts": parts, "metrics": {}, "warnings": [],
+            "started": time, "ended": time, "seconds": 1.5, "seed": None, "environment": {}}  # fmt: skip
+
+
 def digests(records: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Content digests by stage."""
     return {stage: record["output"]["content_digest"] for stage, record in records.items()}

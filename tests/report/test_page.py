@@ -15,6 +15,7 @@ from aatri.evaluation.accuracy import evaluate
 from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
 from tests.made_solutions import made_block, made_solution
+from tests.pipeline.made_runs import bare_record
 
 STAGES = [
     ("block", "block/tables", {}, "Block"),
@@ -80,8 +81,8 @@ def make_run(folder, artifacts, *, status="done", **record):
     overview = {"pipeline": "p/pipeline.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages}
     store.begin(folder, overview | {"status": status})
     for name, artifact in artifacts.items():
-        full = {"plugin": "x/y", "version": 1, "options": {"a": 1.5}, "warnings": [], "seconds": 1.5, "seed": 1,
-                "metrics": artifact.metrics(), "environment": {"numpy": "2.0"}} | record  # fmt: skip
+        full = bare_record() | {"options": {"a": 1.5}, "seed": 1, "metrics": artifact.metrics(),
+                                "environment": {"numpy": "2.0"}} | record  # fmt: skip
         store.commit(folder, name, "0123456789ab", artifact, full)
     return folder
 
@@ -156,7 +157,8 @@ def test_the_same_folder_gives_the_same_page(tmp_path):
 def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path):
     artifacts = made_artifacts()
     run = make_run(tmp_path / "run", {"block": artifacts["block"]}, status="failed")
-    error = {"what": "control is collinear", "where": "bundle", "remedy": "add a control point", "options": {"b": 2}}
+    error = {"what": "control is collinear", "where": "bundle", "remedy": "add a control point", "options": {"b": 2},
+             "exit_code": 4, "ended": "2026-01-01T00:00:01+00:00"}  # fmt: skip
     (run / "running" / "bundle.log").write_text("    0.001  the last words\n")
     store.fail(run, "bundle", error)
     found = Elements(write_report(run).read_text(encoding="utf-8"))

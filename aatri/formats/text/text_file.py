@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 from aatri.errors import InputError
 from aatri.ids import did_you_mean
 from aatri.progress import SILENT, Reporter
+from aatri.regular_file import leads_nowhere, read_regular
 
 _BINARY = {
     b"PK\x03\x04": "an Excel workbook or zip archive",
@@ -35,7 +37,7 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
     InputError
         If the file is missing, empty, binary or of no known encoding.
     """
-    text = _decoded(_read_bytes(path), path, reporter)
+    text = _decoded(read_bytes(path), path, reporter)
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = text.split("\n")
@@ -46,31 +48,38 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
     return lines
 
 
-def missing(path: Path) -> InputError:
-    """The error for a file or folder that is not there, with the nearest name that is."""
+def missing(path: Path, others: Collection[str] = ()) -> InputError:
+    """The error for a file or folder that is not there, with the nearest name that is; `others` are names in their own
+    right, which nobody writes for this one."""
     folder = path.parent
+    if target := leads_nowhere(path):
+        return InputError(f"is a link to {target}, which is not there", where=str(path), remedy="mend the link")
     if not folder.is_dir():
         return InputError(
             "does not exist, nor does its folder", where=str(path), remedy=f"create {folder} or mend path"
         )
     names = sorted(entry.name for entry in folder.iterdir())
-    near = did_you_mean(path.name, names).removeprefix(" - ")
+    near = did_you_mean(path.name, set(names) - set(others)).removeprefix(" - ")
     more = ", ..." if len(names) > MOST_NAMES else ""
     beside = f"beside it are {', '.join(names[:MOST_NAMES])}{more}" if names else f"{folder} is empty"
     return InputError("does not exist", where=str(path), remedy=near or f"put it there or mend the path; {beside}")
 
 
-def _read_bytes(path: Path) -> bytes:
-    if path.is_dir():
-        raise InputError("is a folder, not a file", where=str(path), remedy="name the file in it")
-    if not path.exists():
-        raise missing(path)
+def read_bytes(path: Path) -> bytes:
+    """The content of a file of input.
+
+    Raises
+    ------
+    InputError
+        If it is missing, no file, or cannot be read.
+    """
     try:
-        return path.read_bytes()
+        return read_regular(path)
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise missing(path) from error
     except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror}", where=str(path), remedy="check its permissions"
-        ) from error
+        remedy = "name the file in it" if path.is_dir() else "check what it is, and its permissions"
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path), remedy=remedy) from error
 
 
 def _decoded(data: bytes, path: Path, reporter: Reporter) -> str:

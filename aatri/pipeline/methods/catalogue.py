@@ -47,10 +47,14 @@ class Catalogue:
         A project's own folder of stages.
     registry : Registry, optional
         Asked instead of all stages there are; then nothing is taken from the cache.
+    runs_code : bool
+        Options may name Python of the project, which will be executed.
     """
 
-    def __init__(self, local: Path | None = None, registry: Registry | None = None) -> None:
-        self.local, self._registry = local, registry
+    def __init__(
+        self, local: Path | None = None, registry: Registry | None = None, *, runs_code: bool = False
+    ) -> None:  # fmt: skip
+        self.local, self._registry, self._runs_code = local, registry, runs_code
         self._found = {} if registry is not None else _origins(local)
         self._codes = Cache(cache_name("code", PACKAGE))
         self._methods = Cache(cache_name("methods", PACKAGE) if registry is None else None)
@@ -76,9 +80,9 @@ class Catalogue:
             known = self._methods.get(self._entry(stage, code)) or self._methods.get(
                 self._entry(stage, code, spec.base)
             )
-        except (OSError, TypeError, ValueError):
-            return None
-        return known and Prepared(from_plain(known["method"]), known["options"], known["files"], code)
+            return known and Prepared(from_plain(known["method"]), known["options"], known["files"], code)
+        except (OSError, AttributeError, KeyError, TypeError, ValueError):
+            return None  # no such file, or a damaged cache
 
     def prepare(self, spec: Spec, stage: StageSpec, errors: list[AatriError]) -> Prepared | None:
         """A stage as its plugin declares it; None if its options are wrong (see `errors`).
@@ -93,7 +97,7 @@ class Catalogue:
         card = self.registry.card(stage.use)
         method = self.method(stage.use)
         before = len(errors)
-        options = validated(spec, stage, card, errors)
+        options = validated(spec, stage, card, errors, runs_code=self._runs_code)
         if len(errors) > before:
             return None
         plain = options.model_dump(mode="json") if options is not None else {}
@@ -133,7 +137,7 @@ class Catalogue:
         role = self._found.get(stage.use.partition("/")[0])
         declared = of_file(role.file, self._codes, file_sha256) if role is not None and role.file else ""
         written = json.dumps(stage.options, sort_keys=True)
-        parts = [stage.use, code.digest, declared, written, str(base), *self._versions]
+        parts = [stage.use, code.digest, declared, written, str(base), str(self._runs_code), *self._versions]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 

@@ -67,12 +67,12 @@ def read_run(folder: Path, name: str) -> Compared:
     ArtifactError
         If it is not the folder of a run.
     """
-    overview = store.read_json(folder / "run.json")
+    overview = store.read_overview(folder)
     if overview is None:
         raise ArtifactError("has not been run", where=str(folder), remedy="aatri run")
     stages = tuple(str(entry["stage"]) for entry in overview["stages"])
     records = {stage: store.current_record(folder, stage) for stage in stages}
-    return Compared(name, folder, stages, {stage: r for stage, r in records.items() if r is not None and "parts" in r})
+    return Compared(name, folder, stages, {stage: r for stage, r in records.items() if r is not None})
 
 
 def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:

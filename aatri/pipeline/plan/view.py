@@ -17,8 +17,8 @@ from aatri.pipeline.plan.plan import Integrity
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.accept import accepted_key
 from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file
-from aatri.pipeline.store.durable import read_json
 from aatri.pipeline.store.objects import artifact_file, base_of, object_record, records_of
+from aatri.pipeline.store.records import read_json
 
 
 class StoreView:
@@ -49,8 +49,7 @@ class StoreView:
 
     def last(self, stage: str) -> dict[str, Any] | None:
         """The record of the last result that was current."""
-        record = store.last_record(self._run, stage)
-        return record if record is not None and "parts" in record else None
+        return store.last_record(self._run, stage)
 
     def accepted(self, stage: str, key: str) -> str | None:
         """The key of a result that the user accepts for this key."""
@@ -58,11 +57,10 @@ class StoreView:
 
     def integrity(self, record: Mapping[str, Any]) -> Integrity:
         """Whether the artifact of a record is whole."""
-        path = artifact_file(self._run, record)
         try:
-            digest = self._digest(path)
-        except OSError:
-            return Integrity.missing
+            digest = self._digest(artifact_file(self._run, record))
+        except OSError as error:
+            return Integrity.altered if isinstance(error, ArtifactError) else Integrity.missing
         return Integrity.intact if digest == record["output"]["sha256"] else Integrity.altered
 
     def failed_key(self, stage: str) -> str | None:
@@ -75,7 +73,7 @@ class StoreView:
     def interrupted_key(self, stage: str) -> str | None:
         """The key of an attempt that did not come to its end."""
         with contextlib.suppress(ArtifactError):
-            under_way = read_json(self._run / "running" / f"{stage}.json")
+            under_way = read_json(self._run, "running", f"{stage}.json")
             return under_way.get("key") if under_way is not None else None
         return None
 

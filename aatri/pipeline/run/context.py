@@ -9,10 +9,10 @@ of and left out: the stage itself may still come to its end.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import re
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -21,7 +21,8 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.typing as npt
 
-from aatri.pipeline.store.durable import write_bytes
+from aatri.ids import utf8
+from aatri.pipeline.store import inside
 from aatri.pipeline.store.objects import base_of
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
@@ -34,18 +35,19 @@ Tell = Callable[..., None]
 class LoggedContext:
     """Everything goes to the log, warnings also to the record and the listener."""
 
-    def __init__(self, log: TextIO, tell: Tell, folder: Path) -> None:
+    def __init__(self, log: TextIO, tell: Tell, run: Path, stage: str, key: str) -> None:
         self._file, self._tell, self._clock = log, tell, time.perf_counter()
         self.warnings: list[str] = []
-        self.checkpoint = FileCheckpoint(folder, self)
+        self.checkpoint = FileCheckpoint(self, base_of(run), "checkpoints", stage, key)
 
     def log(self, message: str) -> None:
         """Write a line to the log, with the seconds since the start."""
-        self._file.write(f"{time.perf_counter() - self._clock:9.3f}  {message}\n")
+        self._file.write(f"{time.perf_counter() - self._clock:9.3f}  {utf8(message)}\n")
         self._file.flush()
 
     def warn(self, message: str) -> None:
         """Keep a warning."""
+        message = utf8(message)
         self.warnings.append(message)
         self.log(f"warning: {message}")
         self._tell("warned", message)
@@ -56,26 +58,28 @@ class LoggedContext:
 
 
 class FileCheckpoint:
-    """Arrays in files of one folder."""
+    """Arrays in files of one folder of a run."""
 
-    def __init__(self, folder: Path, context: LoggedContext) -> None:
-        self._folder, self._context = folder, context
+    def __init__(self, context: LoggedContext, base: Path, *names: str) -> None:
+        self._context, self._base, self._names = context, base, names
 
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Keep arrays under a name, in place of those kept before; whole or not at all."""
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **{key: np.asarray(value) for key, value in arrays.items()})
         data = buffer.getvalue()
+        at = self._at(name)
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            write_bytes(self._path(name), hashlib.sha256(data).digest() + data)
+            inside.make_folder(self._base, *self._names)
+            inside.write(hashlib.sha256(data).digest() + data, self._base, *at)
         except OSError as error:
             self._context.log(f"no checkpoint {name}: {error.strerror or error}")
 
     def load(self, name: str) -> dict[str, npt.NDArray[Any]] | None:
         """The arrays kept by an earlier attempt at the same result; None if there are none that are whole."""
+        at = self._at(name)
         try:
-            whole = self._path(name).read_bytes()
+            whole = inside.file_path(self._base, *at).read_bytes()
         except OSError:
             return None
         digest, data = whole[:_DIGEST_BYTES], whole[_DIGEST_BYTES:]
@@ -86,17 +90,13 @@ class FileCheckpoint:
             self._context.log(f"going on from checkpoint {name}")
             return dict(arrays)
 
-    def _path(self, name: str) -> Path:
+    def _at(self, name: str) -> tuple[str, ...]:
         if not _NAME.fullmatch(name):
             raise ValueError(f"name of a checkpoint: {name!r}")
-        return self._folder / f"{name}.npz"
-
-
-def checkpoint_folder(run: Path, stage: str, key: str) -> Path:
-    """Where the checkpoints of a stage lie."""
-    return base_of(run) / "checkpoints" / stage / key
+        return (*self._names, f"{name}.npz")
 
 
 def drop_checkpoints(run: Path, stage: str) -> None:
     """Remove the checkpoints of a stage whose result is there."""
-    shutil.rmtree(base_of(run) / "checkpoints" / stage, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        inside.remove_folder(base_of(run), "checkpoints", stage)

@@ -20,12 +20,13 @@ from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.task import Outcome, Source, task_of
 from aatri.pipeline.run.workers import Pool, pool
 from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.events import Events
 from aatri.pipeline.store.lock import locked
-from aatri.pipeline.store.objects import SCHEMA
 from aatri.pipeline.store.provenance import now
+from aatri.pipeline.store.records import SCHEMA, is_stage_name
 
 
 class Listener(Protocol):
@@ -122,9 +123,12 @@ def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan) -> bool:
     """Whether the run folder shows just the results that the plan finds fresh."""
     if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
         return False
-    if any(spec.run.glob(".tmp-*")):
+    if any(name.startswith(".tmp-") for name in inside.names_in(spec.run)):
         return False  # killed while its report was written
-    shown = store.read_json(spec.run / "run.json") or {}
+    try:
+        shown = store.read_overview(spec.run) or {}
+    except ArtifactError:
+        return False  # it is written anew
     return shown.get("status") == "done" and shown.get("stages") == overview_of(spec, nodes, {})["stages"]
 
 
@@ -167,7 +171,7 @@ class _Run:
         self.events.add("ended", status=status)
         self.events.close()
         with on_disk(self.spec.run):
-            store.write_json(self.spec.run / "run.json", {**self.overview, "status": status, "ended": now()})
+            store.write_json({**self.overview, "status": status, "ended": now()}, self.spec.run, "run.json")
 
     def _show_what_is_fresh(self) -> None:
         """Put the fresh results into `current` and take all others out."""
@@ -179,7 +183,8 @@ class _Run:
                 expected[decision.stage] = float(last["seconds"])
             if decision.record is not None:
                 self._settle(decision.stage, decision.record)
-        known = {p.name.partition(".")[0] for p in (run / "current").iterdir()} - {n.name for n in self.nodes}
+        shown = {name.partition(".")[0] for name in inside.names_in(run, "current")}
+        known = set(filter(is_stage_name, shown)) - {n.name for n in self.nodes}
         store.withdraw(run, sorted(known | {d.stage for d in self.planned.decisions if d.record is None}))
         self.listener.planned(self.planned, expected)
 

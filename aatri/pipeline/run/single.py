@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from aatri.errors import ArtifactError
 from aatri.pipeline.plan.graph import Node
 from aatri.pipeline.plan.plan import Selection, plan
 from aatri.pipeline.plan.view import StoreView
@@ -44,10 +45,10 @@ def make_stage(
         check_inputs(nodes, planned)
         decision = planned.of(name)
         store.prepare(spec.run)
-        if not (spec.run / "run.json").exists():
+        if not _has_overview(spec):
             with on_disk(spec.run):
                 overview = overview_of(spec, nodes, how.request)
-                store.write_json(spec.run / "run.json", {**overview, "status": "stage by stage"})
+                store.write_json({**overview, "status": "stage by stage"}, spec.run, "run.json")
         if decision.record is not None:
             if not store.is_current(spec.run, decision.record):
                 store.make_current(spec.run, decision.record)
@@ -63,3 +64,11 @@ def make_stage(
         store.make_current(spec.run, record)
         listener.finished(record)
         return record, True
+
+
+def _has_overview(spec: Spec) -> bool:
+    """Whether there is a run.json that is whole."""
+    try:
+        return store.read_overview(spec.run) is not None
+    except ArtifactError:
+        return False

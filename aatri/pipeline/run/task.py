@@ -20,10 +20,14 @@ STAGES = "aatri.pipeline.methods.registry:find_stages"
 
 @dataclass(frozen=True)
 class Source:
-    """Where stages come from: the function that finds them, as `module:function`, and a project's own folder."""
+    """Where stages come from: the function that finds them, as `module:function`, and a project's own folder.
+
+    `runs_code` says that options may name Python of the project.
+    """
 
     finder: str = STAGES
     local: Path | None = None
+    runs_code: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 
 from aatri.errors import AatriError, PluginError, ResourceError
-from aatri.pipeline.run.context import LoggedContext, Tell, checkpoint_folder, drop_checkpoints
+from aatri.pipeline.run.context import LoggedContext, Tell, drop_checkpoints
 from aatri.pipeline.run.task import Outcome, Task, failed
+from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.durable import on_disk, write_json
 from aatri.pipeline.store.objects import commit_object, load_object
@@ -46,16 +47,16 @@ def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -
     """
     started = now()
     running = task.run / "running"
-    log_path = running / f"{task.stage}.log"
+    about = {"stage": task.stage, "key": task.key, "started": started}
     error: AatriError
     try:
         with on_disk(running):
-            running.mkdir(parents=True, exist_ok=True)
-            write_json(running / f"{task.stage}.json", {"stage": task.stage, "key": task.key, "started": started})
-            log = log_path.open("w", encoding="utf-8")
-        with on_disk(log_path), log:
+            inside.make_folder(task.run, "running")
+            write_json(about, task.run, "running", f"{task.stage}.json")
+            log = inside.create(task.run, "running", f"{task.stage}.log")
+        with on_disk(running), log:
             try:
-                context = LoggedContext(log, tell, checkpoint_folder(task.run, task.stage, task.key))
+                context = LoggedContext(log, tell, task.run, task.stage, task.key)
                 artifact, record = _made(task, context, {} if memory is None else memory, started)
             except AatriError as problem:
                 log.write(f"error: {problem}\n")
@@ -63,12 +64,12 @@ def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -
             except Exception as problem:
                 log.write("".join(traceback.format_exception(problem)))
                 raise _as_reported(problem, task.stage) from problem
-        full = commit_object(task.run, task.stage, task.key, artifact, record, log_path)
+        full = commit_object(task.run, task.stage, task.key, artifact, record, with_log=True)
         if memory is not None:
             memory[full["output"]["content_digest"]] = artifact
         drop_checkpoints(task.run, task.stage)
         with on_disk(running):
-            (running / f"{task.stage}.json").unlink(missing_ok=True)
+            inside.remove(task.run, "running", f"{task.stage}.json")
     except AatriError as problem:
         error = problem
     else:
@@ -80,7 +81,7 @@ def _failed(task: Task, error: AatriError, started: str) -> Outcome:
     """Keep log and diagnostics apart; on a full disk not even that may be possible."""
     try:
         folder = store.fail(task.run, task.stage, _diagnostics(error, task, started))
-        (task.run / "running" / f"{task.stage}.json").unlink(missing_ok=True)
+        inside.remove(task.run, "running", f"{task.stage}.json")
         if isinstance(error.__cause__, Exception) and not isinstance(error.__cause__, OSError | MemoryError):
             error.remedy = error.remedy or f"the log with the traceback is {folder / 'stage.log'}"
     except (AatriError, OSError):
@@ -154,7 +155,7 @@ def _call(task: Task, card: StageCard, inputs: Mapping[str, Artifact], context: 
 
 def _options(task: Task, model: type[Options]) -> Options:
     text = json.dumps(dict(task.written))
-    return model.model_validate_json(text, strict=True, context={"base": task.base})
+    return model.model_validate_json(text, strict=True, context={"base": task.base, "runs_code": task.source.runs_code})
 
 
 def _as_reported(error: Exception, stage: str) -> AatriError:

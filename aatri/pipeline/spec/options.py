@@ -19,8 +19,13 @@ from aatri.pipeline.spec.spec import Spec, StageSpec
 from aatri.plugin import InputFile, Options, StageCard
 
 
-def validated(spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriError]) -> Options | None:
-    """The options of a stage with defaults filled in; None if it takes none or they are wrong (see `errors`)."""
+def validated(
+    spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriError], *, runs_code: bool = False
+) -> Options | None:
+    """The options of a stage with defaults filled in; None if it takes none or they are wrong (see `errors`).
+
+    `runs_code` says that options may name Python to be executed.
+    """
     if card.options is None:
         for option in stage.options:
             errors.append(SpecError(f"unknown option {option!r}; {card.name} takes no options",
@@ -28,7 +33,7 @@ def validated(spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriE
         return None
     try:
         text = json.dumps(dict(stage.options))
-        return card.options.model_validate_json(text, strict=True, context={"base": spec.base})
+        return card.options.model_validate_json(text, strict=True, context={"base": spec.base, "runs_code": runs_code})
     except ValidationError as failure:
         for found in failure.errors(include_url=False):
             errors.append(_located(spec, stage, card, dict(found)))

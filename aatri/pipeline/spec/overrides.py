@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 from aatri.pipeline.spec.spec import USE, Spec, StageSpec
-from aatri.pipeline.store.objects import VARIANTS
+from aatri.pipeline.store.inside import VARIANTS
 from aatri.strict_yaml import loads
 
 

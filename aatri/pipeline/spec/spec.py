@@ -20,11 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import AatriError, SpecError, raise_all
-from aatri.ids import did_you_mean
+from aatri.ids import clipped, did_you_mean
+from aatri.pipeline.store.records import MAX_NAME, is_stage_name
+from aatri.regular_file import wrong_path
 from aatri.strict_yaml import Document, load
 
-NAME = re.compile(r"[a-z][a-z0-9_]*")
-USE = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*")
+USE = re.compile(r"[a-z][a-z0-9_]{0,99}/[a-z][a-z0-9_]{0,99}")
 
 _TOP_KEYS = ("run", "seed", "stages", "variants")
 _STAGE_KEYS = ("use", "from", "with")
@@ -90,6 +91,8 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
     errors: list[AatriError] = []
     top = _mapping(document, (), _TOP_KEYS, errors)
     run = into or _run_folder(document, top, path.parent, errors)
+    if into is not None and (what := wrong_path(into)):
+        raise SpecError(what, where="--into", remedy="another folder")
     seed = top.get("seed", 1)
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
         errors.append(SpecError(f"seed is {seed!r}, not a whole number from 0", where=document.where("seed")))
@@ -108,14 +111,14 @@ def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: 
         what = "run is missing" if run is None else f"run is {run!r}, not a folder"
         errors.append(SpecError(what, where=document.where("run"), remedy="`run: runs/NAME` says where results go"))
         return base
+    if what := wrong_path(base / run):
+        errors.append(SpecError(f"run is {clipped(run)!r}: {what}", where=document.where("run"), remedy="a shorter name"))
     return base / run
 
 
 def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec:
     at = ("stages", name)
-    if not NAME.fullmatch(name):
-        errors.append(SpecError(f"stage name {name!r}", where=document.where_key(*at),
-                                remedy="small letters, digits and _, beginning with a letter"))  # fmt: skip
+    _check_name(document, at, "stage", errors)
     entry = _mapping(document, at, _STAGE_KEYS, errors)
     use = entry.get("use")
     if not isinstance(use, str) or not USE.fullmatch(use):
@@ -125,6 +128,13 @@ def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec
         )
         use = ""
     return StageSpec(name, use, _inputs(document, (*at, "from"), errors), _options(document, (*at, "with"), errors))
+
+
+def _check_name(document: Document, at: tuple[str, str], what: str, errors: list[AatriError]) -> None:
+    """Names of stages and variants are names of files too."""
+    if not is_stage_name(at[1]):
+        errors.append(SpecError(f"{clipped(at[1])!r} is no name of a {what}", where=document.where_key(*at),
+                                remedy=f"at most {MAX_NAME} small letters, digits and _, beginning with a letter"))  # fmt: skip
 
 
 def _inputs(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, str]:
@@ -144,6 +154,7 @@ def _options(document: Document, at: tuple[str, ...], errors: list[AatriError]) 
 def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriError]) -> dict[str, Any]:
     variants = _mapping(document, ("variants",), None, errors)
     for variant in variants:
+        _check_name(document, ("variants", variant), "variant", errors)
         for stage in _mapping(document, ("variants", variant), None, errors):
             at = ("variants", variant, stage)
             if stage not in stages:

@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ArtifactError, SpecError
-from aatri.pipeline.store.durable import on_disk, read_json, write_json
+from aatri.pipeline.store import inside
+from aatri.pipeline.store.durable import on_disk, write_json
 from aatri.pipeline.store.objects import base_of
 from aatri.pipeline.store.provenance import now
+from aatri.pipeline.store.records import read_json
 
 _ACCEPTABLE = ("code", "version")
 
@@ -25,8 +27,8 @@ _ACCEPTABLE = ("code", "version")
 def accepted_key(run: Path, stage: str, key: str) -> str | None:
     """The key of the result that serves for a key by the user's word; None if there is none."""
     with contextlib.suppress(ArtifactError):
-        said = read_json(_file(run, stage, key))
-        return str(said["old"]) if said is not None and said.get("new") == key else None
+        said = read_json(base_of(run), *_at(stage, key))
+        return str(said.get("old")) if said is not None and said.get("new") == key else None
     return None
 
 
@@ -57,13 +59,13 @@ def accept(run: Path, stage: str, old: Mapping[str, Any] | None, new: Mapping[st
     if changed:
         raise SpecError(f"of {stage} not only the code has changed but also {', '.join(changed)}", where=str(run),
                         remedy="a new result is needed: aatri run")  # fmt: skip
-    path = _file(run, stage, key)
+    base = base_of(run)
     said = {"stage": stage, "old": old["key"], "new": key, "why": why, "by": getpass.getuser(), "time": now()}
-    with on_disk(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_json(path, said)
-    return path
+    with on_disk(base / "accepted"):
+        inside.make_folder(base, "accepted", stage)
+        write_json(said, base, *_at(stage, key))
+    return inside.place(base, *_at(stage, key))
 
 
-def _file(run: Path, stage: str, key: str) -> Path:
-    return base_of(run) / "accepted" / stage / f"{key}.json"
+def _at(stage: str, key: str) -> tuple[str, ...]:
+    return "accepted", stage, f"{key}.json"

@@ -19,7 +19,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from aatri.pipeline.store.durable import temporary_name
+from aatri.pipeline.store.inside import temporary_name
+from aatri.regular_file import open_regular
 
 _GRAIN_NS = 2_000_000_000
 """File times may be this coarse, as on FAT and some network file systems."""
@@ -49,7 +50,7 @@ class Cache:
         self._path, self._changed = path, False
         self._values: dict[str, Any] = {}
         if path is not None:
-            with contextlib.suppress(OSError, ValueError):
+            with contextlib.suppress(OSError, ValueError, RecursionError):
                 loaded = json.loads(path.read_text(encoding="utf-8"))
                 self._values = loaded if isinstance(loaded, dict) else {}
 
@@ -89,6 +90,8 @@ def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:
     key = str(path)
     state = stat_of(path)
     known = cache.get(key)
+    if not (isinstance(known, dict) and isinstance(known.get("seen"), int) and {"stat", "value"} <= known.keys()):
+        known = None
     if known is not None and known["stat"] == state and max(state[1:3]) + _GRAIN_NS < known["seen"]:
         return known["value"]
     seen = time.time_ns()
@@ -107,5 +110,5 @@ def stat_of(path: Path) -> list[int]:
 
 def file_sha256(path: Path) -> str:
     """Hex SHA-256 of a file."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from aatri.pipeline.store import inside
 from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.provenance import now
 
@@ -22,7 +23,7 @@ class Events:
     def __init__(self, run: Path) -> None:
         self._path = run / "events.jsonl"
         with on_disk(self._path):
-            self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+            self._handle = inside.open_kept(run, "events.jsonl", flags=os.O_APPEND)
             size = os.fstat(self._handle).st_size
             if size and _last_byte(self._handle, size) != b"\n":
                 os.write(self._handle, b"\n")
@@ -31,7 +32,7 @@ class Events:
         """Append an event."""
         line = json.dumps({"time": now(), "event": event, **about}, ensure_ascii=False, allow_nan=False)
         with on_disk(self._path):
-            os.write(self._handle, f"{line}\n".encode())
+            os.write(self._handle, f"{line}\n".encode("utf-8", "backslashreplace"))
 
     def close(self) -> None:
         """Bring the lines to the disk."""
@@ -46,13 +47,13 @@ class Events:
 def read_events(run: Path) -> Iterator[dict[str, Any]]:
     """The events of a run, without lines that were not finished."""
     try:
-        text = (run / "events.jsonl").read_text(encoding="utf-8", errors="replace")
+        text = inside.read(run, "events.jsonl").decode("utf-8", errors="replace")
     except FileNotFoundError:
         return
     for line in text.splitlines():
         try:
             yield json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             continue
 
 

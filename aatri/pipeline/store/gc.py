@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.store.durable import on_disk, sync
-from aatri.pipeline.store.objects import VARIANTS, base_of, read_record
+from aatri.pipeline.store import inside
+from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.inside import VARIANTS
+from aatri.pipeline.store.objects import OBJECTS, RECORD, base_of
+from aatri.pipeline.store.records import read_record
 
 
 @dataclass(frozen=True)
@@ -45,42 +47,53 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
     base = base_of(run)
     kept = set(_referred(base))
     found: list[Garbage] = []
-    for stage in sorted(p for p in (base / "objects").glob("*") if p.is_dir()):
-        others = [_garbage(stage.name, p) for p in stage.iterdir() if p.is_dir() and (stage.name, p.name) not in kept]
+    for stage in inside.names_in(base, OBJECTS):
+        if inside.kind(base, OBJECTS, stage) != "folder":
+            continue  # nothing of aatri's: let be
+        keys = [key for key in inside.names_in(base, OBJECTS, stage) if (stage, key) not in kept]
+        others = [_garbage(base, stage, k) for k in keys if inside.kind(base, OBJECTS, stage, k) == "folder"]
         for one in sorted(others, key=lambda g: (g.ended, g.key), reverse=True)[keep:]:
             if older_days is None or _age_days(one, now) > older_days:
                 found.append(one)
     return found
 
 
-def remove(results: list[Garbage]) -> None:
+def remove(run: Path, results: list[Garbage]) -> None:
     """Remove results; the record first."""
+    base = base_of(run)
     for one in results:
+        at = (OBJECTS, one.stage, one.key)
         with on_disk(one.folder):
-            (one.folder / "record.json").unlink(missing_ok=True)
-            sync(one.folder)
-            shutil.rmtree(one.folder)
+            inside.remove(base, *at, RECORD)
+            inside.sync(one.folder)
+            inside.remove_folder(base, *at)
 
 
 def _referred(base: Path) -> Iterator[tuple[str, str]]:
-    for run in [base, *(base / VARIANTS).glob("*")]:
+    variants = [name for name in inside.names_in(base, VARIANTS) if inside.kind(base, VARIANTS, name) != "file"]
+    for run in [base, *(base / VARIANTS / name for name in variants)]:
         for folder in ("current", "previous"):
-            for path in (run / folder).glob("[!.]*.json"):  # not what a killed process left half-written
+            for name in inside.names_in(run, folder):
+                if name.startswith(".") or not name.endswith(".json"):
+                    continue  # what a killed process left half-written, or a link to an artifact
                 with contextlib.suppress(ArtifactError):
-                    record = read_record(path)
+                    record = read_record(run, folder, name)
                     if record is not None:
                         yield record["stage"], record["key"]
                         continue
-                raise ArtifactError("cannot be read, so it is not known what it refers to", where=str(path),
-                                    remedy="aatri run writes it again")  # fmt: skip
+                raise ArtifactError("cannot be read, so it is not known what it refers to",
+                                    where=str(run / folder / name), remedy="aatri run writes it again")  # fmt: skip
 
 
-def _garbage(stage: str, folder: Path) -> Garbage:
+def _garbage(base: Path, stage: str, key: str) -> Garbage:
+    at = (OBJECTS, stage, key)
     record: dict[str, Any] = {}
     with contextlib.suppress(ArtifactError):
-        record = read_record(folder / "record.json") or {}
-    size = sum(p.stat().st_size for p in folder.iterdir() if p.is_file())
-    return Garbage(stage, folder.name, folder, str(record.get("ended", "")), size)
+        record = read_record(base, *at, RECORD) or {}
+    files = [name for name in inside.names_in(base, *at) if inside.kind(base, *at, name) == "file"]
+    folder = inside.place(base, *at)
+    size = sum((folder / name).stat().st_size for name in files)
+    return Garbage(stage, key, folder, str(record.get("ended", "")), size)
 
 
 def _age_days(one: Garbage, now: datetime.datetime) -> float:

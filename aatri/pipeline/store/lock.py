@@ -18,9 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ResourceError
+from aatri.pipeline.store import inside
 from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.objects import base_of
 from aatri.pipeline.store.provenance import now
+from aatri.pipeline.store.records import read_json
 
 _BUSY = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
 _NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.ENOTSUP)
@@ -41,26 +43,26 @@ def locked(run: Path, command: str, *, stage: str = "", enabled: bool = True) ->
     base = base_of(run)
     with contextlib.ExitStack() as held:
         with on_disk(base):
-            base.mkdir(parents=True, exist_ok=True)
-        held.enter_context(_held(base / ".lock", command, shared=bool(stage)))
+            inside.make_folder(base)
+        held.enter_context(_held(base, ".lock", command=command, shared=bool(stage)))
         if stage:
             with on_disk(base):
-                (base / "running").mkdir(exist_ok=True)
-            held.enter_context(_held(base / "running" / f".{stage}.lock", command, shared=False))
+                inside.make_folder(base, "running")
+            held.enter_context(_held(base, "running", f".{stage}.lock", command=command, shared=False))
         yield
 
 
 @contextlib.contextmanager
-def _held(path: Path, command: str, *, shared: bool) -> Iterator[None]:
-    with on_disk(path):
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+def _held(base: Path, *names: str, command: str, shared: bool) -> Iterator[None]:
+    with on_disk(base):
+        path, handle = inside.place(base, *names), inside.open_kept(base, *names)
     try:
         try:
             _lock(handle, shared=shared)
         except OSError as error:
             if error.errno in _BUSY:
-                raise ResourceError(_busy(path), where=str(path.parent), remedy="wait until it ends, or use --into DIR"
-                                    ) from error  # fmt: skip
+                raise ResourceError(_busy(base, *names), where=str(path.parent),
+                                    remedy="wait until it ends, or use --into DIR") from error  # fmt: skip
             if error.errno in _NO_LOCKS:
                 raise ResourceError(f"this file system has no locks ({error.strerror})", where=str(path),
                                     remedy="--no-lock, if surely nothing else writes there") from error  # fmt: skip
@@ -76,11 +78,11 @@ def _held(path: Path, command: str, *, shared: bool) -> Iterator[None]:
             os.close(handle)  # this frees the lock
 
 
-def _busy(path: Path) -> str:
+def _busy(base: Path, *names: str) -> str:
     owner: dict[str, Any] = {}
-    with contextlib.suppress(OSError, ValueError):
-        owner = json.loads(path.read_text(encoding="utf-8"))
-    if not owner:
+    with contextlib.suppress(OSError):
+        owner = read_json(base, *names) or {}
+    if not {"command", "pid", "host", "since"} <= owner.keys():
         return "another process writes there"
     return f"busy: {owner['command']}, process {owner['pid']} on {owner['host']}, writes there since {owner['since']}"
 

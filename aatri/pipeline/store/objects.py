@@ -9,40 +9,40 @@ they belong to (`RUN/variants/NAME`), so that what is equal is made once.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aatri.errors import ArtifactError
+from aatri.pipeline.store import inside
 from aatri.pipeline.store.cache import file_sha256
-from aatri.pipeline.store.durable import on_disk, read_json, sync, temporary_name, write_json
+from aatri.pipeline.store.durable import on_disk, write_json
+from aatri.pipeline.store.inside import VARIANTS
+from aatri.pipeline.store.records import ARTIFACT, SCHEMA, read_record, seal
 
 if TYPE_CHECKING:
     from aatri.tables.schema import Artifact
 
 A = TypeVar("A", bound="Artifact")
 
-SCHEMA = 2
-VARIANTS = "variants"
+OBJECTS, RECORD = "objects", "record.json"
 
 
 def base_of(run: Path) -> Path:
     """The run that holds the store: the run itself, or the one that it is a variant of."""
     owner = run.parent.parent
-    return owner if run.parent.name == VARIANTS and (owner / "objects").is_dir() else run
-
-
-def object_folder(run: Path, stage: str, key: str) -> Path:
-    """Folder of one result of a stage."""
-    return base_of(run) / "objects" / stage / key
+    return owner if run.parent.name == VARIANTS and (owner / OBJECTS).is_dir() else run
 
 
 def commit_object(
-    run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any], log: Path | None = None
+    run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any], *, with_log: bool = False
 ) -> dict[str, Any]:
     """Bring an artifact and its record to the disk.
+
+    Parameters
+    ----------
+    with_log : bool
+        Take the log of the stage under way along.
 
     Returns
     -------
@@ -56,59 +56,45 @@ def commit_object(
     """
     from aatri.tables import hdf5
 
-    folder = object_folder(run, stage, key)
-    final = folder / "artifact.h5"
-    with on_disk(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "record.json").unlink(missing_ok=True)
-        temporary = temporary_name(final)
+    base, at = base_of(run), (OBJECTS, stage, key)
+    with on_disk(base):
+        folder = inside.make_folder(base, *at)
+        inside.remove(base, *at, RECORD)
+        final = inside.place(base, *at, ARTIFACT)
+        temporary = inside.temporary_name(final)
         try:
             content_digest = hdf5.write(artifact, temporary, record.get("warnings", ()))
-            sync(temporary)
+            inside.sync(temporary)
             sha256, size = file_sha256(temporary), temporary.stat().st_size
             temporary.replace(final)
-            sync(folder)
+            inside.sync(folder)
         finally:
             temporary.unlink(missing_ok=True)
         output = {"kind": artifact.kind, "file": final.name, "sha256": sha256, "size": size,
                   "content_digest": content_digest}  # fmt: skip
-        if log is not None and log.exists():
-            log.replace(folder / "stage.log")
+        if with_log and inside.kind(run, "running", f"{stage}.log") == "file":
+            log = inside.place(run, "running", f"{stage}.log")
+            log.replace(inside.place(base, *at, "stage.log"))
         full = {"schema": SCHEMA, "stage": stage, "key": key, **record, "output": output}
         full["seal"] = seal(full)
-        write_json(folder / "record.json", full)
-        sync(folder.parent)
+        write_json(full, base, *at, RECORD)
+        inside.sync(folder.parent)
     return full
-
-
-def read_record(path: Path) -> dict[str, Any] | None:
-    """A record; None if there is none.
-
-    Raises
-    ------
-    ArtifactError
-        If it is damaged or was altered.
-    """
-    record = read_json(path)
-    if record is not None and record.get("schema") == SCHEMA and record.get("seal") != seal(record):
-        raise ArtifactError("the record was altered", where=str(path), remedy="aatri run makes the result again")
-    return record
 
 
 def object_record(run: Path, stage: str, key: str) -> dict[str, Any] | None:
     """Record of a result; None if there is none, or it is not the record of this result."""
-    record = read_record(object_folder(run, stage, key) / "record.json")
-    if record is None or record.get("schema") != SCHEMA or (record["stage"], record["key"]) != (stage, key):
+    record = read_record(base_of(run), OBJECTS, stage, key, RECORD)
+    if record is None or (record["stage"], record["key"]) != (stage, key):
         return None
     return record
 
 
 def records_of(run: Path, stage: str) -> Iterator[dict[str, Any]]:
     """The readable records of all results of a stage."""
-    folder = base_of(run) / "objects" / stage
-    for place in sorted(folder.iterdir()) if folder.is_dir() else ():
+    for key in inside.names_in(base_of(run), OBJECTS, stage):
         try:
-            record = object_record(run, stage, place.name)
+            record = object_record(run, stage, key)
         except ArtifactError:
             continue
         if record is not None:
@@ -116,8 +102,16 @@ def records_of(run: Path, stage: str) -> Iterator[dict[str, Any]]:
 
 
 def artifact_file(run: Path, record: Mapping[str, Any]) -> Path:
-    """File of the artifact of a record."""
-    return object_folder(run, record["stage"], record["key"]) / str(record["output"]["file"])
+    """File of the artifact of a record.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is gone.
+    ArtifactError
+        If there is a link or something else in its place.
+    """
+    return inside.file_path(base_of(run), OBJECTS, record["stage"], record["key"], ARTIFACT)
 
 
 def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
@@ -130,17 +124,12 @@ def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
     """
     from aatri.tables import hdf5
 
-    path = artifact_file(run, record)
-    if not path.is_file():
-        raise ArtifactError("the artifact of the record is gone", where=str(path), remedy="aatri run")
+    try:
+        path = artifact_file(run, record)
+    except FileNotFoundError as error:
+        raise ArtifactError("the artifact of the record is gone", where=str(error.filename),
+                            remedy="aatri run") from error  # fmt: skip
     if file_sha256(path) != record["output"]["sha256"]:
         raise ArtifactError("altered since it was written: its SHA-256 is not that of its record", where=str(path),
                             remedy="aatri run makes it again")  # fmt: skip
     return hdf5.read(path, kind)
-
-
-def seal(record: Mapping[str, Any]) -> str:
-    """SHA-256 of the content of a record."""
-    content = {name: value for name, value in record.items() if name != "seal"}
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()

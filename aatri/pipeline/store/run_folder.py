@@ -23,9 +23,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aatri.errors import ArtifactError, SpecError
+from aatri.pipeline.store import inside
 from aatri.pipeline.store.cache import file_sha256
-from aatri.pipeline.store.durable import on_disk, read_json, sweep, temporary_name, write_json
-from aatri.pipeline.store.objects import artifact_file, base_of, commit_object, load_object, object_folder, read_record
+from aatri.pipeline.store.durable import on_disk, write_json
+from aatri.pipeline.store.objects import OBJECTS, artifact_file, base_of, commit_object, load_object
+from aatri.pipeline.store.records import read_failure, read_overview, read_record
 
 if TYPE_CHECKING:
     from aatri.tables.schema import Artifact
@@ -49,16 +51,16 @@ def begin(run: Path, overview: Mapping[str, Any]) -> None:
     prepare(run)
     with on_disk(run):
         for folder in {run, base_of(run)}:
-            sweep(folder)
-        write_json(run / "run.json", dict(overview))
+            inside.sweep(folder)
+        write_json(dict(overview), run, "run.json")
 
 
 def prepare(run: Path) -> None:
     """Make the folders of a run."""
     with on_disk(run):
         for name in _FOLDERS:
-            (run / name).mkdir(parents=True, exist_ok=True)
-        (base_of(run) / "objects").mkdir(exist_ok=True)
+            inside.make_folder(run, name)
+        inside.make_folder(base_of(run), OBJECTS)
 
 
 def claim(run: Path, variant: str) -> None:
@@ -74,7 +76,8 @@ def claim(run: Path, variant: str) -> None:
         owner = run.parent.parent
         check_is_run(owner)
         with on_disk(owner):
-            (owner / "objects").mkdir(parents=True, exist_ok=True)
+            inside.make_folder(owner, OBJECTS)
+            inside.make_folder(run)
 
 
 def check_is_run(run: Path) -> None:
@@ -97,74 +100,76 @@ def withdraw(run: Path, stages: Iterable[str]) -> None:
     """Take stages out of `current`; their last records are kept in `previous`."""
     with on_disk(run):
         for stage in stages:
-            record = run / "current" / f"{stage}.json"
-            if record.exists():
-                record.replace(run / "previous" / f"{stage}.json")
-            (run / "current" / f"{stage}.h5").unlink(missing_ok=True)
+            if inside.kind(run, "current", f"{stage}.json"):
+                inside.move(run, ("current", f"{stage}.json"), ("previous", f"{stage}.json"))
+            inside.remove(run, "current", f"{stage}.h5")
             _set_aside(run, stage)
 
 
 def make_current(run: Path, record: Mapping[str, Any]) -> None:
     """Let the result of a record be the current one of its stage."""
-    stage, folder = record["stage"], run / "current"
-    with on_disk(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    stage = record["stage"]
+    with on_disk(run / "current"):
+        inside.make_folder(run, "current")
         _set_aside(run, stage)
-        _link(artifact_file(run, record), folder / f"{stage}.h5")
-        write_json(folder / f"{stage}.json", dict(record))
-        (run / "previous" / f"{stage}.json").unlink(missing_ok=True)
+        _link(artifact_file(run, record), inside.place(run, "current", f"{stage}.h5"))
+        write_json(dict(record), run, "current", f"{stage}.json")
+        inside.remove(run, "previous", f"{stage}.json")
 
 
 def is_current(run: Path, record: Mapping[str, Any]) -> bool:
     """Whether the result of a record is the current one of its stage, in record and link."""
     stage = record["stage"]
-    link = run / "current" / f"{stage}.h5"
     try:
-        current = read_record(run / "current" / f"{stage}.json")
-    except ArtifactError:
+        current = current_record(run, stage)
+        link, target = inside.place(run, "current", f"{stage}.h5"), artifact_file(run, record)
+        return current == record and _leads_to(link, target) and failure(run, stage) is None
+    except (ArtifactError, FileNotFoundError):
         return False
-    target = artifact_file(run, record)
-    return current == record and _leads_to(link, target) and failure(run, stage) is None
 
 
 def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
     """Bring an artifact and its record to the disk and make it the current one; returns the record."""
-    full = commit_object(run, stage, key, artifact, record, run / "running" / f"{stage}.log")
+    full = commit_object(run, stage, key, artifact, record, with_log=True)
     make_current(run, full)
     return full
 
 
 def fail(run: Path, stage: str, error: Mapping[str, Any]) -> Path:
     """Keep the log and the diagnostics of a stage that failed; returns their folder."""
-    folder = run / "failed" / stage
-    with on_disk(folder):
+    with on_disk(run / "failed"):
         _set_aside(run, stage)
-        folder.mkdir(parents=True, exist_ok=True)
-        log = run / "running" / f"{stage}.log"
-        if log.exists():
-            log.replace(folder / "stage.log")
-        write_json(folder / "error.json", {"schema": 1, "stage": stage, **error})
+        folder = inside.make_folder(run, "failed", stage)
+        if inside.kind(run, "running", f"{stage}.log") == "file":
+            inside.move(run, ("running", f"{stage}.log"), ("failed", stage, "stage.log"))
+        write_json({"schema": 1, "stage": stage, **error}, run, "failed", stage, "error.json")
     return folder
 
 
 def current_record(run: Path, stage: str) -> dict[str, Any] | None:
     """Record of the current result of a stage; None if there is none."""
-    return read_record(run / "current" / f"{stage}.json")
+    return _own_record(run, "current", stage)
 
 
 def last_record(run: Path, stage: str) -> dict[str, Any] | None:
     """Record of the last result of a stage, current or not; None if there is none that can be read."""
     for folder in ("current", "previous"):
         with contextlib.suppress(ArtifactError):
-            record = read_record(run / folder / f"{stage}.json")
+            record = _own_record(run, folder, stage)
             if record is not None:
                 return record
     return None
 
 
-def failure(run: Path, stage: str) -> dict[str, Any] | None:
-    """Why the stage failed; None if it did not."""
-    return read_json(run / "failed" / stage / "error.json")
+def _own_record(run: Path, folder: str, stage: str) -> dict[str, Any] | None:
+    record = read_record(run, folder, f"{stage}.json")
+    if record is not None and record["stage"] != stage:
+        raise ArtifactError(f"the record of another stage, {record['stage']}",
+                            where=str(inside.place(run, folder, f"{stage}.json")), remedy="aatri run")  # fmt: skip
+    return record
+
+
+failure = read_failure
 
 
 def artifact_path(run: Path, stage: str) -> Path:
@@ -178,7 +183,11 @@ def artifact_path(run: Path, stage: str) -> Path:
     record = current_record(run, stage)
     if record is None:
         raise ArtifactError(f"stage {stage} has no result", where=str(run), remedy="aatri run")
-    return artifact_file(run, record)
+    try:
+        return artifact_file(run, record)
+    except FileNotFoundError as error:
+        raise ArtifactError("the artifact of the record is gone", where=str(error.filename),
+                            remedy="aatri run") from error  # fmt: skip
 
 
 def load(run: Path, stage: str, kind: type[A]) -> A:
@@ -189,23 +198,24 @@ def load(run: Path, stage: str, kind: type[A]) -> A:
     ArtifactError
         If there is none, or the file is not the one that was written.
     """
-    artifact_path(run, stage)
-    return load_object(run, current_record(run, stage) or {}, kind)
+    record = current_record(run, stage)
+    if record is None:
+        raise ArtifactError(f"stage {stage} has no result", where=str(run), remedy="aatri run")
+    return load_object(run, record, kind)
 
 
 def _set_aside(run: Path, stage: str) -> None:
     """Put the last failure of a stage among its earlier ones, of which the latest are kept."""
-    folder = run / "failed" / stage
-    if not (folder / "error.json").exists():
+    at = ("failed", stage)
+    if not inside.kind(run, *at, "error.json"):
         return
-    earlier = folder / "earlier"
-    place = earlier / f"{time.time_ns():020d}"
-    place.mkdir(parents=True, exist_ok=True)
+    earlier = (*at, "earlier", f"{time.time_ns():020d}")
+    inside.make_folder(run, *earlier)
     for name in ("stage.log", "error.json"):
-        if (folder / name).exists():
-            (folder / name).replace(place / name)
-    for old in sorted(earlier.iterdir())[:-KEPT_ATTEMPTS]:
-        shutil.rmtree(old, ignore_errors=True)
+        if inside.kind(run, *at, name):
+            inside.move(run, (*at, name), (*earlier, name))
+    for old in inside.names_in(run, *at, "earlier")[:-KEPT_ATTEMPTS]:
+        inside.remove_folder(run, *at, "earlier", old)
 
 
 def _leads_to(link: Path, target: Path) -> bool:
@@ -218,7 +228,7 @@ def _leads_to(link: Path, target: Path) -> bool:
 
 def _link(source: Path, link: Path) -> None:
     """Lead a name to a file: a link, or where that is impossible a copy."""
-    temporary = temporary_name(link)
+    temporary = inside.temporary_name(link)
     try:
         temporary.symlink_to(os.path.relpath(source, link.parent))
     except (OSError, NotImplementedError):  # no symbolic links here, as on Windows without the right
@@ -230,4 +240,4 @@ def _link(source: Path, link: Path) -> None:
 
 
 __all__ = ["artifact_path", "begin", "check_is_run", "commit", "current_record", "fail", "failure", "is_current",
-           "last_record", "load", "make_current", "object_folder", "read_json", "withdraw", "write_json"]  # fmt: skip
+           "last_record", "load", "make_current", "read_overview", "withdraw", "write_json"]  # fmt: skip

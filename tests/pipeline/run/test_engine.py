@@ -208,7 +208,7 @@ def test_gc_keeps_what_is_current_and_the_latest_others(path: Path) -> None:
     assert garbage_of(out, 0) == ["s", "s", "s"]
     assert garbage_of(out, 2) == ["s"]
     assert garbage_of(out, 0, older=1) == []
-    remove(garbage(out, 0, None, datetime.datetime.now(datetime.UTC)))
+    remove(out, garbage(out, 0, None, datetime.datetime.now(datetime.UTC)))
     assert run(path, sets=("s.offset=3",))[0] == []
     assert run(path, sets=("s.offset=2",))[0] == ["s"]
 
@@ -289,7 +289,7 @@ def test_a_checkpoint_is_whole_or_not_there(tmp_path: Path) -> None:
 
     log = Log()
     log.lines = []
-    kept = FileCheckpoint(tmp_path / "c", log)  # type: ignore[arg-type]
+    kept = FileCheckpoint(log, tmp_path, "c")  # type: ignore[arg-type]
     assert kept.load("state") is None
     kept.save("state", {"x": np.arange(3.0), "n": np.int64(2)})
     found = kept.load("state")

@@ -17,11 +17,12 @@ from aatri.pipeline.run.runner import How, run_pipeline
 from aatri.pipeline.run.task import Source
 from aatri.pipeline.spec.overrides import with_set, with_use
 from aatri.pipeline.spec.spec import load_spec
-from aatri.pipeline.store import objects
+from aatri.pipeline.store import inside, objects
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.cache import file_sha256
 from aatri.tables import hdf5
 from tests.made_up_stages import Numbers, Total, Values, made_up_registry, write_pipeline
+from tests.pipeline.made_runs import bare_record
 
 
 class Quiet:
@@ -162,10 +163,12 @@ def test_a_full_disk_leaves_no_artifact(tmp_path: Path, monkeypatch: pytest.Monk
     if step == "write":
         monkeypatch.setattr(hdf5, "write", fails)
     elif step == "replace":
-        monkeypatch.setattr(objects, "sync", lambda path: fails() if path.suffix == ".h5" else None)
+        monkeypatch.setattr(inside, "sync", lambda path: fails() if path.suffix == ".h5" else None)
     else:
         original = objects.write_json
-        monkeypatch.setattr(objects, "write_json", lambda p, v: fails() if p.name == "record.json" else original(p, v))
+        monkeypatch.setattr(
+            objects, "write_json", lambda v, *at: fails() if at[-1] == "record.json" else original(v, *at)
+        )
     with pytest.raises(ResourceError, match="No space left") as caught:
         run(write_pipeline(tmp_path, LINES))
     assert caught.value.exit_code == 8
@@ -221,6 +224,6 @@ def test_writing_twice_under_one_key_keeps_the_record_last(tmp_path: Path) -> No
     store.begin(tmp_path / "out", {})
     artifact = Numbers(values=Values(value=np.ones(2)))
     for _ in range(2):
-        record = store.commit(tmp_path / "out", "a", "k", artifact, {"plugin": "x/y"})
+        record = store.commit(tmp_path / "out", "a", "k", artifact, bare_record())
     assert store.load(tmp_path / "out", "a", Numbers).values.value.tolist() == [1.0, 1.0]
     assert record["output"]["size"] == store.artifact_path(tmp_path / "out", "a").stat().st_size
