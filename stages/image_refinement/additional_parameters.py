@@ -23,6 +23,7 @@ from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import parameter_set, with_interior
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
+from aatri.formats.text.text_file import read_lines
 from aatri.plugin import SILENT, CodePath, Context, Field, Options, stage
 
 
