@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from aatri.errors import PluginError
+from aatri.options import Options
 from aatri.progress import SILENT, StageContext
 from aatri.regular_file import wrong_path
 from aatri.tables.schema import Artifact
@@ -35,12 +36,6 @@ T = TypeVar("T")
 
 Context = StageContext
 """What a running stage may talk to: `log`, `warn`, `progress`, and `checkpoint.save` and `load` of arrays."""
-
-
-class Options(BaseModel):
-    """Base of the options of a stage: a frozen pydantic model, unknown names refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
 
 class InputFile:

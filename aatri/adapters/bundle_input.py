@@ -1,66 +1,126 @@
-"""From artifacts to a bundle adjustment: rays, start values, control, positions."""
+"""From artifacts to a bundle adjustment: observations of all kinds, start values, what was rejected before."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from aatri.observations.control import Control
-from aatri.observations.positions import Positions
 from aatri.adapters.orientations import given_orientations
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows, film_correction
-from aatri.observations.poses import FILM, Poses
-from aatri.orientation.bundle.block import BundleInput, ParameterRows
+from aatri.observations.image_points import ImagePointRows, film_correction, rays_of
+from aatri.observations.kinds import observe
+from aatri.observations.observed import Given, Observed
+from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import FILM, POINT, POSE, Poses
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
 
 
-def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:
-    """All measurements as rays; those without coordinates are inactive."""
-    m = image_points.measurements
-    camera = block.images.camera[m.image]
-    return ImagePointRows(
-        m.image,
-        m.point,
-        m.xy_mm,
-        m.sigma_mm,
-        block.cameras.principal_distance_mm[camera],
-        block.cameras.principal_point_mm[camera],
-        m.active & finite_rows(m.xy_mm),
-    )
-
-
 def bundle_input(
-    block: Block, image_points: ImagePoints, initial: Solution | None, control: Control, positions: Positions,
+    block: Block, image_points: ImagePoints | None, initial: Solution | None, options: object,
     parameters: tuple[ParameterRows, ...] = (),
 ) -> BundleInput:  # fmt: skip
     """A block ready for adjustment; missing start values are filled in by intersection and resection.
+
+    Parameters
+    ----------
+    block : Block
+    image_points : ImagePoints or None
+    initial : Solution or None
+        Start values, and what was rejected before.
+    options : object
+        Has the options of the kinds of observations, see `kinds.observe`.
+    parameters : tuple of ParameterRows
 
     Raises
     ------
     GeometryError
         If no image has a starting orientation.
     """
-    rays = rays_of(block, image_points)
-    poses, xyz = complete_start(rays, _start_poses(block, initial), _start_points(block, initial))
-    numbering = strip_numbering(poses.position_m, block.images.strip, block.images.sequence)
+    poses, xyz = _start_poses(block, initial), _start_points(block, initial)
+    origin = origin_of(poses, xyz)
+    poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
+    rays = rays_of(block, image_points) if image_points is not None else None
+    if rays is not None:
+        poses, xyz = complete_start(rays, poses, xyz)
+        if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():
+            raise GeometryError(
+                "no image has a starting orientation, and none sees four control points to find it from",
+                where=f"block {block.name}",
+                remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
+            )
+    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters)
     return BundleInput(
         block.images.id,
         block.points.id,
-        rays,
+        _observed(given, options, initial),
         poses,
         xyz,
-        control,
-        positions,
+        origin,
+        rays,
         parameters,
         marked=np.isin(np.arange(len(block.points)), block.ground_points.point[block.ground_points.datum]),
-        numbering=numbering,
+        numbering=strip_numbering(poses.position_m, block.images.strip, block.images.sequence) if len(poses.position_m) else None,
+        given=given,
     )
+
+
+def with_parameters(made: BundleInput, options: object, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+    """The same block with other parameters of images and cameras; what is rejected stays rejected."""
+    assert made.given is not None
+    given = replace(made.given, parameters=parameters)
+    rejected = rejected_rows(made.observed)
+    observed = tuple(without_rows(o, rejected) for o in observe(given, options))
+    return replace(made, observed=observed, parameters=parameters, given=given)
+
+
+def with_readmitted(made: BundleInput, options: object, back: set[tuple[str, int]]) -> BundleInput:
+    """The same block with some of the rejected observations in use again."""
+    assert made.given is not None
+    rejected = rejected_rows(made.observed) - back
+    return replace(made, observed=tuple(without_rows(o, rejected) for o in observe(made.given, options)))
+
+
+def rejected_rows(observed: Sequence[Observed]) -> set[tuple[str, int]]:
+    """What is rejected, by kind and row of its table."""
+    return {(o.kind, int(row)) for o in observed if o.rejected is not None for row in o.row[o.rejected]}
+
+
+def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed:
+    """Without what is rejected, by kind and row of its table."""
+    rows = [row for kind, row in rejected if kind == observed.kind and row >= 0]
+    return observed.without(np.isin(observed.row, rows))
+
+
+def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:
+    """What earlier stages have rejected, by kind and row of its table."""
+    rows = np.flatnonzero((suspects.verdict == "rejected") & (suspects.row >= 0))
+    return set(zip(suspects.kind[rows].tolist(), suspects.row[rows].tolist()))
+
+
+def _observed(given: Given, options: object, initial: Solution | None) -> tuple[Observed, ...]:
+    found = observe(given, options)
+    if initial is None:
+        return found
+    rejected = suspected_rows(initial.suspects)
+    return tuple(without_rows(o, rejected) for o in found)
+
+
+def origin_of(poses: Poses, xyz_m: Float) -> Float:
+    """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
+    for known in (xyz_m[finite_rows(xyz_m)], poses.position_m[finite_rows(poses.position_m)]):
+        if len(known):
+            return np.asarray(np.round(known.mean(axis=0)))
+    return np.zeros(3)
 
 
 def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
@@ -85,19 +145,13 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
 def _start_poses(block: Block, initial: Solution | None) -> Poses:
     if initial is not None:
         return Poses(initial.images.position_m, initial.images.ground_from_image)
-    position, rotation = given_orientations(block)
-    if not (finite_rows(position) & finite_rows(rotation)).any():
-        raise GeometryError(
-            "no image has a starting orientation",
-            where=f"block {block.name}",
-            remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
-        )
-    return Poses(position, rotation)
+    return Poses(*given_orientations(block))
 
 
 def _start_points(block: Block, initial: Solution | None) -> Float:
-    if initial is not None:
-        return initial.points.xyz_m
+    """Coordinates of `initial`; where it has none, those the block gives as control or approximate values."""
     xyz = np.full((len(block.points), 3), np.nan)
     xyz[block.ground_points.point] = np.where(block.ground_points.role == CHECK, np.nan, block.ground_points.xyz_m)
-    return xyz
+    if initial is None:
+        return xyz
+    return np.where(finite_rows(initial.points.xyz_m)[:, None], initial.points.xyz_m, xyz)

@@ -19,7 +19,7 @@ from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, correc
 from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.observations.poses import ADDITIONAL
-from aatri.orientation.bundle.block import ParameterRows
+from aatri.observations.parameters import ParameterRows
 
 _SAME = 1e-6
 """Nominal values and formats of two blocks are the same within this, mm."""

@@ -11,7 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import CalibratedSets, ErrorFields, ParameterCovariances
 from aatri.camera.parameters.error_field import image_error_field
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical
-from aatri.orientation.bundle.adjust import AdjustedParameters
+from aatri.orientation.bundle.result import AdjustedParameters
 
 GRID = 11
 """Grid points of an image-error field in each direction."""

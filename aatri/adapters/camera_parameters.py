@@ -20,8 +20,8 @@ from aatri.camera.models import calibration
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical, scale_of_format
 from aatri.errors import InputError
 from aatri.observations.poses import ADDITIONAL, CAMERA
-from aatri.orientation.bundle.adjust import AdjustedParameters
-from aatri.orientation.bundle.block import ParameterRows
+from aatri.orientation.bundle.result import AdjustedParameters
+from aatri.observations.parameters import ParameterRows
 
 Unit = Literal["camera", "session", "image"]
 

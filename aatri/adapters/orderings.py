@@ -8,7 +8,7 @@ from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figur
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.solution import Orderings
 from aatri.observations.poses import POSE
-from aatri.orientation.bundle.adjust import BundleResult
+from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.strip_numbering import StripNumbering
 from aatri.progress import Reporter
 

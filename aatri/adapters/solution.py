@@ -80,7 +80,7 @@ def solved_cameras(block: Block) -> SolvedCameras:
 
 def residuals(
     kind: str, row: Int, image: Text, point: Text, value: Float, sigma: Float,
-    active: Bool | None = None,
+    active: Bool | None = None, unit: str | None = None,
 ) -> Residuals:  # fmt: skip
     """Residuals of one kind; values of fewer than three coordinates are filled with NaN.
 
@@ -91,6 +91,8 @@ def residuals(
     image, point : (n,) str
     value, sigma : (n, m) float64
     active : (n,) bool, optional
+    unit : str, optional
+        Of value and sigma; default mm for image points, else m.
     """
     n, m = value.shape
     filled = [np.full((n, 3), np.nan), np.full((n, 3), np.nan)]
@@ -103,6 +105,7 @@ def residuals(
         residual=filled[0],
         sigma=filled[1],
         active=np.ones(n, dtype=bool) if active is None else active,
+        unit=np.full(n, unit if unit is not None else "mm" if kind == "image_point" else "m"),
     )
 
 

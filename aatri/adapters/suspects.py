@@ -9,28 +9,26 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
-from aatri.orientation.bundle.adjust import BundleResult
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
 
 
-def with_gross_errors(
-    block: Block, given: BundleInput, result: BundleResult, suspects: Suspects, limit: float
-) -> Suspects:
+def with_gross_errors(result: BundleResult, suspects: Suspects, limit: float) -> Suspects:
     """The suspects and the image points whose residual is longer than `limit` standard deviations."""
-    records = next(r for r in result.adjusted.problem.records if r.name == "image point")
-    used = np.flatnonzero(result.ray_used)
-    v, sigma = records.residuals(result.adjusted.state), given.rays.sigma_mm[used]
+    found = next(o for o in result.observations if o.observed.kind == "image_point")
+    rows = np.flatnonzero(found.used)
+    records = found.observed.records
+    v, sigma = records.evaluate(result.adjusted.state, rows)[0], found.observed.sigmas()[rows]
     test = np.sqrt(np.nansum((v / sigma) ** 2, axis=1))
-    far = np.flatnonzero((test > limit) & given.rays.active[used])
-    rows, n = used[far], len(far)
+    far = np.flatnonzero(test > limit)
+    rows, n = rows[far], len(far)
     size = np.sqrt(np.nansum(v[far] ** 2, axis=1))
-    found = Suspects(
+    image, point = found.observed.names(rows)
+    new = Suspects(
         kind=np.full(n, "image_point"),
         row=rows.astype(np.int32),
-        image=block.images.id[given.rays.image[rows]],
-        point=block.points.id[given.rays.point[rows]],
+        image=image,
+        point=point,
         stage=np.full(n, "bundle_adjustment"),
         size=size,
         unit=np.full(n, "mm"),
@@ -38,4 +36,4 @@ def with_gross_errors(
         test=test[far],
         verdict=np.full(n, "rejected"),
     )
-    return assemble.stacked([suspects, found])
+    return assemble.stacked([suspects, new])

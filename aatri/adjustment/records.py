@@ -70,6 +70,33 @@ class Records:
         v, _ = whitened(replace(self, loss=None), state, np.arange(len(self.active)))
         return np.asarray(np.abs(v).max(axis=1))
 
+    def observed_components(self) -> Bool:
+        """Which components of each record are observed, (n, m)."""
+        w = self.whitener if self.whitener.ndim == 2 else np.abs(self.whitener).max(axis=2)
+        return np.asarray(w > 0)
+
+    def sigmas(self) -> Float:
+        """Standard deviations a priori, (n, m); NaN where a component is not observed."""
+        used = self.observed_components()
+        if self.whitener.ndim == 2:
+            return np.where(used, 1.0 / np.where(used, self.whitener, 1.0), np.nan)
+        both = used[:, :, None] & used[:, None, :]
+        inverse = np.linalg.inv(np.where(both, self.whitener, np.eye(self.rows)))
+        return np.where(used, np.sqrt(np.einsum("nij,nij->ni", inverse, inverse)), np.nan)
+
+    def take(self, rows: Int) -> Records:
+        """The chosen records."""
+        everything, compiled = self.evaluate, self.compiled
+        return Records(
+            self.name,
+            tuple((group, block[rows]) for group, block in self.touches),
+            lambda state, some: everything(state, rows[some]),
+            self.whitener[rows],
+            self.active[rows],
+            None if compiled is None else lambda order: compiled(rows[order]),
+            self.loss,
+        )
+
     def residuals(self, state: State) -> Float:
         """Residuals of all records, in units of the observation, (n, m)."""
         return self.evaluate(state, np.arange(len(self.active)))[0]

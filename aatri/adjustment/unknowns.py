@@ -43,6 +43,9 @@ class Unknowns:
         Name of a group listed before, or empty.
     position : (n, d) float64, optional
         Where the blocks lie, for the order of elimination; NaN unknown.
+    generator : callable, optional
+        State -> (n, k, 7): how the blocks move with three shifts, three rotations about the origin and a change of
+        scale of the object space; absent: not at all.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Unknowns:
     eliminated: bool = False
     joins: str = ""
     position: Float | None = None
+    generator: Callable[[State], Float] | None = None
 
     @property
     def size(self) -> int:

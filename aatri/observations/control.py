@@ -12,11 +12,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
+from aatri.observations.observed import Given, Holds, Observed, named
+from aatri.observations.poses import POINT
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
+
+KIND = "control"
 
 
 @dataclass(frozen=True)
@@ -64,3 +70,28 @@ def control_of(block: Block) -> Control:
         wanted[row] & ~exact,
         wanted[row] & exact,
     )
+
+
+def control(given: Given) -> tuple[Observed, ...]:
+    """Control points of the block."""
+    found = control_of(given.block)
+    return observed_control(found, given.origin_m, given.block.points.id[found.point])
+
+
+def observed_control(rows: Control, origin_m: Float, names: Text) -> tuple[Observed, ...]:
+    """Control points, given their names; none if there is no point."""
+    if not len(rows.row):
+        return ()
+    used = rows.given
+    xyz_m = np.where(used, rows.xyz_m - origin_m, 0.0)
+    derivative = np.eye(3) * used[:, :, None]
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        v = np.where(used[some], state[POINT][rows.point[some]] - xyz_m[some], 0.0)
+        return v, (derivative[some],)
+
+    whitener = whitener_of_covariances(rows.covariance_m2, rows.observed)
+    active = np.ones(len(rows.row), dtype=bool)
+    records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, active)
+    holds = Holds(POINT, rows.point, rows.exact, xyz_m) if rows.exact.any() else None
+    return (Observed(records, rows.row, named(point=names), "m", holds=holds),)

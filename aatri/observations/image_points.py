@@ -14,20 +14,83 @@ all others, nearly always all, the compiled one. Both give the same to 1e-12.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adjustment.records import Compiled, Fill, Records, whitener_of_sigmas
-from aatri.adjustment.threads import in_threads, taken
+from aatri.adjustment.records import Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.camera.models import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.rotations import skew
-from aatri.observations.kernels.collinearity import in_front, linearise
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.collinearity_lane import compiled_lane, side_veto
+from aatri.observations.observed import Given, Names, Observed, named
+from aatri.observations.parameters import ParameterRows, parameter_unknowns, prior_records
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+    from aatri.artifacts.image_points import ImagePoints
+
+KIND = "image_point"
+
+
+def image_points(given: Given) -> tuple[Observed, ...]:
+    """Image points of the block, and what is known of the parameters of its images and cameras."""
+    if given.image_points is None:
+        return ()
+    rays, block = rays_of(given.block, given.image_points), given.block
+
+    def names(rows: Int) -> tuple[Text, Text]:
+        return block.images.id[rays.image[rows]], block.points.id[rays.point[rows]]
+
+    return observed_image_points(rays, given.parameters, names)
+
+
+def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:
+    """All measurements as rays; those without coordinates are inactive."""
+    m = image_points.measurements
+    camera = block.images.camera[m.image]
+    return ImagePointRows(
+        m.image,
+        m.point,
+        m.xy_mm,
+        m.sigma_mm,
+        block.cameras.principal_distance_mm[camera],
+        block.cameras.principal_point_mm[camera],
+        m.active & finite_rows(m.xy_mm),
+    )
+
+
+def observed_image_points(
+    rays: ImagePointRows, parameters: Sequence[ParameterRows], names: Names
+) -> tuple[Observed, ...]:
+    """Rays with the parameters they touch, and the priors of these."""
+    corrections = [LinearCorrection(p.group, p.block, p.basis) for p in parameters if p.basis is not None]
+    cameras = next((CameraRows(p.block, p.model) for p in parameters if p.group == CAMERA), None)
+    rows = np.arange(len(rays.image))
+    found = [
+        Observed(
+            image_point_records(rays, corrections, cameras),
+            rows,
+            names,
+            "mm",
+            unknowns=tuple(parameter_unknowns(p) for p in parameters),
+            start={p.group: p.start for p in parameters},
+            veto=lambda some: side_veto(rays.take(some)),
+        )
+    ]
+    for p in parameters:
+        prior = prior_records(p)
+        if prior is not None:
+            block, records = prior
+            ids = np.asarray(p.ids, dtype=np.str_)[block]
+            found.append(Observed(records, np.full(len(block), -1), named(image=ids), "", components=p.labels))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -135,8 +198,8 @@ def image_point_records(
     if cameras is not None:
         touches.append((CAMERA, cameras.block))
     touches.append((POINT, rows.point))
-    lane = _compiled(rows, corrections) if cameras is None else None
-    return Records("image point", tuple(touches), evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active, lane)
+    lane = compiled_lane(rows, corrections) if cameras is None else None
+    return Records(KIND, tuple(touches), evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active, lane)
 
 
 def _compared(
@@ -156,68 +219,3 @@ def _compared(
             str(model), u[some], measured[some], state[CAMERA][block[some], :size]
         )
     return v, by_u, (by_camera,)
-
-
-def _compiled(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> Compiled:
-    """The compiled lane, equal to the NumPy form to 1e-12."""
-
-    def prepared(order: Int) -> Callable[[State], Fill]:
-        image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
-        xy, weight, c = taken(rows.xy_mm, order), 1.0 / taken(rows.sigma_mm, order), taken(rows.c_mm, order)
-        if not rows.active.all():
-            weight[~rows.active[order]] = 0.0
-        terms = [(k.group, k.block[order], -k.basis[order] * weight[:, :, None]) for k in corrections]
-
-        def bind(state: State) -> Fill:
-            poses: Poses = state[POSE]
-            X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
-
-            def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
-                linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
-                for target, (group, block, basis) in zip(J[1:-1], terms):
-                    target[:] = basis[first:last]
-                    v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
-
-            return fill
-
-        return bind
-
-    return prepared
-
-
-def _own(values: Float) -> Float:
-    """As the compiled functions want it: contiguous, and not one of an artifact's read-only columns."""
-    return np.require(values, np.float64, ["C", "W"])
-
-
-def _int32(values: Int) -> Int:
-    return np.require(values, np.int32, ["C", "W"])
-
-
-def side_veto(rows: ImagePointRows) -> Callable[[State, State], str]:
-    """Refuses steps that move points to the other side of their camera: then the linearisation means nothing.
-
-    Returns
-    -------
-    callable
-        (old, new) -> why the new state is refused, or an empty text. The sides of the last accepted state are kept.
-    """
-    image, point = (_int32(a if rows.active.all() else a[rows.active]) for a in (rows.image, rows.point))
-    known: list[tuple[State, Bool]] = []
-
-    def sides(state: State) -> Bool:
-        for seen, found in known:
-            if seen is state:
-                return found
-        poses: Poses = state[POSE]
-        X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
-        found = np.empty(len(image), dtype=np.bool_)
-        in_threads(len(image), lambda first, last: in_front(first, last, image, point, X0, R, X, found))
-        known[:] = [*known[-1:], (state, found)]
-        return found
-
-    def veto(old: State, new: State) -> str:
-        changed = int(np.count_nonzero(sides(old) != sides(new)))
-        return f"{changed} image points change the side of the camera" if changed else ""
-
-    return veto

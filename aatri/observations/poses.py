@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aatri.adjustment.unknowns import Ids, Unknowns
+import numpy as np
+
+from aatri.adjustment.unknowns import Ids, State, Unknowns
 from aatri.arrays import Bool, Float
-from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.rotations import exp_rotation, skew
 
 POSE = "image"
 POINT = "point"
@@ -34,6 +36,25 @@ class Poses:
     ground_from_image: Float
 
 
+def pose_generator(state: State) -> Float:
+    """Shifts, rotations about the origin and scale of all poses, (n, 6, 7)."""
+    x: Float = state[POSE].position_m
+    found = np.zeros((len(x), 6, 7))
+    found[:, :3] = _similarity(x)
+    found[:, 3:, 3:6] = np.eye(3)
+    return found
+
+
+def point_generator(state: State) -> Float:
+    """The same of all ground points, (n, 3, 7)."""
+    return _similarity(state[POINT])
+
+
+def _similarity(x: Float) -> Float:
+    shift = np.broadcast_to(np.eye(3), (len(x), 3, 3))
+    return np.asarray(np.concatenate([shift, -skew(x), x[:, :, None]], axis=2))
+
+
 def retract_poses(poses: Poses, step: Float) -> Poses:
     """Poses after a step (n, 6)."""
     rotation = exp_rotation(step[:, 3:]) @ poses.ground_from_image
@@ -43,4 +64,4 @@ def retract_poses(poses: Poses, step: Float) -> Poses:
 def pose_unknowns(ids: Ids, free: Bool, position_m: Float) -> Unknowns:
     """The group of poses; `free` is (n, 6), `position_m` (n, 3) tells the order of elimination where images lie."""
     labels = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
-    return Unknowns(POSE, free, labels, ids, retract_poses, position=position_m[:, :2])
+    return Unknowns(POSE, free, labels, ids, retract_poses, position=position_m[:, :2], generator=pose_generator)

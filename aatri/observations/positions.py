@@ -3,7 +3,7 @@
     v = X0 + R a - X_observed,    dv/dX0 = I,    dv/dd = -[R a]x
 
 a is the lever arm, antenna minus projection centre in the axes of the camera; zero where the projection centre itself
-was observed. Source: photogrammetry.md F11.
+was observed. Positions of a drift group are a kind of their own, see `drift`. Source: photogrammetry.md F11.
 """
 
 from __future__ import annotations
@@ -12,17 +12,27 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import Field
 
-from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, Text
+from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.geometry.rotations import skew
+from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POSE, Poses
-
+from aatri.options import Options
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
+
+KIND = "position"
+
+
+class PositionOptions(Options):
+    """Options of observed positions."""
+
+    use: bool = Field(True, description="use observed positions of the projection centres")
 
 
 @dataclass(frozen=True)
@@ -59,6 +69,37 @@ def positions_of(block: Block) -> Positions:
     return Positions(row, image, exterior.position_m[row], exterior.position_covariance_m2[row], arm)
 
 
+def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
+    """Observed positions of the block that belong to no drift group."""
+    found = positions_of(given.block)
+    alone = np.flatnonzero(given.block.exterior.drift_group[found.row] == "")
+    if not options.use:
+        return ()
+    found = taken(found, alone)
+    return observed_positions(found, given.origin_m, given.block.images.id[found.image])
+
+
+def uses_positions(block: Block, options: object) -> bool:
+    """Whether a stage with these options uses observed positions."""
+    chosen: PositionOptions = options.positions  # type: ignore[attr-defined]
+    return chosen.use and len(positions_of(block).row) > 0
+
+
+def taken(rows: Positions, some: Int) -> Positions:
+    """The chosen positions."""
+    return Positions(
+        rows.row[some], rows.image[some], rows.position_m[some], rows.covariance_m2[some], rows.lever_arm_m[some]
+    )
+
+
+def observed_positions(rows: Positions, origin_m: Float, names: Text) -> tuple[Observed, ...]:
+    """Observed positions, given the names of their images; none if there are none."""
+    if not len(rows.row):
+        return ()
+    records = position_records(rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m)
+    return (Observed(records, rows.row, named(image=names), "m"),)
+
+
 def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float) -> Records:
     """Records of observed positions.
 
@@ -78,4 +119,4 @@ def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_
         return v, (by_pose,)
 
     active = np.ones(len(image), dtype=bool)
-    return Records("position", ((POSE, image),), evaluate, whitener_of_covariances(covariance_m2), active)
+    return Records(KIND, ((POSE, image),), evaluate, whitener_of_covariances(covariance_m2), active)

@@ -33,33 +33,34 @@ import numpy as np
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.bundle_input import bundle_input, with_parameters, with_readmitted
 from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.orderings import report_orderings
-from aatri.observations.control import control_of
-from aatri.observations.positions import Positions, positions_of
 from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
-from aatri.adjustment.statistics.global_test import global_test, sigma0_note
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0, global_test, refuse_misfit, sigma0_note
 from aatri.adjustment.structure.index_problem import Ordering
-from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError, ResourceError, SpecError
 from aatri.ids import shown
+from aatri.observations.kinds import with_kinds
+from aatri.observations.positions import uses_positions
+from aatri.orientation.bundle.adjust import Datum, DatumOver
+from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.notes import tell
-from aatri.orientation.bundle.adjust import BundleResult, Datum, DatumOver
-from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.parameter_notes import rank_advice, report_parameters, without_idle
 from aatri.orientation.bundle.readmission import readmitted
+from aatri.orientation.bundle.result import BundleResult
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
 
 
+@with_kinds
 class BundleOptions(Options):
     """Options of the bundle adjustment."""
 
@@ -74,6 +75,7 @@ class BundleOptions(Options):
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"
     )
+    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
     datum: Datum = Field(
         "given",
         description="given by control and positions; minimal: for a block without any, seven scalars are held; free: "
@@ -84,7 +86,6 @@ class BundleOptions(Options):
         description="what a free datum rests on: all points, the projection centres of all images, or the points that "
         "the block marks (column datum)",
     )
-    use_positions: bool = Field(True, description="use observed positions of the projection centres")
     standard_deviations: bool = Field(True, description="compute standard deviations of all orientations and points")
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
@@ -130,10 +131,10 @@ class BundleOptions(Options):
         return self
 
 
-@stage(version=5)
+@stage(version=6)
 def bundle(
     block: Block,
-    image_points: ImagePoints,
+    image_points: ImagePoints | None = None,
     initial: Solution | None = None,
     calibration: Solution | None = None,
     *,
@@ -141,50 +142,43 @@ def bundle(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the block."""
-    assemble.check_same_block(block, image_points.images.id, "image_points")
+    if image_points is not None:
+        assemble.check_same_block(block, image_points.images.id, "image_points")
     if initial is not None:
         assemble.check_same_block(block, initial.images.id, "initial")
-    control = control_of(block)
-    positions = positions_of(block) if options.use_positions else _no_positions(positions_of(block))
     suspects = initial.suspects if initial is not None else Suspects.empty()
-    chosen = chosen_set(block, options.self_calibration, len(positions.row) > 0, calibration)
-    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen)
-    given = bundle_input(block, image_points, initial, control, positions, parameters)
-    rejected = assemble.rejected_rows(suspects, image_points)
-    given, result, suspects = _adjusted_with_readmission(given, rejected, suspects, options, context)
+    chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
+    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
+    given = bundle_input(block, image_points, initial, options, parameters)
+    given, result, suspects = _adjusted_with_readmission(given, suspects, options, context)
     if options.self_calibration is not None and options.self_calibration.remove:
         given, result = _adjusted_without_idle(given, result, options, context)
     _report_left_out(block, given, result, context)
     _report_down_weighted(result, options, context)
-    _report_misfit(result, context)
+    _report_misfit(result, options.max_sigma0, context)
     report_parameters(given, result, context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
-    started = perf_counter()
     if options.huber_rejects is not None:
-        suspects = with_gross_errors(block, given, result, suspects, options.huber_rejects)
-    solution = bundle_solution(
-        block, control, positions, given, result, suspects, tables, calibrated, orderings, tests=options.reliability
-    )
-    if options.reliability:
-        context.log(f"reliability of {len(solution.residuals)} observations: {perf_counter() - started:.2f} s")
-    return solution
+        suspects = with_gross_errors(result, suspects, options.huber_rejects)
+    return bundle_solution(block, given, result, suspects, tables, calibrated, orderings, tests=options.reliability)
 
 
 def _adjusted_with_readmission(
-    given: BundleInput, rejected: Bool, suspects: Suspects, options: BundleOptions, context: Context
+    given: BundleInput, suspects: Suspects, options: BundleOptions, context: Context
 ) -> tuple[BundleInput, BundleResult, Suspects]:
     """Adjust without what was rejected, then once more with those of it that fit."""
-    all_rays = given.rays
-    without = replace(given, rays=replace(all_rays, active=all_rays.active & ~rejected))
-    result = _adjusted(without, options, context)
-    fits = readmitted(all_rays, rejected & all_rays.active, result)
-    if not fits.any():
-        return without, result, suspects
-    context.log(f"{int(fits.sum())} of {int(rejected.sum())} rejected image points fit the block and are re-admitted")
-    again = replace(given, rays=replace(all_rays, active=all_rays.active & (~rejected | fits)))
-    back = (suspects.kind == "image_point") & (suspects.row >= 0) & fits[suspects.row]
-    verdict = np.where(back, "readmitted", suspects.verdict)
+    result = _adjusted(given, options, context)
+    fits = [readmitted(o, result.adjusted.state) for o in result.observations]
+    if not any(f.any() for f in fits):
+        return given, result, suspects
+    counts = {o.kind: (int(f.sum()), int(o.rejected.sum())) for o, f in zip(given.observed, fits) if o.rejected is not None}
+    back = {(o.kind, int(row)) for o, f in zip(given.observed, fits) for row in o.row[f]}
+    for kind, (n, of) in counts.items():
+        context.log(f"{n} of {of} rejected observations of kind {kind} fit the block and are re-admitted")
+    again = with_readmitted(given, options, back)
+    returned = [pair in back for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
+    verdict = np.where(returned, "readmitted", suspects.verdict)
     return again, _adjusted(again, options, context), replace(suspects, verdict=verdict)
 
 
@@ -207,7 +201,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names)
-        if not advice and options.datum == "given" and not given.control.given.any():
+        if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 
@@ -223,19 +217,15 @@ def _adjusted_without_idle(
             "self_calibration.remove needs standard deviations, and conjugate gradients give none",
             remedy="raise memory_gb, or leave out remove",
         )
-    reduced = without_idle(given, result, context)
-    return (given, result) if reduced is None else (reduced, _adjusted(reduced, options, context))
-
-
-def _no_positions(positions: Positions) -> Positions:
-    nothing = np.zeros(0, dtype=np.int64)
-    return Positions(positions.row[nothing], positions.image[nothing], positions.position_m[nothing],
-                     positions.covariance_m2[nothing], positions.lever_arm_m[nothing])  # fmt: skip
+    parameters = without_idle(given, result, context)
+    if parameters is None:
+        return given, result
+    reduced = with_parameters(given, options, parameters)
+    return reduced, _adjusted(reduced, options, context)
 
 
 def _report_left_out(block: Block, given: BundleInput, result: BundleResult, context: Context) -> None:
-    seen = np.bincount(given.rays.point[given.rays.active], minlength=len(block.points)) > 0
-    points = block.points.id[seen & ~result.point_adjusted]
+    points = block.points.id[touched_points(given) & ~result.point_adjusted]
     images = block.images.id[block.images.active & ~result.image_adjusted]
     if len(points):
         context.warn(f"left out, too few usable rays ({len(points)} of {len(block.points)} points): {shown(points)}")
@@ -256,6 +246,8 @@ def _report_down_weighted(result: BundleResult, options: BundleOptions, context:
         )
 
 
-def _report_misfit(result: BundleResult, context: Context) -> None:
-    if not np.isnan(result.adjusted.sigma0):
-        tell([sigma0_note(global_test(result.adjusted.sigma0, result.adjusted.redundancy))], context)
+def _report_misfit(result: BundleResult, max_sigma0: float, context: Context) -> None:
+    if not result.adjusted.down_weighted:
+        test = global_test(result.adjusted.sigma0, result.adjusted.redundancy)
+        refuse_misfit(test, max_sigma0)
+        tell([sigma0_note(test)], context)

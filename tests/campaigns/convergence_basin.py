@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle_input import rays_of
+from aatri.observations.image_points import rays_of
 from aatri.adapters.camera_parameters import camera_parameters
 from aatri.observations.control import control_of
 from aatri.observations.positions import Positions, positions_of
@@ -28,9 +28,10 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.adjustment.statistics.global_test import global_test
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
-from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
+from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bundle.parts import adjust_bundle
+from tests.orientation.bundle.parts import Parts
+from tests.orientation.bundle.parts import adjust_bundle_from_afar
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import simulated
@@ -42,7 +43,7 @@ TURNED_DEG = (0.0, 30.0)
 MAX_ITERATIONS = 100
 
 
-def well_posed(seed: int, free_c: bool = False) -> tuple[BundleInput, float]:
+def well_posed(seed: int, free_c: bool = False) -> tuple[Parts, float]:
     """A block at its truth, and its flying height; with `free_c` the principal distance is unknown."""
     block = simulated(
         seed,
@@ -57,7 +58,7 @@ def well_posed(seed: int, free_c: bool = False) -> tuple[BundleInput, float]:
     assert block.true_images is not None
     assert block.true_points is not None
     control, positions = control_of(block), positions_of(block)
-    given = BundleInput(
+    given = Parts(
         block.images.id, block.points.id, rays_of(block, image_points),
         Poses(block.true_images.position_m.copy(), block.true_images.ground_from_image.copy()),
         block.true_points.xyz_m.copy(),
@@ -68,7 +69,7 @@ def well_posed(seed: int, free_c: bool = False) -> tuple[BundleInput, float]:
     return given, 60.0e-3 * 2500.0
 
 
-def disturbed(given: BundleInput, rng: np.random.Generator, angle_deg: float, error_m: float) -> BundleInput:
+def disturbed(given: Parts, rng: np.random.Generator, angle_deg: float, error_m: float) -> Parts:
     """The block with a wrong start."""
     axis = rng.normal(size=(len(given.image_ids), 3))
     turn = exp_rotation(np.radians(angle_deg) * axis / np.linalg.norm(axis, axis=1, keepdims=True))
@@ -84,7 +85,7 @@ def disturbed(given: BundleInput, rng: np.random.Generator, angle_deg: float, er
     return replace(given, poses=poses, xyz_m=np.where(np.isfinite(known), known, nadir))
 
 
-def with_start_c(given: BundleInput, factor: float) -> BundleInput:
+def with_start_c(given: Parts, factor: float) -> Parts:
     """The block with a wrong principal distance at the start."""
     (camera,) = given.parameters
     start = camera.start.copy()
@@ -92,7 +93,7 @@ def with_start_c(given: BundleInput, factor: float) -> BundleInput:
     return replace(given, parameters=(replace(camera, start=start),))
 
 
-def outcome(given: BundleInput, reference: BundleResult) -> str:
+def outcome(given: Parts, reference: BundleResult) -> str:
     """right, refused, told or false."""
     try:
         found = adjust_bundle_from_afar(given, covariances=False, max_iterations=MAX_ITERATIONS, tolerance=1e-5)
@@ -106,7 +107,7 @@ def outcome(given: BundleInput, reference: BundleResult) -> str:
     return "told" if verdict in ("warned", "far") else "false"
 
 
-def without_positions(given: BundleInput) -> BundleInput:
+def without_positions(given: Parts) -> Parts:
     """The block with control alone."""
     p, none = given.positions, np.zeros(0, dtype=np.int64)
     return replace(given, positions=Positions(p.row[none], p.image[none], p.position_m[none], p.covariance_m2[none],

@@ -62,7 +62,7 @@ def _started(block: Block) -> tuple[Block, ImagePoints, Solution]:
 def _adjusted(
     started: tuple[Block, ImagePoints, Solution], wanted: dict[str, Any] | None, use_positions: bool
 ) -> Solution:
-    options = {"interior_unknowns": True, "self_calibration": wanted, "use_positions": use_positions}
+    options = {"interior_unknowns": True, "self_calibration": wanted, "positions": {"use": use_positions}}
     return bundle(*started, options=BundleOptions.model_validate(options))
 
 

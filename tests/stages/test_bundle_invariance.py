@@ -14,31 +14,36 @@ from aatri.adapters.bundle_input import bundle_input
 from aatri.observations.control import control_of
 from aatri.observations.positions import positions_of
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.poses import Poses
-from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
-from aatri.orientation.bundle.block import BundleInput
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.stages.bundle_adjustment.bundle import BundleOptions
+from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bundle.parts import adjust_bundle
+from tests.orientation.bundle.parts import Parts
 from tests.stages.chain import run_chain, simulated
 
 Array = np.ndarray
 
 
 @pytest.fixture(scope="module")
-def given() -> BundleInput:
+def given() -> Parts:
     """A block of 12 digital images with weighted control and observed positions; coordinates on a grid of 2^-10 m."""
     block = simulated(
         camera={"kind": "digital", "format": (6000.0, 6000.0), "pixel_size_mm": 0.01, "principal_distance_mm": 60.0},
         flight={"strips": 3, "images_per_strip": 4}, ties={"per_position": 3}, known={"full": 6},
     )  # fmt: skip
     chain = run_chain(block)
-    made = bundle_input(block, chain.refined, chain.strip_block, control_of(block), positions_of(block))
-    control = replace(made.control, xyz_m=_on_grid(made.control.xyz_m))
-    positions = replace(made.positions, position_m=_on_grid(made.positions.position_m))
-    poses = Poses(_on_grid(made.poses.position_m), made.poses.ground_from_image)
-    return replace(made, control=control, positions=positions, poses=poses, xyz_m=_on_grid(made.xyz_m))
+    made = bundle_input(block, chain.refined, chain.strip_block, BundleOptions())
+    assert made.rays is not None
+    control, positions = control_of(block), positions_of(block)
+    poses = Poses(_on_grid(made.poses.position_m + made.origin_m), made.poses.ground_from_image)
+    return Parts(
+        made.image_ids, made.point_ids, made.rays, poses, _on_grid(made.xyz_m + made.origin_m),
+        replace(control, xyz_m=_on_grid(control.xyz_m)), replace(positions, position_m=_on_grid(positions.position_m)),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def reference(given: BundleInput) -> BundleResult:
+def reference(given: Parts) -> BundleResult:
     return _adjusted(given)
 
 
@@ -46,11 +51,11 @@ def _on_grid(xyz_m: Array) -> Array:
     return np.round(xyz_m * 1024) / 1024
 
 
-def _adjusted(given: BundleInput, tolerance: float = 1e-10, **options: object) -> BundleResult:
+def _adjusted(given: Parts, tolerance: float = 1e-10, **options: object) -> BundleResult:
     return adjust_bundle(given, tolerance=tolerance, **options)  # type: ignore[arg-type]
 
 
-def _moved(given: BundleInput, rotation: Array, shift_m: Array, factor: float = 1.0) -> BundleInput:
+def _moved(given: Parts, rotation: Array, shift_m: Array, factor: float = 1.0) -> Parts:
     """The block in another object frame: X -> factor R X + t."""
 
     def there(x: Array) -> Array:
@@ -92,13 +97,13 @@ def _back(found: BundleResult, rotation: Array, shift_m: Array, factor: float = 
         xyz_m=(found.xyz_m - shift_m) @ rotation / factor,
         poses=Poses((found.poses.position_m - shift_m) @ rotation / factor,
                     rotation.T @ found.poses.ground_from_image),
-        point_covariance_m2=rotation.T @ found.point_covariance_m2 @ rotation / factor**2,
-        pose_covariance=G @ found.pose_covariance @ G.T,
+        covariances={POINT: rotation.T @ found.point_covariance_m2 @ rotation / factor**2,
+                     POSE: G @ found.pose_covariance @ G.T},
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_order_and_names_do_not_matter(given: BundleInput, reference: BundleResult, seed: int) -> None:
+def test_order_and_names_do_not_matter(given: Parts, reference: BundleResult, seed: int) -> None:
     rng = np.random.default_rng(seed)
     rays, images, points = (rng.permutation(n) for n in (len(given.rays.image), len(given.image_ids), len(given.xyz_m)))
     new_image, new_point = np.argsort(images), np.argsort(points)
@@ -115,29 +120,29 @@ def test_order_and_names_do_not_matter(given: BundleInput, reference: BundleResu
     )  # fmt: skip
     found = _adjusted(other)
     back = replace(
-        found, xyz_m=found.xyz_m[new_point], point_covariance_m2=found.point_covariance_m2[new_point],
+        found, xyz_m=found.xyz_m[new_point],
         poses=Poses(found.poses.position_m[new_image], found.poses.ground_from_image[new_image]),
-        pose_covariance=found.pose_covariance[new_image],
+        covariances={POSE: found.pose_covariance[new_image], POINT: found.point_covariance_m2[new_point]},
     )  # fmt: skip
     _assert_same(back, reference)
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1e-3])
 def test_the_unit_of_the_object_space_does_not_matter(
-    given: BundleInput, reference: BundleResult, factor: float
+    given: Parts, reference: BundleResult, factor: float
 ) -> None:
     frame = (np.eye(3), np.zeros(3), factor)
     _assert_same(_back(_adjusted(_moved(given, *frame)), *frame), reference, floor_m=1e-12)
 
 
-def test_coordinates_of_a_map_do_not_matter(given: BundleInput, reference: BundleResult) -> None:
+def test_coordinates_of_a_map_do_not_matter(given: Parts, reference: BundleResult) -> None:
     frame = (np.eye(3), np.array([468000.0, 4410000.0, 0.0]))
     _assert_same(_back(_adjusted(_moved(given, *frame)), *frame), reference, floor_m=2e-9)
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.2), (2.0, 0.0, 0.0), (0.5, -1.0, 2.0)])
 def test_a_rotated_object_frame_does_not_matter(
-    given: BundleInput, reference: BundleResult, axis: tuple[float, float, float]
+    given: Parts, reference: BundleResult, axis: tuple[float, float, float]
 ) -> None:
     frame = (exp_rotation(np.array([axis]))[0], np.zeros(3))
     _assert_same(_back(_adjusted(_moved(given, *frame)), *frame), reference, floor_m=1e-11)
@@ -145,7 +150,7 @@ def test_a_rotated_object_frame_does_not_matter(
 
 @pytest.mark.parametrize("c", [0.01, 7.0])
 def test_all_sigmas_times_c_leave_the_unknowns_and_divide_sigma0(
-    given: BundleInput, reference: BundleResult, c: float
+    given: Parts, reference: BundleResult, c: float
 ) -> None:
     scaled = replace(
         given,
@@ -157,14 +162,14 @@ def test_all_sigmas_times_c_leave_the_unknowns_and_divide_sigma0(
     found = _adjusted(scaled, tolerance=1e-8)
     assert found.adjusted.sigma0 * c == pytest.approx(reference.adjusted.sigma0, rel=1e-9)
     back = replace(
-        found, point_covariance_m2=found.point_covariance_m2 / c**2, pose_covariance=found.pose_covariance / c**2,
+        found, covariances={g: found.covariances[g] / c**2 for g in (POSE, POINT)},
         adjusted=replace(found.adjusted, sigma0=found.adjusted.sigma0 * c),
     )  # fmt: skip
     _assert_same(back, reference)
 
 
 def test_an_image_point_split_in_two_of_sqrt_2_sigma_counts_the_same(
-    given: BundleInput, reference: BundleResult
+    given: Parts, reference: BundleResult
 ) -> None:
     n = len(given.rays.image)
     twice = given.rays.take(np.concatenate([np.arange(n), np.arange(0, n, 3)]))
@@ -177,7 +182,7 @@ def test_an_image_point_split_in_two_of_sqrt_2_sigma_counts_the_same(
     _assert_same(back, reference)
 
 
-def test_exact_control_is_control_of_a_vanishing_sigma(given: BundleInput) -> None:
+def test_exact_control_is_control_of_a_vanishing_sigma(given: Parts) -> None:
     c = given.control
     nothing, every = np.zeros_like(c.exact), np.ones_like(c.exact)
     exact = _adjusted(replace(given, control=replace(c, observed=nothing, exact=every)))
@@ -190,7 +195,7 @@ def test_exact_control_is_control_of_a_vanishing_sigma(given: BundleInput) -> No
     assert (np.abs(weighted.xyz_m[others] - exact.xyz_m[others]) / sigma).max() < 1e-6
 
 
-def test_reproducible_is_the_same_bits_for_any_number_of_threads(given: BundleInput) -> None:
+def test_reproducible_is_the_same_bits_for_any_number_of_threads(given: Parts) -> None:
     one, two = (_adjusted(given, reproducible=True, threads=threads) for threads in (1, 2))
     assert (one.xyz_m == two.xyz_m).all()
     assert (one.poses.position_m == two.poses.position_m).all()

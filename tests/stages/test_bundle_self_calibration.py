@@ -128,7 +128,7 @@ def test_removal_keeps_what_was_put_in_and_adjusts_again(error_free: Chain, dist
 def test_c_and_z0_of_vertical_images_are_named_with_advice(error_free: Chain) -> None:
     """Without observed positions, over nearly flat ground: a21 and Z0 cannot be told apart."""
     told = Told()
-    options = BundleOptions(interior_unknowns=True, use_positions=False, self_calibration={"set": "brown21"})
+    options = BundleOptions(interior_unknowns=True, positions={"use": False}, self_calibration={"set": "brown21"})
     bundle(error_free.block, error_free.refined, error_free.strip_block, options=options, context=told)
     text = next(t for t in told.warnings if "a21 and Z0 of image" in t)
     assert "vertical images of nearly flat terrain cannot tell them apart" in text
@@ -165,7 +165,7 @@ def test_c_joins_sets_that_lack_it_where_projection_centres_are_observed(distort
     """Such sets leave the scale of a radial distortion to Z0, which observed positions hold."""
     observed = _with(distorted, set="ebner12").parameters
     assert {"c", "x0", "y0", "b12"} <= set(observed.name.tolist())
-    options = BundleOptions(interior_unknowns=True, use_positions=False, self_calibration="ebner12")
+    options = BundleOptions(interior_unknowns=True, positions={"use": False}, self_calibration="ebner12")
     without = bundle(distorted.block, distorted.refined, distorted.strip_block, options=options).parameters
     assert "c" not in without.name.tolist()
     assert _with(distorted, set="brown21").parameters.name.tolist().count("c") == 0

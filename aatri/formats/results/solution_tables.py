@@ -107,7 +107,7 @@ def _residuals(solution: Solution) -> Columns:
         "point": residuals.point,
         **_split(("vx", "vy", "vz"), residuals.residual),
         **_split(("sx", "sy", "sz"), residuals.sigma),
-        "unit": np.where(residuals.kind == "image_point", "mm", "m"),
+        "unit": residuals.unit,
         "active": np.where(residuals.active, "yes", "no"),
     }
 

@@ -1,95 +1,38 @@
-"""Bundle block adjustment: all rays of all images together.
+"""Bundle block adjustment: all observations of all images together.
 
 Unknowns are the poses of the images (X0, d), the ground points, which are eliminated point by point, and where wanted
-further parameters: film corrections per image, sets of additional parameters, parameters of camera models. Observations
-are image points (collinearity), control coordinates, observed positions, and the priors of the weighted parameters.
-Exact control coordinates are held. Coordinates are reduced to an origin near the block before any arithmetic.
+further parameters: film corrections per image, sets of additional parameters, parameters of camera models, drift.
+Observations are of any kind (`aatri.observations.kinds`): image points (collinearity), control coordinates, observed
+positions, distances ..., and the priors of the weighted parameters. Exact coordinates are held, other exact
+observations are constraints. Coordinates are reduced to an origin near the block before any arithmetic.
 
 Source: Kraus, Photogrammetry; photogrammetry.md A901-A910, A1101-A1107.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from time import perf_counter
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 
 from aatri.adjustment.adjust import Adjusted, adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.forecast import Solver, forecast
+from aatri.adjustment.forecast import forecast
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.records import Records
-from aatri.adjustment.structure.index_problem import Ordering
-from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
-from aatri.observations.coordinates import value_records
-from aatri.observations.image_points import (
-    CameraRows,
-    ImagePointRows,
-    LinearCorrection,
-    image_point_records,
-    side_veto,
-)
-from aatri.observations.poses import CAMERA, POINT, POSE, Poses, pose_unknowns
-from aatri.observations.positions import position_records
-from aatri.orientation.bundle.block import BundleInput, ParameterRows, determinable
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
+from aatri.orientation.bundle.result import AdjustedObservations, AdjustedParameters, BundleResult
 from aatri.progress import SILENT, Reporter
 
 Datum = Literal["given", "minimal", "free"]
 DatumOver = Literal["points", "images", "marked"]
-
-
-@dataclass(frozen=True)
-class AdjustedParameters:
-    """A group of parameters after the adjustment.
-
-    Attributes
-    ----------
-    given : ParameterRows
-    value : (n, s) float64
-    covariance : (n, s, s) float64
-        NaN where not asked for; zero where held.
-    """
-
-    given: ParameterRows
-    value: Float
-    covariance: Float
-
-
-@dataclass(frozen=True)
-class BundleResult:
-    """An adjusted block.
-
-    Attributes
-    ----------
-    poses : Poses
-        NaN where the image was left out.
-    xyz_m : (n_points, 3) float64, m
-    pose_covariance : (n_images, 6, 6) float64, m and rad
-    point_covariance_m2 : (n_points, 3, 3) float64, m^2
-        NaN where not determined or not asked for.
-    parameters : tuple of AdjustedParameters
-    ray_covariance : (n, 2, 2) float64
-        Covariance of the adjusted image coordinates over the a-priori standard deviations: its diagonal is 1 minus the
-        redundancy numbers; NaN unknown.
-    ray_used : (n,) bool
-    image_adjusted, point_adjusted : bool
-    adjusted : Adjusted
-    """
-
-    poses: Poses
-    xyz_m: Float
-    pose_covariance: Float
-    point_covariance_m2: Float
-    parameters: tuple[AdjustedParameters, ...]
-    ray_covariance: Float
-    ray_used: Bool
-    image_adjusted: Bool
-    point_adjusted: Bool
-    adjusted: Adjusted
 
 
 def adjust_bundle(
@@ -97,16 +40,10 @@ def adjust_bundle(
     *,
     datum: Datum = "given",
     datum_over: DatumOver = "points",
-    max_iterations: int = 30,
-    tolerance: float = 1e-3,
     covariances: bool = True,
     huber: float | None = None,
-    ordering: Ordering = "auto",
-    threads: int | None = None,
-    reproducible: bool = False,
-    memory_gb: float | None = None,
-    solver: Solver = "auto",
     reporter: Reporter = SILENT,
+    **settings: Any,
 ) -> BundleResult:
     """Adjust a block.
 
@@ -119,18 +56,13 @@ def adjust_bundle(
         inner constraints for what control and positions leave open, see `free_datum`.
     datum_over : str
         What a free datum rests on: all points, the projection centres of all images, or the marked points.
-    max_iterations : int
-    tolerance : float
-        Bound of the Newton decrement.
     covariances : bool
-        There are none where image points are down-weighted.
+        There are none where observations are down-weighted.
     huber : float, optional
         Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
-    ordering, threads, reproducible
-        See `aatri.adjustment.structure.index_problem`.
-    memory_gb, solver
-        See `aatri.adjustment.forecast`.
     reporter : Reporter
+    **settings
+        Of `adjust_large`.
 
     Raises
     ------
@@ -139,31 +71,24 @@ def adjust_bundle(
     ConvergenceError
         If the iteration does not converge.
     """
-    ray, image, point = determinable(given)
-    origin = np.round(given.xyz_m[point].mean(axis=0)) if point.any() else np.zeros(3)
-    rays = given.rays if ray.all() else given.rays.take(ray)
-    parameters = given.parameters if ray.all() else tuple(p.take(ray) for p in given.parameters)
-    start = {
-        POSE: Poses(given.poses.position_m - origin, given.poses.ground_from_image),
-        POINT: _start_points(given, origin),
-        **{p.group: p.start for p in parameters},
-    }
-    unknowns = _unknowns(given, parameters, _free_poses(given, image, datum), point, _places(given, ordering))
-    records = _records(given, rays, parameters, origin, image, point, huber)
-    free = _free_datum(given, unknowns, records[1:], start, image, point, datum_over) if datum == "free" else None
+    part = taking_part(given)
+    start = start_of(given)
+    poses = _free_poses(given, part.of[POSE], datum)
+    unknowns = unknowns_of(given, part, poses, _places(given, settings.get("ordering", "auto")))
+    records, constraints = _records(given, part, huber)
+    free = None
+    if datum == "free":
+        others = [r for r in records if not _is_ray(r)] + constraints
+        marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
+        free = FreeDatum.of(unknowns, others, start, part.of, datum_over, marked)
     adjusted = adjust_large(
         unknowns if free is None else minimally_held(free),
         records,
         start,
-        max_iterations=max_iterations,
-        tolerance=tolerance,
-        veto=side_veto(rays),
-        ordering=ordering,
-        threads=threads,
-        reproducible=reproducible,
-        memory_gb=memory_gb,
-        solver=solver,
+        constraints=constraints,
+        veto=_veto(given, part),
         reporter=reporter,
+        **settings,
     )
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted)
@@ -172,27 +97,13 @@ def adjust_bundle(
         needed = forecast(adjusted.problem)
         reporter.warn(_WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9))
         covariances = False
-    started = perf_counter()
-    result = _result(given, adjusted, origin, (ray, image, point), covariances, free)
-    if covariances:
-        reporter.log(
-            f"standard deviations of {int(image.sum())} orientations and {int(point.sum())} points: "
-            f"{perf_counter() - started:.2f} s"
-        )
-    return result
+    return _result(given, adjusted, part, covariances, free)
 
 
 _WITHOUT_FACTOR = (
     "no standard deviations: exact covariances need the factor of the normal equations, and this block was solved by "
     "conjugate gradients, without it; `solver: direct` gives them, in {:.2g} GB of memory and {:.2g} GB on disk"
 )
-
-
-def _start_points(given: BundleInput, origin: Float) -> Float:
-    xyz = given.xyz_m.copy()
-    point, coordinate = np.nonzero(given.control.exact)
-    xyz[given.control.point[point], coordinate] = given.control.xyz_m[point, coordinate]
-    return np.asarray(xyz - origin)
 
 
 def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
@@ -207,92 +118,82 @@ def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
     return free
 
 
-def _free_datum(
-    given: BundleInput, unknowns: list[Unknowns], records: list[Records], start: State,
-    image: Bool, point: Bool, over: DatumOver,
-) -> FreeDatum:  # fmt: skip
-    marked = np.zeros_like(point) if given.marked is None else given.marked
-    over_point = {"points": point, "images": np.zeros_like(point), "marked": point & marked}[over]
-    return FreeDatum(unknowns, records, start, image, point, image & (over == "images"), over_point)
-
-
-def _places(given: BundleInput, ordering: Ordering) -> Float:
+def _places(given: BundleInput, ordering: str) -> Float:
     """Where the images lie, for the order of elimination: textbooks number them by strips."""
     if ordering in ("across_strips", "along_strips") and given.numbering is not None:
         return given.numbering.place
     return given.poses.position_m
 
 
-def _unknowns(
-    given: BundleInput, parameters: tuple[ParameterRows, ...], poses: Bool, point: Bool, places: Float
-) -> list[Unknowns]:
-    free = np.repeat(point[:, None], 3, axis=1)
-    row, coordinate = np.nonzero(given.control.exact)
-    free[given.control.point[row], coordinate] = False
-    groups = [pose_unknowns(given.image_ids, poses, places)]
-    for p in parameters:
-        used = np.bincount(p.block, minlength=len(p.free)) > 0
-        groups.append(
-            Unknowns(p.group, p.free & used[:, None], p.labels, p.ids, add_step, joins=POSE if p.per_image else "")
-        )
-    return [*groups, Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True)]
+def _is_ray(records: Records) -> bool:
+    groups = {group for group, _ in records.touches}
+    return POSE in groups and POINT in groups
 
 
-def _records(
-    given: BundleInput, rays: ImagePointRows, parameters: tuple[ParameterRows, ...], origin: Float,
-    image: Bool, point: Bool, huber: float | None,
-) -> list[Records]:  # fmt: skip
-    corrections = [LinearCorrection(p.group, p.block, p.basis) for p in parameters if p.basis is not None]
-    cameras = next((CameraRows(p.block, p.model) for p in parameters if p.group == CAMERA), None)
-    loss = None if huber is None else Huber(huber)
-    records = [replace(image_point_records(rays, corrections, cameras), loss=loss)]
-    control = given.control
-    use = np.flatnonzero(point[control.point] & control.observed.any(axis=1))
-    if len(use):
-        xyz, covariance = control.xyz_m[use] - origin, control.covariance_m2[use]
-        records.append(value_records("control", POINT, control.point[use], xyz, covariance, control.observed[use]))
-    seen = np.flatnonzero(image[given.positions.image])
-    if len(seen):
-        p = given.positions
-        position = p.position_m[seen] - origin
-        records.append(position_records(p.image[seen], position, p.covariance_m2[seen], p.lever_arm_m[seen]))
-    for q in parameters:
-        used = np.bincount(q.block, minlength=len(q.free)) > 0
-        rows = np.flatnonzero(used & (q.weighted & q.free).any(axis=1))
-        if len(rows):
-            weighted = (q.weighted & q.free)[rows]
-            name = f"{q.group} prior"
-            records.append(value_records(name, q.group, rows, q.prior[rows], q.covariance[rows], weighted))
-    return records
+def _records(given: BundleInput, part: Participants, huber: float | None) -> tuple[list[Records], list[Records]]:
+    """Observations and constraints of what takes part."""
+    records: list[Records] = []
+    constraints: list[Records] = []
+    for o, rows in zip(given.observed, part.rows):
+        if not len(rows):
+            continue
+        chosen = o.records if len(rows) == len(o) else o.records.take(rows)
+        if huber is not None and _is_ray(chosen):
+            chosen = replace(chosen, loss=Huber(huber))
+        (constraints if o.exact else records).append(chosen)
+    return records, constraints
+
+
+def _veto(given: BundleInput, part: Participants) -> Callable[[State, State], str] | None:
+    vetoes = [
+        o.veto(rows[o.records.active[rows]]) for o, rows in zip(given.observed, part.rows) if o.veto and len(rows)
+    ]
+    if not vetoes:
+        return None
+    return lambda old, new: next((why for veto in vetoes if (why := veto(old, new))), "")
 
 
 def _result(
-    given: BundleInput, adjusted: Adjusted, origin: Float, used: tuple[Bool, Bool, Bool], covariances: bool,
-    free: FreeDatum | None,
-) -> BundleResult:  # fmt: skip
-    ray, image, point = used
-    poses: Poses = adjusted.state[POSE]
-    pose_cov, point_cov = np.full((len(image), 6, 6), np.nan), np.full((len(point), 3, 3), np.nan)
-    parameter_cov = [np.full(p.covariance.shape, np.nan) for p in given.parameters]
-    ray_covariance = np.full((len(ray), 2, 2), np.nan)
+    given: BundleInput, adjusted: Adjusted, part: Participants, covariances: bool, free: FreeDatum | None
+) -> BundleResult:
+    image, point = part.of[POSE], part.of[POINT]
+    groups = {u.name: np.full((len(u.free), u.size, u.size), np.nan) for u in adjusted.problem.unknowns}
+    groups.setdefault(POSE, np.zeros((0, 6, 6)))
+    found: dict[int, Float] = {}
     if covariances:
-        found = marginal_covariances(adjusted)
-        groups = found.groups if free is None else free_covariances(free, adjusted, found.groups)
-        pose_cov[image], point_cov[point] = groups[POSE][image], groups[POINT][point]
-        parameter_cov = [groups[p.group] for p in given.parameters]
-        ray_covariance[ray] = found.rays
+        marginal = marginal_covariances(adjusted)
+        known = marginal.groups if free is None else free_covariances(free, adjusted, marginal.groups)
+        for name, values in known.items():
+            some = part.of[name] if name in (POSE, POINT) else np.ones(len(values), dtype=bool)
+            groups[name][some] = values[some]
+        found = _of_observations(given, part, marginal.records)
+    poses: Poses = adjusted.state[POSE]
     return BundleResult(
         Poses(
-            np.where(image[:, None], poses.position_m + origin, np.nan),
+            np.where(image[:, None], poses.position_m + given.origin_m, np.nan),
             np.where(image[:, None, None], poses.ground_from_image, np.nan),
         ),
-        np.where(point[:, None], adjusted.state[POINT] + origin, np.nan),
-        pose_cov,
-        point_cov,
-        tuple(AdjustedParameters(p, adjusted.state[p.group], c) for p, c in zip(given.parameters, parameter_cov)),
-        ray_covariance,
-        ray,
+        np.where(point[:, None], adjusted.state[POINT] + given.origin_m, np.nan),
+        groups,
+        tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in given.parameters),
+        tuple(_observations(o, part.rows[i], found.get(i)) for i, o in enumerate(given.observed)),
         image,
         point,
         adjusted,
     )
+
+
+def _of_observations(given: BundleInput, part: Participants, found: tuple[Float, ...]) -> dict[int, Float]:
+    """Covariances of the adjusted values, by place among the observations."""
+    places = [i for i, (o, rows) in enumerate(zip(given.observed, part.rows)) if len(rows) and not o.exact]
+    return dict(zip(places, found))
+
+
+def _observations(o: Observed, rows: np.ndarray, found: Float | None) -> AdjustedObservations:
+    used = np.zeros(len(o), dtype=bool)
+    used[rows[o.records.active[rows]]] = True
+    m = o.records.rows
+    covariance = np.full((len(o), m, m), np.nan)
+    if found is not None:
+        covariance[rows] = found
+    return AdjustedObservations(o, rows, used, covariance)

@@ -1,126 +1,176 @@
-"""What a bundle adjustment takes: rays, start values, control, positions, further parameters; and what can take part.
+"""What a bundle adjustment takes: observations of all kinds, start values; and what of it can take part.
 
-Points with too few rays and images with too few points are left out before the first iteration, and named.
+An image or point takes part if its start is known, its observations are at least as many as its free unknowns, and one
+of them ties it to something else. What does not is left out before the first iteration, and named; with it go the
+observations that touch it, so that the rule is applied until nothing changes. Other unknowns (drift, film, camera ...)
+take part if an observation ties them to something else.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.unknowns import Ids
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import Ids, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.control import Control
-from aatri.observations.positions import Positions
 from aatri.observations.image_points import ImagePointRows
-from aatri.observations.poses import Poses
+from aatri.observations.observed import Given, Holds, Observed
+from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_unknowns
 from aatri.orientation.bundle.strip_numbering import StripNumbering
-
-MIN_IMAGE_POINTS = 3
-
-
-@dataclass(frozen=True)
-class ParameterRows:
-    """A group of unknown parameters of images or cameras, beside the poses.
-
-    Attributes
-    ----------
-    group : str
-        FILM, ADDITIONAL or CAMERA.
-    ids : (n,) str
-        Names of the blocks.
-    labels : tuple of str
-        Names of the s parameters of a block.
-    start : (n, s) float64
-    free : (n, s) bool
-    prior : (n, s) float64
-        Observed values of the weighted parameters.
-    covariance : (n, s, s) float64
-        Their covariance.
-    weighted : (n, s) bool
-    block : (n_rays,) int
-        Block of each ray.
-    basis : (n_rays, 2, s) float64 or None
-        Correction of the measured coordinate per parameter; None where `model` tells the equations.
-    model : tuple of str
-        Camera model of each block, for CAMERA.
-    per_image : bool
-        The blocks are those of the images, one by one.
-    """
-
-    group: str
-    ids: Ids
-    labels: tuple[str, ...]
-    start: Float
-    free: Bool
-    prior: Float
-    covariance: Float
-    weighted: Bool
-    block: Int
-    basis: Float | None = None
-    model: tuple[str, ...] = ()
-    per_image: bool = False
-
-    def take(self, rays: Bool) -> ParameterRows:
-        """With the chosen rays only."""
-        return replace(self, block=self.block[rays], basis=None if self.basis is None else self.basis[rays])
 
 
 @dataclass(frozen=True)
 class BundleInput:
-    """A block ready for adjustment: rows are those of all images and points.
+    """A block ready for adjustment: rows are those of all images and points. Coordinates are reduced to the origin.
 
     Attributes
     ----------
     image_ids, point_ids : str
-    rays : ImagePointRows
+    observed : tuple of Observed
     poses : Poses
         Start; NaN where unknown.
     xyz_m : (n_points, 3) float64, m
         Start; NaN where unknown.
-    control : Control
-    positions : Positions
+    origin_m : (3,) float64, m
+    rays : ImagePointRows, optional
+        The image points, from which missing start values are found.
     parameters : tuple of ParameterRows
-        In the order FILM, ADDITIONAL, CAMERA.
+        What the image points touch beside poses and points.
     marked : (n_points,) bool, optional
         Points on which a free datum may rest.
     numbering : StripNumbering, optional
         Places of the images for the textbook's orders of elimination; else their positions.
+    given : Given, optional
+        What the observations were taken from.
     """
 
     image_ids: Ids
     point_ids: Ids
-    rays: ImagePointRows
+    observed: tuple[Observed, ...]
     poses: Poses
     xyz_m: Float
-    control: Control
-    positions: Positions
+    origin_m: Float
+    rays: ImagePointRows | None = None
     parameters: tuple[ParameterRows, ...] = ()
     marked: Bool | None = None
     numbering: StripNumbering | None = None
+    given: Given | None = None
 
 
-def determinable(given: BundleInput) -> tuple[Bool, Bool, Bool]:
-    """Which rays, images and points can take part: start values known, enough rays each, repeated until stable.
+@dataclass(frozen=True)
+class Participants:
+    """What takes part.
 
-    Returns
-    -------
-    ray, image, point : bool arrays
+    Attributes
+    ----------
+    of : dict of str to (n,) bool
+        Blocks of each group of unknowns.
+    rows : tuple of (k,) int
+        Rows of each of the observations: used, or rejected and predicted.
     """
-    rays, n_images, n_points = given.rays, len(given.image_ids), len(given.point_ids)
-    image = finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image)
-    point = finite_rows(given.xyz_m)
-    control = np.zeros(n_points, dtype=np.int64)
-    np.add.at(control, given.control.point, given.control.given.sum(axis=1))
-    positioned = np.bincount(given.positions.image, minlength=n_images) > 0
+
+    of: dict[str, Bool]
+    rows: tuple[Int, ...]
+
+
+def taking_part(given: BundleInput) -> Participants:
+    """Which blocks and observations take part; see above."""
+    part = {
+        POSE: finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image),
+        POINT: finite_rows(_start_points(given)),
+    }
+    own = {u.name: len(u.free) for o in given.observed for u in o.unknowns}
+    part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
+    needed = {POSE: np.full(len(part[POSE]), 6), POINT: 3 - _held(given.observed, len(part[POINT])).sum(axis=1)}
+    components = [o.records.observed_components().sum(axis=1) for o in given.observed]
     while True:
-        ray = rays.active & image[rays.image] & point[rays.point]
-        per_point = np.bincount(rays.point[ray], minlength=n_points)
-        per_image = np.bincount(rays.image[ray], minlength=n_images)
-        enough_points = (per_image >= MIN_IMAGE_POINTS) | (positioned & (per_image >= MIN_IMAGE_POINTS - 1))
-        enough_rays = (per_point >= 2) | ((per_point >= 1) & (control > 0))
-        if not (image & ~enough_points).any() and not (point & ~enough_rays).any():
-            return ray, image, point
-        image, point = image & enough_points, point & enough_rays
+        usable = [_usable(o.records, part) for o in given.observed]
+        count = {name: np.zeros(len(p), dtype=np.int64) for name, p in part.items()}
+        tied = {name: np.zeros(len(p), dtype=bool) for name, p in part.items()}
+        for o, m, use in zip(given.observed, components, usable):
+            rows = np.flatnonzero(use & o.records.active)
+            for group, block in o.records.touches:
+                count[group] += np.bincount(block[rows], m[rows], len(count[group])).astype(np.int64)
+                if len(o.records.touches) > 1:
+                    tied[group][block[rows]] = True
+        now = {name: p & tied[name] for name, p in part.items()}
+        for name, least in needed.items():
+            now[name] &= count[name] >= least
+        if all((now[name] == p).all() for name, p in part.items()):
+            break
+        part = now
+    rows_of = tuple(
+        np.flatnonzero(use & (o.records.active if o.rejected is None else o.records.active | o.rejected))
+        for o, use in zip(given.observed, usable)
+    )
+    return Participants(part, rows_of)
+
+
+def touched_points(given: BundleInput) -> Bool:
+    """Points that some observation ties to something else, (n_points,)."""
+    touched = np.zeros(len(given.point_ids), dtype=bool)
+    for o in given.observed:
+        if len(o.records.touches) > 1:
+            for group, block in o.records.touches:
+                if group == POINT:
+                    touched[block[o.records.active]] = True
+    return touched
+
+
+def _usable(records: Records, part: Mapping[str, Bool]) -> Bool:
+    use = np.ones(len(records.active), dtype=bool)
+    for group, block in records.touches:
+        use &= part[group][block]
+    return use
+
+
+def _held(observed: Sequence[Observed], n_points: int) -> Bool:
+    """Coordinates of points that exact observations fix."""
+    held = np.zeros((n_points, 3), dtype=bool)
+    for h in _holds(observed):
+        row, scalar = np.nonzero(h.scalar)
+        held[h.block[row], scalar] = True
+    return held
+
+
+def _holds(observed: Sequence[Observed]) -> list[Holds]:
+    return [o.holds for o in observed if o.holds is not None and o.holds.group == POINT]
+
+
+def _start_points(given: BundleInput) -> Float:
+    """Start of the points, exact coordinates at their values."""
+    xyz = given.xyz_m.copy()
+    for h in _holds(given.observed):
+        row, scalar = np.nonzero(h.scalar)
+        xyz[h.block[row], scalar] = h.value[row, scalar]
+    return xyz
+
+
+def start_of(given: BundleInput) -> dict[str, object]:
+    """Values of all groups of unknowns at the start."""
+    own = {name: value for o in given.observed for name, value in o.start.items()}
+    return {POSE: given.poses, **own, POINT: _start_points(given)}
+
+
+def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, places: Float) -> list[Unknowns]:
+    """All groups of unknowns: poses, those of the kinds of observations, and points.
+
+    Parameters
+    ----------
+    poses : (n_images, 6) bool
+        Which scalars of the poses are free.
+    places : (n_images, 2) or (n_images, 3) float64
+        Where the images lie, for the order of elimination.
+    """
+    point = participants.of[POINT]
+    free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point))
+    groups = [pose_unknowns(given.image_ids, poses, places)] if len(poses) else []
+    for o in given.observed:
+        groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
+    return [*groups, Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True,
+                                 generator=point_generator)]

@@ -51,43 +51,52 @@ class FreeDatum:
     Attributes
     ----------
     unknowns, records
-        The problem, nothing held for the datum; the records without the image points.
+        The problem, nothing held for the datum; the records without those that see no similarity, the image points.
     start : mapping
-    image, point : (n,) bool
-        What is adjusted.
-    over_image, over_point : (n,) bool
-        Of them those whose projection centres, or coordinates, carry the datum.
+    part : mapping of (n,) bool
+        What is adjusted, by group.
+    over : mapping of (n,) bool
+        Images whose projection centres, and points whose coordinates, carry the datum.
     """
 
     unknowns: Sequence[Unknowns]
     records: Sequence[Records]
     start: State
-    image: Bool
-    point: Bool
-    over_image: Bool
-    over_point: Bool
+    part: Mapping[str, Bool]
+    over: Mapping[str, Bool]
+
+    @staticmethod
+    def of(
+        unknowns: Sequence[Unknowns], records: Sequence[Records], start: State, part: Mapping[str, Bool],
+        over: str, marked: Bool,
+    ) -> FreeDatum:  # fmt: skip
+        """The datum rests on all points, all images, or the marked points."""
+        image, point = part[POSE], part[POINT]
+        none = np.zeros_like(point)
+        points = {"points": point, "images": none, "marked": point & marked}[over]
+        return FreeDatum(unknowns, records, start, part, {POSE: image & (over == "images"), POINT: points})
 
 
 def minimally_held(free: FreeDatum) -> list[Unknowns]:
-    """The unknowns with as many scalars of the poses held as are open, as far apart as they come.
+    """The unknowns with as many scalars of the poses (without images: points) held as are open, far apart.
 
     Raises
     ------
     GeometryError
         If nothing is open.
     """
-    poses = next(u for u in free.unknowns if u.name == POSE)
+    bodies = next((u for u in free.unknowns if u.name == POSE), None) or free.unknowns[-1]
     H = similarity_directions(free, free.start)
     V = open_directions(free, free.start, H)
     extent = _size(free, free.start)[1]
-    candidates = np.flatnonzero(poses.free)
-    rows = (H[POSE] @ V).reshape(-1, V.shape[1])[candidates]
-    rows = rows * np.where(candidates % 6 < 3, 1.0, extent)[:, None]
+    candidates = np.flatnonzero(bodies.free)
+    rows = (H[bodies.name] @ V).reshape(-1, V.shape[1])[candidates]
+    rows = rows * np.where(candidates % bodies.size < 3, 1.0, extent)[:, None]
     _, _, order = qr(rows.T, mode="economic", pivoting=True)
-    held = np.zeros(poses.free.size, dtype=bool)
+    held = np.zeros(bodies.free.size, dtype=bool)
     held[candidates[order[: V.shape[1]]]] = True
-    closed = replace(poses, free=poses.free & ~held.reshape(poses.free.shape))
-    return [closed if u is poses else u for u in free.unknowns]
+    closed = replace(bodies, free=bodies.free & ~held.reshape(bodies.free.shape))
+    return [closed if u is bodies else u for u in free.unknowns]
 
 
 def onto_inner_constraints(free: FreeDatum, adjusted: Adjusted) -> Adjusted:
@@ -104,7 +113,7 @@ def onto_inner_constraints(free: FreeDatum, adjusted: Adjusted) -> Adjusted:
         H = similarity_directions(free, moved)
         V = open_directions(free, moved, H)
         q = -V @ _shift_along(free, moved, H, V)
-        moved = _moved(free, moved, q)
+        moved = _moved(free, moved, H, q)
         if np.abs(q).max() < 1e-13:
             break
     else:
@@ -133,23 +142,27 @@ def free_covariances(free: FreeDatum, adjusted: Adjusted, groups: Mapping[str, F
     """
     H = similarity_directions(free, adjusted.state)
     V = open_directions(free, adjusted.state, H)
-    pose = np.zeros((len(free.image), 6), dtype=bool)
-    pose[:, :3] = free.over_image[:, None]
+    pose = np.zeros((len(free.part[POSE]), 6), dtype=bool)
+    pose[:, :3] = free.over[POSE][:, None]
     known = np.isfinite(groups[POINT]).all(axis=(1, 2))
-    datum = {POSE: pose, POINT: np.repeat((free.over_point & known)[:, None], 3, axis=1)}
+    datum = {POINT: np.repeat((free.over[POINT] & known)[:, None], 3, axis=1)}
+    if POSE in H:
+        datum[POSE] = pose
     along = {group: h @ V for group, h in H.items()}
     return s_transformed(adjusted.problem, adjusted.state, groups, along, datum)
 
 
 def similarity_directions(free: FreeDatum, state: State) -> dict[str, Float]:
-    """The seven directions H of poses and points, (n, 6, 7) and (n, 3, 7); zero for what is not adjusted."""
+    """The seven directions H about the centre, (n, k, 7) for each group they move; zero for what is not adjusted."""
     centre, extent = _size(free, state)
-    found = {POSE: np.zeros((len(free.image), 6, 7)), POINT: np.zeros((len(free.point), 3, 7))}
-    for group, x, some in ((POSE, state[POSE].position_m, free.image), (POINT, state[POINT], free.point)):
-        away = x[some] - centre
-        shift = np.broadcast_to(extent * np.eye(3), (len(away), 3, 3))
-        found[group][some, :3] = np.concatenate([shift, -skew(away), away[:, :, None]], axis=2)
-    found[POSE][free.image, 3:, 3:6] = np.eye(3)
+    about_centre = np.eye(7)
+    about_centre[:3, 3:6] = skew(centre[None])[0]
+    about_centre[:3, 6] = -centre
+    about_centre[:, :3] *= extent
+    found = {}
+    for u in free.unknowns:
+        if u.generator is not None:
+            found[u.name] = np.where(free.part[u.name][:, None, None], u.generator(state) @ about_centre, 0.0)
     return found
 
 
@@ -184,13 +197,14 @@ def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Fl
 def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float) -> Float:
     """The shift of the datum against the start in the open directions, (d,)."""
     shift = {POSE: state[POSE].position_m - free.start[POSE].position_m, POINT: state[POINT] - free.start[POINT]}
+    carrying = [(group, some) for group, some in free.over.items() if group in H]
     normal, right = np.zeros((V.shape[1], V.shape[1])), np.zeros(V.shape[1])
-    for group, some in ((POSE, free.over_image), (POINT, free.over_point)):
+    for group, some in carrying:
         G = H[group][some, :3] @ V
         normal += np.einsum("nki,nkj->ij", G, G)
         right += np.einsum("nki,nk->i", G, shift[group][some])
     if not np.linalg.eigvalsh(normal)[0] > OPEN * _size(free, state)[1] ** 2:
-        count = int(free.over_image.sum() + free.over_point.sum())
+        count = int(sum(some.sum() for _, some in carrying))
         raise GeometryError(
             f"the {count} images and points of the datum do not carry the {V.shape[1]} components that are free",
             remedy="let it rest on more of them, not all on one line",
@@ -200,12 +214,12 @@ def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float
 
 def _size(free: FreeDatum, state: State) -> tuple[Float, float]:
     """Centre and extent of the block."""
-    x = np.concatenate([state[POSE].position_m[free.image], state[POINT][free.point]])
+    x = np.concatenate([state[POSE].position_m[free.part[POSE]], state[POINT][free.part[POINT]]])
     centre = x.mean(axis=0)
     return centre, float(np.abs(x - centre).max())
 
 
-def _moved(free: FreeDatum, state: State, q: Float) -> dict[str, Any]:
+def _moved(free: FreeDatum, state: State, H: Mapping[str, Float], q: Float) -> dict[str, Any]:
     """The block after the similarity exp of the seven parameters q, about the centre."""
     centre, extent = _size(free, state)
     generator = np.zeros((4, 4))
@@ -216,4 +230,9 @@ def _moved(free: FreeDatum, state: State, q: Float) -> dict[str, Any]:
     poses: Poses = state[POSE]
     position = centre + (poses.position_m - centre) @ T[:3, :3].T + T[:3, 3]
     ground = centre + (state[POINT] - centre) @ T[:3, :3].T + T[:3, 3]
-    return {**state, POSE: Poses(position, rotation @ poses.ground_from_image), POINT: ground}
+    others = {
+        u.name: u.retract(state[u.name], H[u.name] @ q)
+        for u in free.unknowns
+        if u.name in H and u.name not in (POSE, POINT)
+    }
+    return {**state, **others, POSE: Poses(position, rotation @ poses.ground_from_image), POINT: ground}

@@ -17,8 +17,9 @@ import numpy as np
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
-from aatri.observations.poses import Poses
-from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.space_start import start_in_space, turned_over
@@ -64,7 +65,7 @@ def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, 
     if best is None:
         assert failure is not None
         raise failure
-    over = turned_over(given, best.poses, best.xyz_m, best.ray_used)
+    over = turned_over(given, best)
     if over.any():
         raise ConvergenceError(
             f"images see most of their points behind them: {shown(np.asarray(given.image_ids)[over])}",
@@ -74,7 +75,7 @@ def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, 
 
 
 def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
-    if result is None or turned_over(given, result.poses, result.xyz_m, result.ray_used).any():
+    if result is None or turned_over(given, result).any():
         return False
     strayed = restarted or any(step.damping > 0 for step in result.adjusted.history)
     return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
@@ -84,7 +85,7 @@ def _best_restart(
     given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first."""
-    for factor, held in TRIALS:
+    for factor, held in TRIALS if given.rays is not None else ():
         try:
             started = start_in_space(given, factor, held)
             found = adjust_bundle(started, reporter=reporter, **options)
@@ -107,16 +108,17 @@ def _resected(
     """Images that do not fit, oriented anew by resection to the points that the others determine."""
     if best is None:
         return None
-    bad = _misfits(given, best)
+    bad = _misfits(given, best) if given.rays is not None else np.zeros(0, dtype=bool)
     if not bad.any() or 2 * bad.sum() > best.image_adjusted.sum():
         return best
-    rays, used = given.rays, best.ray_used
-    clean = rays.point[used & ~bad[rays.image]]
-    control = np.isin(np.arange(len(given.point_ids)), given.control.point)
-    lost = (np.bincount(clean, minlength=len(control)) < 2) & ~control
+    assert given.rays is not None
+    rays = given.rays
+    clean = rays.point[best.ray_used & ~bad[rays.image]]
+    lost = (np.bincount(clean, minlength=len(given.point_ids)) < 2) & ~_known_points(given)
     position, rotation = (np.where(bad.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
-                          for a in (best.poses.position_m, best.poses.ground_from_image))  # fmt: skip
-    poses, xyz = complete_start(rays, Poses(position, rotation), np.where(lost[:, None], np.nan, best.xyz_m))
+                          for a in (best.poses.position_m - given.origin_m, best.poses.ground_from_image))  # fmt: skip
+    known = np.where(lost[:, None], np.nan, best.xyz_m - given.origin_m)
+    poses, xyz = complete_start(rays, Poses(position, rotation), known)
     try:
         found = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), reporter=reporter, **options)
     except (ConvergenceError, GeometryError) as error:
@@ -128,16 +130,30 @@ def _resected(
     return found if complete and _rank(given, found) < _rank(given, best) else best
 
 
+def _known_points(given: BundleInput) -> Bool:
+    """Points with observations of their own coordinates."""
+    known = np.zeros(len(given.point_ids), dtype=bool)
+    for o in given.observed:
+        if len(o.records.touches) == 1 and o.records.touches[0][0] == POINT:
+            known[o.records.touches[0][1]] = True
+    return known
+
+
 def _misfits(given: BundleInput, result: BundleResult) -> Bool:
     """Images turned over, or with residuals far above those of the others."""
-    records = next(r for r in result.adjusted.problem.records if r.name == "image point")
-    image, n = given.rays.image[result.ray_used], len(given.image_ids)
-    count = np.maximum(np.bincount(image, minlength=n), 1)
-    mean = np.bincount(image, records.standardised(result.adjusted.state), n) / count
+    n, total, count = len(given.image_ids), np.zeros(len(given.image_ids)), np.zeros(len(given.image_ids))
+    for o in result.observations:
+        touches = dict(o.observed.records.touches)
+        if POSE in touches and POINT in touches:
+            rows = np.flatnonzero(o.used)
+            image = touches[POSE][rows]
+            count += np.bincount(image, minlength=n)
+            total += np.bincount(image, o.observed.records.standardised(result.adjusted.state)[rows], n)
+    mean = total / np.maximum(count, 1)
     large = mean > max(FAR_SIGMA0, 3.0 * float(np.median(mean[result.image_adjusted])))
-    return np.asarray(large | turned_over(given, result.poses, result.xyz_m, result.ray_used))
+    return np.asarray(large | turned_over(given, result))
 
 
 def _rank(given: BundleInput, result: BundleResult) -> tuple[int, float]:
-    over = turned_over(given, result.poses, result.xyz_m, result.ray_used)
+    over = turned_over(given, result)
     return int(over.sum()), result.adjusted.cost

@@ -27,8 +27,9 @@ from aatri.camera.models import calibration
 from aatri.camera.parameters.advice import WARNED, advise
 from aatri.ids import shown
 from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
-from aatri.orientation.bundle.adjust import AdjustedParameters, BundleResult
-from aatri.orientation.bundle.block import BundleInput, ParameterRows
+from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
+from aatri.observations.parameters import ParameterRows
+from aatri.orientation.bundle.block import BundleInput
 from aatri.progress import Reporter
 
 CHANGED = 1e-3
@@ -89,8 +90,8 @@ def parameter_names(rows: ParameterRows, unit: int) -> tuple[str, ...]:
 
 def without_idle(
     given: BundleInput, result: BundleResult, reporter: Reporter
-) -> BundleInput | None:  # fmt: skip
-    """The input with additional parameters held at zero that are not worth keeping; None if all are.
+) -> tuple[ParameterRows, ...] | None:
+    """The parameters with those held at zero that are not worth keeping; None if all are.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def without_idle(
             removed += len(removals)
             _tell_removals(str(group.given.ids[k]), removals, reporter)
         groups[i] = replace(given.parameters[i], free=free)
-    return replace(given, parameters=tuple(groups)) if removed else None
+    return tuple(groups) if removed else None
 
 
 def rank_advice(what: str, names: tuple[str, ...]) -> str:
@@ -172,7 +173,7 @@ def _pairs_with_pose(
     given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
 ) -> list[tuple[str, str, float]]:
     """High correlations with the orientation of the image that has the most points of the unit."""
-    if group.given.per_image:
+    if group.given.per_image or given.rays is None:
         return []
     images = given.rays.image[(group.given.block == unit) & result.ray_used]
     if not len(images):

@@ -14,14 +14,13 @@ import numpy as np
 
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.records import Records
-from aatri.adjustment.unknowns import Unknowns, add_step
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.coordinates import value_records
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.object_space import object_space_records
-from aatri.observations.poses import POINT, POSE, Poses, pose_unknowns
-from aatri.observations.positions import position_records
-from aatri.orientation.bundle.block import BundleInput, determinable
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
+from aatri.orientation.bundle.result import BundleResult
 
 SPACE_ITERATIONS = 60
 SPACE_TOLERANCE = 0.1
@@ -41,63 +40,57 @@ def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> B
     ------
     GeometryError, ConvergenceError
     """
-    ray, image, point = determinable(given)
-    rays = given.rays.take(ray)
-    origin = np.round(given.xyz_m[point].mean(axis=0))
-    control = given.control
-    exact, coordinate = np.nonzero(control.exact)
-    xyz = given.xyz_m.copy()
-    xyz[control.point[exact], coordinate] = control.xyz_m[exact, coordinate]
-    free = np.repeat(point[:, None], 3, axis=1)
-    free[control.point[exact], coordinate] = False
-    distance = float(np.median(np.linalg.norm(xyz[rays.point] - given.poses.position_m[rays.image], axis=1)))
-    records = [object_space_records(rays, distance, factor), *_given_records(given, origin, image, point)]
-    state: Any = {POSE: Poses(given.poses.position_m - origin, given.poses.ground_from_image), POINT: xyz - origin}
+    assert given.rays is not None
+    part = taking_part(given)
+    image, point = part.of[POSE], part.of[POINT]
+    rays, others = given.rays.take(_ray_rows(given, part)), _other_records(given, part)
+    state: Any = start_of(given)
+    distance = float(np.median(np.linalg.norm(state[POINT][rays.point] - given.poses.position_m[rays.image], axis=1)))
+    records = [object_space_records(rays, distance, factor), *others]
     for turning in (False, True) if rotations_held else (True,):
         pose = np.repeat(image[:, None], 6, axis=1)
         pose[:, 3:] &= turning
-        unknowns = [pose_unknowns(given.image_ids, pose, given.poses.position_m),
-                    Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True)]  # fmt: skip
+        unknowns = [u for u in unknowns_of(given, part, pose, given.poses.position_m) if u.name in (POSE, POINT)]
         found = adjust_large(unknowns, records, state, max_iterations=SPACE_ITERATIONS, tolerance=SPACE_TOLERANCE)
         state = found.state
-    poses, xyz = found.state[POSE], found.state[POINT] + origin
-    poses = Poses(poses.position_m + origin, poses.ground_from_image)
-    for k in np.flatnonzero(turned_over(given, poses, xyz, ray)):
-        poses = _mirrored(poses, int(k), xyz[given.rays.point[ray & (given.rays.image == k)]])
+    poses, xyz = found.state[POSE], found.state[POINT]
+    for k in np.flatnonzero(images_turned_over(rays, poses, xyz)):
+        poses = _mirrored(poses, int(k), xyz[rays.point[rays.image == k]])
     return replace(given, poses=poses, xyz_m=np.where(point[:, None], xyz, given.xyz_m))
 
 
-def turned_over(given: BundleInput, poses: Poses, xyz_m: Float, ray: Bool) -> Bool:
-    """Images with more than half of their points behind them.
+def turned_over(given: BundleInput, result: BundleResult) -> Bool:
+    """Images with more than half of their points behind them, (n_images,) bool."""
+    if given.rays is None:
+        return np.zeros(len(given.image_ids), dtype=bool)
+    return images_turned_over(given.rays.take(result.ray_used), result.poses, result.xyz_m)
 
-    Parameters
-    ----------
-    ray : (n,) bool
-        Rays to look at.
 
-    Returns
-    -------
-    (n_images,) bool
-    """
-    image, point = given.rays.image[ray], given.rays.point[ray]
+def images_turned_over(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Bool:
+    """The same for given orientations and points."""
+    image = rays.image
     axis = poses.ground_from_image[image][:, :, 2]
-    behind = np.einsum("ni,ni->n", axis, xyz_m[point] - poses.position_m[image]) > 0
-    n = len(given.image_ids)
+    behind = np.einsum("ni,ni->n", axis, xyz_m[rays.point] - poses.position_m[image]) > 0
+    n = len(poses.position_m)
     return np.asarray(2 * np.bincount(image[behind], minlength=n) > np.bincount(image, minlength=n))
 
 
-def _given_records(given: BundleInput, origin: Float, image: Bool, point: Bool) -> list[Records]:
-    """Control and observed positions."""
-    control, p, records = given.control, given.positions, []
-    use = np.flatnonzero(point[control.point] & control.observed.any(axis=1))
-    if len(use):
-        records.append(value_records("control", POINT, control.point[use], control.xyz_m[use] - origin,
-                                     control.covariance_m2[use], control.observed[use]))  # fmt: skip
-    seen = np.flatnonzero(image[p.image])
-    if len(seen):
-        records.append(position_records(p.image[seen], p.position_m[seen] - origin, p.covariance_m2[seen],
-                                        p.lever_arm_m[seen]))  # fmt: skip
-    return records
+def _ray_rows(given: BundleInput, part: Participants) -> Int:
+    """Rows of the image points in use."""
+    for o, rows in zip(given.observed, part.rows):
+        if {POSE, POINT} <= {group for group, _ in o.records.touches}:
+            return rows[o.records.active[rows]]
+    return np.zeros(0, dtype=np.int64)
+
+
+def _other_records(given: BundleInput, part: Participants) -> list[Records]:
+    """Observations of poses and points that are no image points: control, positions ..."""
+    found = []
+    for o, rows in zip(given.observed, part.rows):
+        groups = {group for group, _ in o.records.touches}
+        if len(rows) and not o.exact and groups < {POSE, POINT}:
+            found.append(o.records.take(rows))
+    return found
 
 
 def _mirrored(poses: Poses, k: int, xyz_m: Float) -> Poses:

@@ -9,12 +9,12 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.control import Control
 from aatri.observations.positions import Positions
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle.block import BundleInput
+from tests.orientation.bundle.parts import Parts
 
 C_MM, SIGMA_MM, HEIGHT_M = 150.0, 0.01, 1500.0
 
 
-def made_bundle(seed: int = 0, *, start_error: float = 1.0) -> BundleInput:
+def made_bundle(seed: int = 0, *, start_error: float = 1.0) -> Parts:
     """Six images, 30 points, no control; the start is off by some metres and milliradians."""
     rng = np.random.default_rng(seed)
     position = np.array([[x, y, HEIGHT_M] for y in (0.0, 900.0) for x in (0.0, 600.0, 1200.0)])
@@ -32,7 +32,7 @@ def made_bundle(seed: int = 0, *, start_error: float = 1.0) -> BundleInput:
         position + start_error * rng.normal(size=position.shape),
         exp_rotation(1e-3 * start_error * rng.normal(size=(6, 3))) @ rotation,
     )
-    return BundleInput(
+    return Parts(
         [f"i{k}" for k in range(6)], [f"p{k}" for k in range(30)], rays, poses,
         xyz + start_error * rng.normal(size=xyz.shape), no_control(), no_positions(),
     )  # fmt: skip

@@ -12,15 +12,16 @@ from aatri.geometry.rotations import exp_rotation
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
-from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.space_start import turned_over
+from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bundle.parts import adjust_bundle
+from tests.orientation.bundle.parts import Parts
+from tests.orientation.bundle.parts import adjust_bundle_from_afar
+from aatri.orientation.bundle.space_start import images_turned_over
 from tests.campaigns.convergence_basin import disturbed, well_posed, without_positions
 
 
 @pytest.fixture(scope="module")
-def block() -> tuple[BundleInput, BundleResult, float]:
+def block() -> tuple[Parts, BundleResult, float]:
     given, height_m = well_posed(2)
     return given, adjust_bundle(given, tolerance=1e-6), height_m
 
@@ -56,7 +57,7 @@ def test_the_condition_vanishes_on_the_ray_and_its_jacobians_are_the_derivatives
 
 @pytest.mark.parametrize(("angle_deg", "share"), [(30.0, 0.3), (0.0, 0.5), (45.0, 0.3), (60.0, 0.5)])
 def test_starts_far_off_end_where_the_truth_does(
-    block: tuple[BundleInput, BundleResult, float], angle_deg: float, share: float
+    block: tuple[Parts, BundleResult, float], angle_deg: float, share: float
 ) -> None:
     given, reference, height_m = block
     start = disturbed(given, np.random.default_rng(11), angle_deg, share * height_m)
@@ -66,7 +67,7 @@ def test_starts_far_off_end_where_the_truth_does(
 
 
 def test_a_good_start_is_adjusted_once_and_gives_the_same_bits(
-    block: tuple[BundleInput, BundleResult, float],
+    block: tuple[Parts, BundleResult, float],
 ) -> None:
     given, _, height_m = block
     start = disturbed(given, np.random.default_rng(1), 1.0, 0.01 * height_m)
@@ -75,20 +76,20 @@ def test_a_good_start_is_adjusted_once_and_gives_the_same_bits(
     assert len(direct.adjusted.history) == len(afar.adjusted.history)
 
 
-def test_an_image_turned_over_is_found_and_is_no_result(block: tuple[BundleInput, BundleResult, float]) -> None:
+def test_an_image_turned_over_is_found_and_is_no_result(block: tuple[Parts, BundleResult, float]) -> None:
     """Without observed positions an image mirrored on flat ground fits as well, with all its points behind it."""
     given, _, _ = block
     rotation = given.poses.ground_from_image.copy()
     rotation[5] = rotation[5] @ np.diag([1.0, -1.0, -1.0])
     turned = Poses(given.poses.position_m, rotation)
-    over = turned_over(given, turned, given.xyz_m, given.rays.active)
+    over = images_turned_over(given.rays, turned, given.xyz_m)
     assert np.flatnonzero(over).tolist() == [5]
 
 
-def test_a_block_without_datum_is_refused_for_that_reason(block: tuple[BundleInput, BundleResult, float]) -> None:
+def test_a_block_without_datum_is_refused_for_that_reason(block: tuple[Parts, BundleResult, float]) -> None:
     given = without_positions(block[0])
     c, none = given.control, np.zeros(0, dtype=np.int64)
-    nothing = replace(c, point=c.point[none], xyz_m=c.xyz_m[none], covariance_m2=c.covariance_m2[none],
+    nothing = replace(c, row=c.row[none], point=c.point[none], xyz_m=c.xyz_m[none], covariance_m2=c.covariance_m2[none],
                       observed=c.observed[none], exact=c.exact[none])  # fmt: skip
     with pytest.raises(GeometryError, match="leave 7 unknown"):
         adjust_bundle_from_afar(replace(given, control=nothing), covariances=False)

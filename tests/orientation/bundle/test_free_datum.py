@@ -14,20 +14,21 @@ from aatri.errors import GeometryError
 from aatri.observations.control import Control
 from aatri.observations.positions import Positions
 from aatri.observations.poses import POINT, POSE
-from aatri.orientation.bundle.adjust import BundleResult, adjust_bundle
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bundle.parts import adjust_bundle
+from tests.orientation.bundle.parts import Parts
 from tests.orientation.bundle.made_bundle import made_bundle
 
 TIGHT = {"tolerance": 1e-9}
 
 
 @pytest.fixture(scope="module")
-def given() -> BundleInput:
+def given() -> Parts:
     return replace(made_bundle(), marked=np.arange(30) % 4 == 0)
 
 
 @pytest.fixture(scope="module")
-def free(given: BundleInput) -> BundleResult:
+def free(given: Parts) -> BundleResult:
     return adjust_bundle(given, datum="free", **TIGHT)
 
 
@@ -64,7 +65,7 @@ def _bordered(J, G):
 
 
 @pytest.mark.parametrize("over", ["points", "images", "marked"])
-def test_covariances_are_those_of_the_system_bordered_by_inner_constraints(given: BundleInput, over: str) -> None:
+def test_covariances_are_those_of_the_system_bordered_by_inner_constraints(given: Parts, over: str) -> None:
     result = adjust_bundle(given, datum="free", datum_over=over, **TIGHT)  # type: ignore[arg-type]
     J, columns = _all_free(result)
     H = _seven(result, columns)
@@ -97,7 +98,7 @@ def test_with_a_datum_of_all_scalars_the_covariance_is_the_pseudo_inverse(free: 
         assert np.abs(relative).max() < 1e-8
 
 
-def test_no_datum_has_a_smaller_trace_over_the_points_of_the_datum(given: BundleInput, free: BundleResult) -> None:
+def test_no_datum_has_a_smaller_trace_over_the_points_of_the_datum(given: Parts, free: BundleResult) -> None:
     def trace(result: BundleResult) -> float:
         return float(np.einsum("nii->", result.point_covariance_m2))
 
@@ -111,18 +112,18 @@ def test_no_datum_has_a_smaller_trace_over_the_points_of_the_datum(given: Bundle
 
 
 def test_sigma0_residuals_and_redundancy_numbers_do_not_depend_on_the_datum(
-    given: BundleInput, free: BundleResult
+    given: Parts, free: BundleResult
 ) -> None:
     minimal = adjust_bundle(given, datum="minimal", **TIGHT)
     assert free.adjusted.redundancy == minimal.adjusted.redundancy
     assert free.adjusted.sigma0 == pytest.approx(minimal.adjusted.sigma0, rel=1e-9)
     v, w = (r.adjusted.problem.records[0].residuals(r.adjusted.state) for r in (free, minimal))
     np.testing.assert_allclose(v, w, atol=1e-9)
-    np.testing.assert_allclose(free.ray_covariance, minimal.ray_covariance, atol=1e-7)
+    np.testing.assert_allclose(free.observations[0].covariance, minimal.observations[0].covariance, atol=1e-7)
 
 
 @pytest.mark.parametrize("over", ["points", "images", "marked"])
-def test_the_datum_has_no_shift_rotation_or_scale_against_its_start(given: BundleInput, over: str) -> None:
+def test_the_datum_has_no_shift_rotation_or_scale_against_its_start(given: Parts, over: str) -> None:
     result = adjust_bundle(given, datum="free", datum_over=over, **TIGHT)  # type: ignore[arg-type]
     if over == "images":
         x, x0 = result.poses.position_m, given.poses.position_m
@@ -136,20 +137,20 @@ def test_the_datum_has_no_shift_rotation_or_scale_against_its_start(given: Bundl
     np.testing.assert_allclose((away * shift).sum(), 0.0, atol=1e-5)
 
 
-def _positions(given: BundleInput, sigma_m: float = 0.1) -> Positions:
+def _positions(given: Parts, sigma_m: float = 0.1) -> Positions:
     n = len(given.image_ids)
     covariance = np.tile(sigma_m**2 * np.eye(3), (n, 1, 1))
     return Positions(np.arange(n, dtype=np.int32), np.arange(n, dtype=np.int32), given.poses.position_m, covariance, np.zeros((n, 3)))
 
 
-def _control(given: BundleInput, points, observed) -> Control:
+def _control(given: Parts, points, observed) -> Control:
     n = len(points)
     at = np.array(points, dtype=np.int32)
     used = np.tile(np.array(observed, dtype=bool), (n, 1))
     return Control(at, at, given.xyz_m[at], np.tile(0.01 * np.eye(3), (n, 1, 1)), used, np.zeros((n, 3), dtype=bool))
 
 
-def test_with_observed_positions_of_all_images_nothing_is_free(given: BundleInput) -> None:
+def test_with_observed_positions_of_all_images_nothing_is_free(given: Parts) -> None:
     with pytest.raises(GeometryError, match="nothing is free"):
         adjust_bundle(replace(given, positions=_positions(given)), datum="free")
 
@@ -177,7 +178,7 @@ def test_what_control_leaves_open_is_free_and_the_rest_is_kept(points, observed,
     assert np.einsum("nii->", result.point_covariance_m2) < np.einsum("nii->", held)
 
 
-def test_a_datum_that_cannot_carry_the_seven_is_refused(given: BundleInput) -> None:
+def test_a_datum_that_cannot_carry_the_seven_is_refused(given: Parts) -> None:
     two = replace(given, marked=np.arange(30) < 2)
     with pytest.raises(GeometryError, match="do not carry the 7 components"):
         adjust_bundle(two, datum="free", datum_over="marked")

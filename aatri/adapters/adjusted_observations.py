@@ -1,0 +1,58 @@
+"""Residuals and tests of adjusted observations as tables: every kind in the same way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adapters import solution as assemble
+from aatri.adjustment.statistics.reliability import reliability
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float
+from aatri.artifacts.solution import Residuals, Tests
+from aatri.orientation.bundle.result import AdjustedObservations
+
+WIDTH = 3
+"""Components of a row of the tables; records with more, those of parameters, get a row for each component."""
+
+
+def residual_table(found: AdjustedObservations, state: State) -> Residuals:
+    """Residuals of the observations that take part; those of rejected ones are predicted."""
+    o, rows = found.observed, found.rows
+    v, sigma = found.residuals(state), o.sigmas()[rows]
+    v = np.where(np.isfinite(sigma), v, np.nan)
+    image, point = o.names(rows)
+    active = found.used[rows]
+    if not o.components:
+        return assemble.residuals(o.kind, o.row[rows], image, point, v, sigma, active, unit=o.unit)
+    row, component = np.nonzero(np.isfinite(sigma))
+    label = np.array(o.components, dtype=np.str_)[component]
+    return assemble.residuals(
+        o.kind, o.row[rows][row], image[row], label, v[row, component][:, None], sigma[row, component][:, None],
+        active[row], unit=o.unit,
+    )  # fmt: skip
+
+
+def reliability_table(found: AdjustedObservations, state: State) -> Tests:
+    """Reliability of the observations in the order of `residual_table`; rejected and exact ones have none."""
+    o, rows = found.observed, found.rows
+    covariance, adjusted = _covariances(found)
+    observed = o.records.observed_components()[rows] & found.used[rows][:, None]
+    r = reliability(np.where(observed, found.residuals(state), 0.0), covariance, adjusted)
+    columns = [np.where(observed, x, np.nan) for x in (r.redundancy, r.test, r.detectable)]
+    if o.components:
+        row, component = np.nonzero(np.isfinite(o.sigmas()[rows]))
+        columns = [x[row, component][:, None] for x in columns]
+    return Tests(*(np.pad(x, ((0, 0), (0, WIDTH - x.shape[1])), constant_values=np.nan) for x in columns))
+
+
+def _covariances(found: AdjustedObservations) -> tuple[Float, Float]:
+    """Covariances of the observations and of their adjusted values, in units of the observation."""
+    records, rows = found.observed.records, found.rows
+    L, R = records.whitener[rows], found.covariance[rows]
+    if L.ndim == 2:
+        sigma = 1.0 / np.where(L > 0, L, 1.0)
+        return sigma[:, :, None] * np.eye(records.rows) * sigma[:, None, :], sigma[:, :, None] * R * sigma[:, None, :]
+    used = records.observed_components()[rows]
+    both: Bool = used[:, :, None] & used[:, None, :]
+    back = np.linalg.inv(np.where(both, L, np.eye(records.rows)))
+    return back @ back.swapaxes(1, 2), back @ np.where(both, R, 0.0) @ back.swapaxes(1, 2)

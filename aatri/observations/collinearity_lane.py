@@ -1,0 +1,83 @@
+"""The compiled lane of the collinearity equations, and the sides of the cameras that points lie on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aatri.adjustment.records import Compiled, Fill
+from aatri.adjustment.threads import in_threads, taken
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.kernels.collinearity import in_front, linearise
+from aatri.observations.poses import POINT, POSE, Poses
+
+if TYPE_CHECKING:
+    from aatri.observations.image_points import ImagePointRows, LinearCorrection
+
+
+def compiled_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> Compiled:
+    """The compiled lane, equal to the NumPy form to 1e-12."""
+
+    def prepared(order: Int) -> Callable[[State], Fill]:
+        image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
+        xy, weight, c = taken(rows.xy_mm, order), 1.0 / taken(rows.sigma_mm, order), taken(rows.c_mm, order)
+        if not rows.active.all():
+            weight[~rows.active[order]] = 0.0
+        terms = [(k.group, k.block[order], -k.basis[order] * weight[:, :, None]) for k in corrections]
+
+        def bind(state: State) -> Fill:
+            poses: Poses = state[POSE]
+            X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
+
+            def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
+                for target, (group, block, basis) in zip(J[1:-1], terms):
+                    target[:] = basis[first:last]
+                    v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
+
+            return fill
+
+        return bind
+
+    return prepared
+
+
+def _own(values: Float) -> Float:
+    """As the compiled functions want it: contiguous, and not one of an artifact's read-only columns."""
+    return np.require(values, np.float64, ["C", "W"])
+
+
+def _int32(values: Int) -> Int:
+    return np.require(values, np.int32, ["C", "W"])
+
+
+def side_veto(rows: ImagePointRows) -> Callable[[State, State], str]:
+    """Refuses steps that move points to the other side of their camera: then the linearisation means nothing.
+
+    Returns
+    -------
+    callable
+        (old, new) -> why the new state is refused, or an empty text. The sides of the last accepted state are kept.
+    """
+    image, point = (_int32(a if rows.active.all() else a[rows.active]) for a in (rows.image, rows.point))
+    known: list[tuple[State, Bool]] = []
+
+    def sides(state: State) -> Bool:
+        for seen, found in known:
+            if seen is state:
+                return found
+        poses: Poses = state[POSE]
+        X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
+        found = np.empty(len(image), dtype=np.bool_)
+        in_threads(len(image), lambda first, last: in_front(first, last, image, point, X0, R, X, found))
+        known[:] = [*known[-1:], (state, found)]
+        return found
+
+    def veto(old: State, new: State) -> str:
+        changed = int(np.count_nonzero(sides(old) != sides(new)))
+        return f"{changed} image points change the side of the camera" if changed else ""
+
+    return veto

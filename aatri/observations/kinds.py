@@ -1,0 +1,56 @@
+"""The kinds of observation there are, in the order of the tables of residuals. To add one: a file, and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import Field, create_model
+
+from aatri.observations.control import control
+from aatri.observations.image_points import image_points
+from aatri.observations.observed import Given, Observed
+from aatri.observations.positions import PositionOptions, positions
+from aatri.options import Options
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of observation: the function that takes it from a block, and its options if it has any."""
+
+    observe: Callable[..., tuple[Observed, ...]]
+    options: type[Options] | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of its options."""
+        return self.observe.__name__
+
+
+KINDS = (
+    Kind(image_points),
+    Kind(control),
+    Kind(positions, PositionOptions),
+)
+
+
+def observe(given: Given, options: object) -> tuple[Observed, ...]:
+    """All observations of a block; `options` has the options of each kind under its name."""
+    found: list[Observed] = []
+    for kind in KINDS:
+        found += kind.observe(given, getattr(options, kind.name)) if kind.options else kind.observe(given)
+    return tuple(found)
+
+
+T = TypeVar("T", bound=Options)
+
+
+def with_kinds(model: type[T]) -> type[T]:
+    """The options of a stage that adjusts, with those of all kinds under their names."""
+    fields: dict[str, Any] = {
+        kind.name: (kind.options, Field(kind.options(), description=f"{kind.options.__doc__}"))
+        for kind in KINDS
+        if kind.options
+    }
+    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)

@@ -1,0 +1,176 @@
+"""Observations of one kind, as all that adjusts, tests or tells them takes them.
+
+A kind of observation is one file of this folder and one line of `kinds`. The file has a function
+
+    def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]
+
+which takes its rows out of the tables of the Block. Observed and exact rows, and rows that touch other groups of
+unknowns, are one `Observed` each. Nothing else needs to know the kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import State, Unknowns
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.observations.parameters import ParameterRows
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+    from aatri.artifacts.image_points import ImagePoints
+
+Names = Callable[[Int], tuple[Text, Text]]
+"""Rows -> what tables and messages call them: ids of image and point, empty where there is none."""
+
+Veto = Callable[[State, State], str]
+
+NEARLY_EXACT = 1e-6
+"""Standard deviation, m or rad, with which a rejected exact coordinate is held against its prediction."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What observations are taken from.
+
+    Attributes
+    ----------
+    block : Block
+    image_points : ImagePoints or None
+        None for a network without images.
+    origin_m : (3,) float64, m
+        Origin of the adjustment, near the block; all coordinates below it are reduced to it.
+    start : mapping
+        Poses and ground points at the start, reduced to the origin; NaN where unknown.
+    parameters : tuple of ParameterRows
+        Unknown parameters of images and cameras.
+    """
+
+    block: Block
+    image_points: ImagePoints | None
+    origin_m: Float
+    start: State
+    parameters: tuple[ParameterRows, ...] = ()
+
+
+@dataclass(frozen=True)
+class Holds:
+    """Scalars that exact observations fix: they are held at their values.
+
+    Attributes
+    ----------
+    group : str
+    block : (n,) int
+    scalar : (n, k) bool
+    value : (n, k) float64
+        Reduced to the origin.
+    """
+
+    group: str
+    block: Int
+    scalar: Bool
+    value: Float
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Observations of one kind; coordinates reduced to the origin of the adjustment.
+
+    Attributes
+    ----------
+    records : Records
+        Its name is the kind: of residuals, suspects, messages, report.
+    row : (n,) int
+        Row of each in its table of the Block; -1 if it has none.
+    names : callable
+    unit : str
+        Of its residuals.
+    components : tuple of str
+        Names of the components of a record where they are parameters and not coordinates.
+    unknowns, start
+        Unknowns of its own: drift, additional parameters ...; their start.
+    exact : bool
+        Demanded, not observed.
+    holds : Holds, optional
+        Coordinates that are demanded, row by row as the records.
+    rejected : (n,) bool, optional
+        Rejected earlier: not used, but predicted, and held against the prediction.
+    veto : callable, optional
+        Rows -> (old state, new state) -> why a step is refused on account of them, or an empty text.
+    """
+
+    records: Records
+    row: Int
+    names: Names
+    unit: str
+    components: tuple[str, ...] = ()
+    unknowns: tuple[Unknowns, ...] = ()
+    start: Mapping[str, Any] = field(default_factory=dict)
+    exact: bool = False
+    holds: Holds | None = None
+    rejected: Bool | None = None
+    veto: Callable[[Int], Veto] | None = None
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind."""
+        return self.records.name
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def demanded(self) -> Bool:
+        """Components that are exact, (n, m)."""
+        if self.exact:
+            return self.records.observed_components()
+        nothing = np.zeros((len(self), self.records.rows), dtype=bool)
+        return nothing if self.holds is None else self.holds.scalar & self.records.active[:, None]
+
+    def sigmas(self) -> Float:
+        """Standard deviations a priori, (n, m): 0 exact, NaN not observed."""
+        exact = self.holds.scalar if self.holds is not None else np.zeros((len(self), self.records.rows), dtype=bool)
+        return np.where(exact | self.exact, 0.0, self.records.sigmas())
+
+    def without(self, rejected: Bool) -> Observed:
+        """Without the rejected rows; exact coordinates among them are no longer held."""
+        if not rejected.any():
+            return self
+        records = replace(self.records, active=self.records.active & ~rejected)
+        holds = self.holds
+        if holds is not None:
+            records = replace(records, whitener=_nearly_exact(records.whitener, holds.scalar & rejected[:, None]))
+            holds = replace(holds, scalar=holds.scalar & ~rejected[:, None])
+        return replace(self, records=records, holds=holds, rejected=rejected)
+
+
+def _nearly_exact(whitener: Float, exact: Bool) -> Float:
+    full = whitener if whitener.ndim == 3 else whitener[:, :, None] * np.eye(whitener.shape[1])
+    row, component = np.nonzero(exact)
+    found = full.copy()
+    found[row, component, component] = 1.0 / NEARLY_EXACT
+    return found
+
+
+def named(image: Text | None = None, point: Text | None = None) -> Names:
+    """Names given row by row."""
+
+    def names(rows: Int) -> tuple[Text, Text]:
+        nothing = np.full(len(rows), "")
+        return (nothing if image is None else image[rows], nothing if point is None else point[rows])
+
+    return names
+
+
+def named_by(ids: Text, number: Int, *, point: bool = False) -> Names:
+    """Names by a table of ids and the row of it that each observation touches."""
+
+    def names(rows: Int) -> tuple[Text, Text]:
+        found, nothing = ids[number[rows]], np.full(len(rows), "")
+        return (nothing, found) if point else (found, nothing)
+
+    return names

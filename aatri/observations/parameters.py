@@ -1,0 +1,79 @@
+"""Unknown parameters of images or cameras beside the poses, and what is known of them beforehand.
+
+Film corrections, sets of additional parameters, parameters of camera models: each is a group of unknowns that image
+points touch. A weighted parameter is an observation of its own, v = p - p_prior, with the covariance of the group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import Ids, Unknowns, add_step
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.coordinates import value_records
+from aatri.observations.poses import POSE
+
+
+@dataclass(frozen=True)
+class ParameterRows:
+    """A group of unknown parameters of images or cameras, beside the poses.
+
+    Attributes
+    ----------
+    group : str
+        FILM, ADDITIONAL or CAMERA.
+    ids : (n,) str
+        Names of the blocks.
+    labels : tuple of str
+        Names of the s parameters of a block.
+    start : (n, s) float64
+    free : (n, s) bool
+    prior : (n, s) float64
+        Observed values of the weighted parameters.
+    covariance : (n, s, s) float64
+        Their covariance.
+    weighted : (n, s) bool
+    block : (n_rays,) int
+        Block of each ray.
+    basis : (n_rays, 2, s) float64 or None
+        Correction of the measured coordinate per parameter; None where `model` tells the equations.
+    model : tuple of str
+        Camera model of each block, for CAMERA.
+    per_image : bool
+        The blocks are those of the images, one by one.
+    """
+
+    group: str
+    ids: Ids
+    labels: tuple[str, ...]
+    start: Float
+    free: Bool
+    prior: Float
+    covariance: Float
+    weighted: Bool
+    block: Int
+    basis: Float | None = None
+    model: tuple[str, ...] = ()
+    per_image: bool = False
+
+    def take(self, rays: Int | Bool) -> ParameterRows:
+        """With the chosen rays only."""
+        return replace(self, block=self.block[rays], basis=None if self.basis is None else self.basis[rays])
+
+
+def parameter_unknowns(rows: ParameterRows) -> Unknowns:
+    """The group of unknowns; parameters of single images stand and fall with them."""
+    return Unknowns(rows.group, rows.free, rows.labels, rows.ids, add_step, joins=POSE if rows.per_image else "")
+
+
+def prior_records(rows: ParameterRows) -> tuple[Int, Records] | None:
+    """The weighted parameters as observations, and the block of each record; None if there are none."""
+    weighted = rows.weighted & rows.free
+    block = np.flatnonzero(weighted.any(axis=1))
+    if not len(block):
+        return None
+    name = f"{rows.group}_prior"
+    return block, value_records(name, rows.group, block, rows.prior[block], rows.covariance[block], weighted[block])

@@ -1,0 +1,104 @@
+"""An adjusted block: poses, points and parameters with their covariances, and the observations held against them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.adjust import Adjusted
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.observed import Observed
+from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import POINT, POSE, Poses
+
+
+@dataclass(frozen=True)
+class AdjustedParameters:
+    """A group of parameters after the adjustment.
+
+    Attributes
+    ----------
+    given : ParameterRows
+    value : (n, s) float64
+    covariance : (n, s, s) float64
+        NaN where not asked for; zero where held.
+    """
+
+    given: ParameterRows
+    value: Float
+    covariance: Float
+
+
+@dataclass(frozen=True)
+class AdjustedObservations:
+    """Observations of one kind after the adjustment.
+
+    Attributes
+    ----------
+    observed : Observed
+    rows : (k,) int
+        Rows that take part: used, or rejected and predicted.
+    used : (n,) bool
+        Of all rows: they determine the result.
+    covariance : (n, m, m) float64
+        Covariance of the adjusted (rejected: predicted) values over the a-priori standard deviations: I minus it is the
+        cofactor of the whitened residuals (I plus it that of the prediction error); NaN unknown.
+    """
+
+    observed: Observed
+    rows: Int
+    used: Bool
+    covariance: Float
+
+    def residuals(self, state: State) -> Float:
+        """Computed minus observed of the rows that take part, (k, m)."""
+        return self.observed.records.evaluate(state, self.rows)[0]
+
+
+@dataclass(frozen=True)
+class BundleResult:
+    """An adjusted block.
+
+    Attributes
+    ----------
+    poses : Poses
+        NaN where the image was left out.
+    xyz_m : (n_points, 3) float64, m
+    covariances : dict of str to (n, k, k) float64
+        Of all groups of unknowns; NaN where not determined or not asked for.
+    parameters : tuple of AdjustedParameters
+    observations : tuple of AdjustedObservations
+    image_adjusted, point_adjusted : bool
+    adjusted : Adjusted
+    """
+
+    poses: Poses
+    xyz_m: Float
+    covariances: dict[str, Float]
+    parameters: tuple[AdjustedParameters, ...]
+    observations: tuple[AdjustedObservations, ...]
+    image_adjusted: Bool
+    point_adjusted: Bool
+    adjusted: Adjusted
+
+    @property
+    def pose_covariance(self) -> Float:
+        """Of the orientations, (n_images, 6, 6), m and rad."""
+        return self.covariances[POSE]
+
+    @property
+    def point_covariance_m2(self) -> Float:
+        """Of the ground points, (n_points, 3, 3), m^2."""
+        return self.covariances[POINT]
+
+    @property
+    def ray_used(self) -> Bool:
+        """Image points that determine the result."""
+        rays = [o.used for o in self.observations if POSE in _groups(o) and POINT in _groups(o)]
+        return rays[0] if rays else np.zeros(0, dtype=bool)
+
+
+def _groups(observations: AdjustedObservations) -> set[str]:
+    return {group for group, _ in observations.observed.records.touches}
