@@ -100,7 +100,7 @@ def made_solution(block: b.Block, *, shift_m: Any = 0.0, sigma_m: float = 0.02, 
             point=np.concatenate([block.points.id[block.image_points.point], block.points.id[rows]]),
             residual=np.concatenate([np.column_stack([wave, np.full(n_rays, np.nan)]), np.full((n_control, 3), 0.001)]),
             sigma=np.concatenate([np.tile([0.005, 0.005, np.nan], (n_rays, 1)), np.full((n_control, 3), 0.01)]),
-            active=np.ones(n_rays + n_control, bool)),
+            active=np.ones(n_rays + n_control, bool), unit=["mm"] * n_rays + ["m"] * n_control),
         "history": s.Iterations(cost=[1e6, 1e3, 410.0, 400.0], decrement=[900.0, 20.0, 0.5, 1e-5], damping=[0.0] * 4),
         "suspects": Suspects.empty(),
     }  # fmt: skip

@@ -27,6 +27,12 @@ class Kind:
         """Name of its options."""
         return self.observe.__name__
 
+    @property
+    def about(self) -> str:
+        """First line of its docstring, as description of its options."""
+        first = (self.observe.__doc__ or "").splitlines()[0].rstrip(".")
+        return first[:1].lower() + first[1:]
+
 
 KINDS = (
     Kind(image_points),
@@ -49,7 +55,7 @@ T = TypeVar("T", bound=Options)
 def with_kinds(model: type[T]) -> type[T]:
     """The options of a stage that adjusts, with those of all kinds under their names."""
     fields: dict[str, Any] = {
-        kind.name: (kind.options, Field(kind.options(), description=f"{kind.options.__doc__}"))
+        kind.name: (kind.options, Field(kind.options(), description=kind.about))
         for kind in KINDS
         if kind.options
     }

@@ -53,4 +53,3 @@ def test_the_band_of_the_textbook_stands_beside_the_one_found(chain: Chain) -> N
     assert orderings.gflop[across] < orderings.gflop[along]
     assert any("the textbook numbers across the strips, n 22, 2N - 1 9" in line for line in told.lines)
     assert any("half bandwidth" in line and "(textbook 12)" in line for line in told.lines)
-    assert any(line.startswith("standard deviations of 110 orientations") for line in told.lines)

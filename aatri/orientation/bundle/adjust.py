@@ -24,6 +24,7 @@ from aatri.adjustment.loss import Huber
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
+from aatri.errors import GeometryError
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
@@ -76,6 +77,11 @@ def adjust_bundle(
     poses = _free_poses(given, part.of[POSE], datum)
     unknowns = unknowns_of(given, part, poses, _places(given, settings.get("ordering", "auto")))
     records, constraints = _records(given, part, huber)
+    if not any(u.free.any() for u in unknowns):
+        raise GeometryError(
+            "there is nothing to adjust: no image and no point has enough observations that tie it to others",
+            remedy="give `image_points` in `from:`, and start values",
+        )
     free = None
     if datum == "free":
         others = [r for r in records if not _is_ray(r)] + constraints
