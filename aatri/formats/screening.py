@@ -7,8 +7,8 @@ active, and repeats until nothing changes:
 2. point seen in one image only, without control and without other observations -> its image points are rejected;
 3. image with fewer than 3 points, without an observed position -> rejected, with its image points.
 
-Ground points with a role that no image shows are listed, but keep their role. If more than 5 % of the image points
-(rule 1), points (2) or images (3) would go, something larger is wrong: an error, with the first places.
+Ground points with a role that no image shows are listed, but keep their role. If more than `max_reject_share` of the
+image points (rule 1), points (2) or images (3) would go, something larger is wrong: an error, with the first places.
 The outcome depends on the content alone, so that a block written out and read again is screened to the same.
 """
 
@@ -27,7 +27,10 @@ from aatri.ids import printable
 from aatri.progress import SILENT, Reporter
 
 MAX_REJECT_SHARE = 0.05
-"""Largest share of a class (images, points, image points) that may be rejected."""
+"""Largest share of a class (images, points, image points) that may be rejected, unless options say another."""
+
+REJECT_SHARE = "largest share of the images, points or image points that may be set aside; more is an error"
+"""What the option of that name says."""
 
 FORMAT_MARGIN = 0.05
 """How far beyond the image format, as a share of it, an image point may lie."""
@@ -59,7 +62,7 @@ class _Set:
         self.reasons.update({int(row): reason for row in rows})
 
 
-def screen_block(block: Block, reporter: Reporter = SILENT) -> Block:
+def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE) -> Block:
     """The block with what cannot be used set inactive and listed in `rejects`.
 
     Parameters
@@ -68,11 +71,13 @@ def screen_block(block: Block, reporter: Reporter = SILENT) -> Block:
         With the active flags as the files give them; rows in `rejects` are kept.
     reporter : Reporter
         Gets a warning per reject.
+    max_reject_share : float
+        Largest share of a class (images, points, image points) that may be set aside.
 
     Raises
     ------
     InputError
-        If two measurements of one point in one image disagree, or more than 5 % of a class would be rejected.
+        If two measurements of one point in one image disagree, or more than the share of a class would be rejected.
     """
     problems = repeated_measurements(block)
     images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
@@ -80,7 +85,7 @@ def screen_block(block: Block, reporter: Reporter = SILENT) -> Block:
     points.reject(np.flatnonzero(outside), OUTSIDE)
     while _reject_round(block, images, points):
         pass
-    problems += _too_many(block, images, points)
+    problems += _too_many(block, images, points, max_reject_share)
     raise_all(problems)
     rejects = _rejects(block, images, points)
     for kind, name, reason in zip(rejects.kind, rejects.id, rejects.reason):
@@ -127,14 +132,19 @@ def _mm_per_unit(block: Block) -> Float:
 
 
 def _outside_format(block: Block) -> Bool:
-    """Image points more than the margin outside; comparator axes have no known origin, so nothing is outside there."""
+    """Image points more than the margin outside.
+
+    The axes of a comparator or of a scan have no known place on the film, so nothing is outside there: interior
+    orientation tells.
+    """
     cameras = block.cameras
     size = cameras.format
     low, high = -size / 2, size / 2
     corner = np.isin(cameras.pixel_origin, ["top-left-corner", "top-left-centre", "bottom-left-corner"])
     from_corner = (corner & (cameras.image_coordinates == "pixel"))[:, None]
     low, high = np.where(from_corner, 0.0, low), np.where(from_corner, size, high)
-    unknown = (cameras.image_coordinates == "comparator")[:, None]
+    scanned = (cameras.kind == "film") & (cameras.image_coordinates == "pixel")
+    unknown = ((cameras.image_coordinates == "comparator") | scanned)[:, None]
     low = np.where(unknown, np.nan, low - FORMAT_MARGIN * size)
     high = np.where(unknown, np.nan, high + FORMAT_MARGIN * size)
     camera = block.images.camera[block.image_points.image]
@@ -198,7 +208,7 @@ def _has_position(block: Block) -> Bool:
     return np.isin(np.arange(len(block.images)), rows.image[observed])
 
 
-def _too_many(block: Block, images: _Set, points: _Set) -> list[InputError]:
+def _too_many(block: Block, images: _Set, points: _Set, share: float) -> list[InputError]:
     """Errors for the classes of which too much would go."""
     rows = block.image_points
     by_reason = {reason: [r for r, why in points.reasons.items() if why == reason] for reason in (OUTSIDE, SEEN_ONCE)}
@@ -212,25 +222,25 @@ def _too_many(block: Block, images: _Set, points: _Set) -> list[InputError]:
     outside_lines = [(_point_name(block, r), _measured_at(block, r)) for r in sorted(by_reason[OUTSIDE])]
     measured = int(np.count_nonzero(np.bincount(rows.point)))
     found = [
-        _share_error("image points", outside_lines, len(rows), OUTSIDE,
+        _share_error("image points", outside_lines, len(rows), share, OUTSIDE,
                      "check unit, origin, axes and `format` of the camera in block.yaml"),
-        _share_error("points", point_lines, measured, SEEN_ONCE,
+        _share_error("points", point_lines, measured, share, SEEN_ONCE,
                      "check that a point has the same id in all images; remove single measurements"),
-        _share_error("images", image_lines, len(block.images), FEW_POINTS,
+        _share_error("images", image_lines, len(block.images), share, FEW_POINTS,
                      "measure more points, give an observed position, or remove the images"),
     ]  # fmt: skip
     errors = [error for error in found if error is not None]
     return errors[:1] if found[0] is not None else errors  # what lies outside the format takes the rest with it
 
 
-def _share_error(kind: str, found: list[tuple[str, str]], total: int, reason: str, remedy: str) -> InputError | None:
-    if len(found) <= MAX_REJECT_SHARE * total:
+def _share_error(kind: str, found: list[tuple[str, str]], total: int, share: float, reason: str, remedy: str) -> InputError | None:
+    if len(found) <= share * total:
         return None
     listed = ", ".join(f"{printable(name)} ({where})" if where else printable(name)
                        for name, where in found[:MOST_LISTED])  # fmt: skip
     more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
-    what = f"{len(found)} of {total} {kind}: {reason}; at most {MAX_REJECT_SHARE:.0%} may be set aside: {listed}{more}"
-    return InputError(what, where=found[0][1], remedy=remedy)
+    what = f"{len(found)} of {total} {kind}: {reason}; at most {share:.0%} may be set aside: {listed}{more}"
+    return InputError(what, where=found[0][1], remedy=f"{remedy}; or allow more with max_reject_share")
 
 
 def _point_name(block: Block, row: int) -> str:

@@ -7,6 +7,7 @@ Reads image points, start values of orientations and points, and a camera per im
 from aatri.artifacts.block import Block
 from aatri.formats.bal.reader import read_bal
 from aatri.formats.results.summary import log_counts
+from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -16,11 +17,12 @@ class BalOptions(Options):
     path: InputPath = Field(description="the problem, an unpacked text file")
     image_sigma_px: float = Field(1.0, gt=0, description="standard deviation of image coordinates, px")
     calibrate: bool = Field(True, description="f, k1 and k2 of every image are unknown and free, not fixed")
+    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1)
 def bal(*, options: BalOptions, context: Context = SILENT) -> Block:
     """Read a problem file."""
-    block = read_bal(options.path, image_sigma_px=options.image_sigma_px, calibrate=options.calibrate, reporter=context)
+    block = read_bal(options.path, image_sigma_px=options.image_sigma_px, calibrate=options.calibrate, max_reject_share=options.max_reject_share, reporter=context)
     log_counts(block, context)
     return block

@@ -8,6 +8,7 @@ are described in docs/formats.md.
 from aatri.artifacts.block import Block
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.results.summary import log_counts
+from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -23,6 +24,7 @@ class ColmapOptions(Options):
     )
     control: InputPath | None = Field(None, description="ground_points.csv with the ids of the model's points, in m")
     calibrate: bool = Field(False, description="c, principal point and distortion are unknown and free, not fixed")
+    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1)
@@ -30,7 +32,7 @@ def colmap(*, options: ColmapOptions, context: Context = SILENT) -> Block:
     """Read a sparse model."""
     block = read_colmap(
         options.path, image_sigma_px=options.image_sigma_px, position_sigma_m=options.position_sigma,
-        control=options.control, calibrate=options.calibrate, reporter=context,
+        control=options.control, calibrate=options.calibrate, max_reject_share=options.max_reject_share, reporter=context,
     )  # fmt: skip
     log_counts(block, context)
     return block

@@ -10,6 +10,7 @@ from typing import Literal
 from aatri.artifacts.block import Block
 from aatri.formats.dbat.reader import CameraModel, read_dbat
 from aatri.formats.results.summary import log_counts
+from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -26,6 +27,7 @@ class DbatOptions(Options):
     undetermined_points: Literal["refuse", "set_aside"] = Field(
         "refuse", description="object points seen in no image, or in one and without control"
     )
+    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1)
@@ -33,7 +35,7 @@ def dbat(*, options: DbatOptions, context: Context = SILENT) -> Block:
     """Read a PhotoModeler export and its control points."""
     block = read_dbat(
         options.path, options.control, camera_model=options.camera_model, calibrate=options.calibrate,
-        image_sigma_px=options.image_sigma_px, set_aside=options.undetermined_points == "set_aside", reporter=context,
+        image_sigma_px=options.image_sigma_px, set_aside=options.undetermined_points == "set_aside", max_reject_share=options.max_reject_share, reporter=context,
     )  # fmt: skip
     log_counts(block, context)
     return block

@@ -8,6 +8,7 @@ in docs/formats.md.
 
 from aatri.artifacts.block import Block
 from aatri.formats.results.summary import log_counts
+from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.formats.tables.reader import read_block
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
@@ -16,11 +17,12 @@ class TablesOptions(Options):
     """Options of block/tables."""
 
     path: InputPath = Field(description="the block folder")
+    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1)
 def tables(*, options: TablesOptions, context: Context = SILENT) -> Block:
     """Read a block folder."""
-    block = read_block(options.path, context)
+    block = read_block(options.path, context, options.max_reject_share)
     log_counts(block, context)
     return block

@@ -7,6 +7,7 @@ standard deviations: they are options. The form of the files is described in doc
 from aatri.artifacts.block import Block
 from aatri.formats.results.summary import log_counts
 from aatri.formats.wucaps.reader import read_wucaps
+from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -16,12 +17,13 @@ class WucapsOptions(Options):
     path: InputPath = Field(description="folder with PRECAI, PREPHI, PRECKI and PRECPI")
     image_sigma_um: float = Field(10.0, gt=0, description="standard deviation of image coordinates, um")
     control_sigma: float | None = Field(None, gt=0, description="standard deviation of control points, m; null: exact")
+    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1)
 def wucaps(*, options: WucapsOptions, context: Context = SILENT) -> Block:
     """Read a folder of WuCAPS files."""
-    block = read_wucaps(options.path, image_sigma_mm=options.image_sigma_um * 1e-3, reporter=context,
+    block = read_wucaps(options.path, image_sigma_mm=options.image_sigma_um * 1e-3, max_reject_share=options.max_reject_share, reporter=context,
                         control_sigma_m=options.control_sigma)  # fmt: skip
     log_counts(block, context)
     return block

@@ -26,7 +26,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, Block, CameraParameters, Cameras, GroundPoints, ImagePoints
 from aatri.errors import InputError
 from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
-from aatri.formats.screening import screen_block
+from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.formats.text.number_text import numbers_of
@@ -66,7 +66,8 @@ class BalProblem:
 
 
 def read_bal(
-    path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True, reporter: Reporter = SILENT
+    path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True,
+    max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT
 ) -> Block:  # fmt: skip
     """Read a problem.
 
@@ -77,6 +78,8 @@ def read_bal(
         Standard deviation of image coordinates; the files have none.
     calibrate : bool
         f, k1 and k2 of every image are free, as the problem has it. Else they are fixed.
+    max_reject_share : float
+        Largest share of images, points or image points that may be set aside.
     reporter : Reporter
 
     Raises
@@ -106,7 +109,7 @@ def read_bal(
         ground_points=_ground_points(problem, point),
         exterior=approximate_exterior(image, position, angles_from_rotation(ground_from_image), 0, problem.lines[1]),
     )
-    return screen_block(block, reporter)
+    return screen_block(block, reporter, max_reject_share)
 
 
 def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:

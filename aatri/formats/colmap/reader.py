@@ -41,7 +41,7 @@ from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.text import read_text, text_paths
 from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
-from aatri.formats.screening import screen_block
+from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.formats.text.text_file import missing
@@ -71,7 +71,7 @@ INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 def read_colmap(
     folder: Path, *, image_sigma_px: float = 1.0, position_sigma_m: float | None = None, control: Path | None = None,
-    calibrate: bool = False, reporter: Reporter = SILENT,
+    calibrate: bool = False, max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT,
 ) -> Block:  # fmt: skip
     """Read a sparse model, text or binary.
 
@@ -86,6 +86,8 @@ def read_colmap(
         A ground_points.csv of the block folder, with the ids of the points of the model.
     calibrate : bool
         c, principal point and the distortion parameters of each model are free. Else they are fixed.
+    max_reject_share : float
+        Largest share of images, points or image points that may be set aside.
     reporter : Reporter
 
     Raises
@@ -119,7 +121,7 @@ def read_colmap(
         ground_points=ground.table,
         exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
     )  # fmt: skip
-    return screen_block(block, reporter)
+    return screen_block(block, reporter, max_reject_share)
 
 
 def _read(folder: Path, reporter: Reporter) -> ColmapModel:

@@ -215,8 +215,9 @@ def _marks(source: _Lines, photos: int) -> list[Mark]:
         photo, value = record.count(0), [record.number(k) for k in range(2, 6)]
         if photo >= photos:
             raise record.error(f"photo {photo}, but the photos are 0 to {photos - 1}", "mend the number")
-        if min(value[2:]) <= 0:
-            raise record.error(f"standard deviations {value[2]:g}, {value[3]:g}", "they are positive, in pixels")
+        if min(value[2:]) < 0 or min(value[2:]) == 0 < max(value[2:]):
+            raise record.error(f"standard deviations {value[2]:g}, {value[3]:g}",
+                               "they are positive, in pixels; or both 0: not given")  # fmt: skip
         marks.append(Mark(photo, record.words[1], tuple(value[:2]), tuple(value[2:]), record))
     return marks
 

@@ -47,7 +47,7 @@ from aatri.artifacts.block import (
 from aatri.errors import GeometryError, InputError, raise_all
 from aatri.formats.dbat.files import DefaultCamera, Export, Given, Photo, read_control, read_export
 from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
-from aatri.formats.screening import NOT_SEEN, screen_block
+from aatri.formats.screening import MAX_REJECT_SHARE, NOT_SEEN, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.ids import canonical, did_you_mean, rows_of
@@ -58,12 +58,16 @@ CAMERA = "camera"
 
 EXPORT, CONTROL_FILE = 0, 1
 
+NOT_GIVEN_SIGMA_PX = 1.0
+"""Standard deviation of marks that have none; sigma0 tells what it should have been."""
+
 CameraModel = Literal["brown", "dbat3"]
 
 
 def read_dbat(
     export: Path, control: Path | None = None, *, camera_model: CameraModel = "brown", calibrate: bool = False,
-    image_sigma_px: float | None = None, set_aside: bool = False, reporter: Reporter = SILENT,
+    image_sigma_px: float | None = None, set_aside: bool = False,
+    max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT,
 ) -> Block:  # fmt: skip
     """Read a PhotoModeler export and a control file of DBAT.
 
@@ -80,6 +84,8 @@ def read_dbat(
         Standard deviation of image coordinates; None: that of each mark.
     set_aside : bool
         Points that cannot be determined are set aside. Else they are refused, as DBAT does.
+    max_reject_share : float
+        Largest share of images, points or image points that may be set aside.
     reporter : Reporter
 
     Raises
@@ -108,7 +114,7 @@ def read_dbat(
         camera_parameters=_parameters(source.camera, camera_model, calibrate),
         images=image_table(names, np.zeros(len(photos), np.int32), np.arange(1.0, len(photos) + 1), EXPORT, lines),
         point_ids=point_ids,
-        image_points=_image_points(source, image_ids, point_ids, pixel_mm, image_sigma_px),
+        image_points=_image_points(source, image_ids, point_ids, pixel_mm, image_sigma_px, reporter),
         ground_points=_ground_points(source, given, point_ids, shift),
         exterior=approximate_exterior(
             rows_of(names, image_ids), np.array([p.position_m for p in photos]) + shift,
@@ -116,7 +122,7 @@ def read_dbat(
         ),
         rejects=_not_seen(source, given),
     )  # fmt: skip
-    return screen_block(block, reporter)
+    return screen_block(block, reporter, max_reject_share)
 
 
 def _refuse_undetermined(source: Export, given: dict[str, Given]) -> None:
@@ -208,10 +214,16 @@ def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> C
 
 
 def _image_points(source: Export, image_ids: list[str], point_ids: list[str], pixel_mm: Float,
-                  sigma_px: float | None) -> ImagePoints:  # fmt: skip
+                  sigma_px: float | None, reporter: Reporter) -> ImagePoints:  # fmt: skip
     n = len(source.marks)
     row_of_photo = rows_of([p.name for p in source.photos], image_ids)
-    sigma = np.array([m.sigma_px for m in source.marks]) if sigma_px is None else np.full((n, 2), sigma_px)
+    sigma = np.array([m.sigma_px for m in source.marks]).reshape(n, 2) if sigma_px is None else np.full((n, 2), sigma_px)
+    not_given = np.flatnonzero((sigma == 0).all(axis=1))
+    if len(not_given):
+        record = source.marks[not_given[0]].record
+        reporter.warn(f"{record.path}:{record.line}: {len(not_given)} of {n} image points have standard deviations 0, 0:"
+                      f" {NOT_GIVEN_SIGMA_PX:g} px is taken; image_sigma_px gives another")  # fmt: skip
+        sigma[not_given] = NOT_GIVEN_SIGMA_PX
     table = ImagePoints(
         image=row_of_photo[[m.photo for m in source.marks]], point=rows_of([m.point for m in source.marks], point_ids),
         xy=np.array([m.xy_px for m in source.marks]), sigma_mm=sigma * pixel_mm, group=texts([""] * n),

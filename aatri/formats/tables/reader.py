@@ -13,7 +13,7 @@ import numpy as np
 
 from aatri.artifacts.block import Block, Files, Frames, Points
 from aatri.errors import AatriError, InputError, raise_all
-from aatri.formats.screening import screen_block
+from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.exterior import exterior_table
@@ -38,7 +38,7 @@ OF_IMAGES = {"image_points.csv", "fiducials.csv", "exterior.csv"}
 """Files that name images."""
 
 
-def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
+def read_block(folder: Path, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE) -> Block:
     """Read a block folder.
 
     Parameters
@@ -46,6 +46,8 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
     folder : Path
     reporter : Reporter
         Gets warnings, and one line per reject.
+    max_reject_share : float
+        Largest share of images, points or image points that may be set aside.
 
     Returns
     -------
@@ -64,7 +66,7 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
     source = Source(folder, settings, document, reporter)
     _check_files(source)
     block = _block(source)
-    return screen_block(block, reporter)
+    return screen_block(block, reporter, max_reject_share)
 
 
 def _block(source: Source) -> Block:

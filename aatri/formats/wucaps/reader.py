@@ -37,7 +37,7 @@ from aatri.artifacts.block import (
     RigMembers,
     Strips,
 )
-from aatri.formats.screening import screen_block
+from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.formats.wucaps.files import NAMES, Camera, GroundPoint, Measured, Photo, read_files
@@ -49,7 +49,7 @@ CAMERA = "PRECAI"
 
 
 def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m: float | None = None,
-                reporter: Reporter = SILENT) -> Block:  # fmt: skip
+                max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT) -> Block:  # fmt: skip
     """Read a folder of WuCAPS files.
 
     Parameters
@@ -59,6 +59,8 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         Standard deviation of image coordinates; the files have none.
     control_sigma_m : float, m, optional
         Standard deviation of control and check points; None: exact.
+    max_reject_share : float
+        Largest share of images, points or image points that may be set aside.
     reporter : Reporter
 
     Raises
@@ -99,7 +101,7 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         relative_control_members=RelativeControlMembers.empty(),
         rejects=Rejects.empty(),
     )
-    return screen_block(block, reporter)
+    return screen_block(block, reporter, max_reject_share)
 
 
 def _camera_table(camera: Camera) -> Cameras:

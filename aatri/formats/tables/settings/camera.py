@@ -24,6 +24,7 @@ PARAMETERS = {
     "opencv": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
     "fisheye": ("k1", "k2", "k3", "k4"),
     "bal": ("k1", "k2"),
+    "dbat3": ("as", "k1", "k2", "k3", "p1", "p2"),
 }
 """Parameters of the distortion models."""
 
@@ -42,7 +43,7 @@ class Pixel(Section):
 class Distortion(Section):
     """Distortion model with its parameters."""
 
-    model: Literal["none", "brown", "table", "opencv", "fisheye", "bal"]
+    model: Literal["none", "brown", "table", "opencv", "fisheye", "bal", "dbat3"]
     parameters: dict[str, float] = {}
     radius: list[Annotated[float, Field(ge=0)]] = []
     correction: list[float] = []
