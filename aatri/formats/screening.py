@@ -9,6 +9,7 @@ active, and repeats until nothing changes:
 
 Ground points with a role that no image shows are listed, but keep their role. If more than `max_reject_share` of the
 image points (rule 1), points (2) or images (3) would go, something larger is wrong: an error, with the first places.
+So is control that lies off the block (see `orientation.plausibility.control`).
 The outcome depends on the content alone, so that a block written out and read again is screened to the same.
 """
 
@@ -20,10 +21,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aatri.adapters.places import place
+from aatri.adapters.plausibility import control_as_given
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
 from aatri.ids import printable
+from aatri.notes import tell
 from aatri.progress import SILENT, Reporter
 
 MAX_REJECT_SHARE = 0.05
@@ -86,7 +89,9 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     while _reject_round(block, images, points):
         pass
     problems += _too_many(block, images, points, max_reject_share)
-    raise_all(problems)
+    misplaced, notes = control_as_given(block)
+    raise_all([*problems, *misplaced])
+    tell(notes, reporter)
     rejects = _rejects(block, images, points)
     for kind, name, reason in zip(rejects.kind, rejects.id, rejects.reason):
         reporter.warn(f"rejected: {kind} {printable(str(name))}: {reason}")

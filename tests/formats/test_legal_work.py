@@ -100,3 +100,26 @@ def test_a_small_block_may_lose_an_image_where_the_option_allows_it(tmp_path: Pa
         read_block(folder)
     block = read_block(folder, max_reject_share=0.2)
     assert block.rejects.id[block.rejects.kind == "image"].tolist() == ["z9"]
+
+
+def test_control_with_x_and_y_swapped_is_refused_on_reading_with_its_line(tmp_path: Path) -> None:
+    block = flown()
+    ground = block.ground_points
+    assert ground.role.any()
+    write_block(block, tmp_path / "good")
+    for name in ("block.yaml", "images.csv", "image_points.csv", "fiducials.csv"):
+        (tmp_path / "bad").mkdir(exist_ok=True)
+        (tmp_path / "bad" / name).write_text((tmp_path / "good" / name).read_text())
+    rows = (tmp_path / "good/ground_points.csv").read_text().splitlines()
+    shifted = [rows[0]]
+    for row in rows[1:]:
+        point, x, y, *rest = row.split(",")
+        shifted.append(",".join([point, repr(float(x) + 446e3), repr(float(y) + 4505e3), *rest]))
+    (tmp_path / "bad/ground_points.csv").write_text("\n".join(shifted) + "\n")
+    read_block(tmp_path / "bad")
+    control = next(k for k, row in enumerate(shifted) if k and "check" not in row)
+    point, x, y, *rest = shifted[control].split(",")
+    shifted[control] = ",".join([point, y, x, *rest])
+    (tmp_path / "bad/ground_points.csv").write_text("\n".join(shifted) + "\n")
+    with pytest.raises(InputError, match=rf"ground_points.csv:{control + 1}: {point} lies 5,7\d\d km from the block; with X and Y"):
+        read_block(tmp_path / "bad")

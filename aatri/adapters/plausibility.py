@@ -1,0 +1,76 @@
+"""Sanity of a block from its tables: control against positions as given; cameras and control once orientations are known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adapters.places import place
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.camera.pixels import half_format_mm
+from aatri.errors import InputError
+from aatri.notes import Note
+from aatri.observations.control import control_of
+from aatri.orientation.plausibility.cameras import Cameras, camera_notes, control_notes
+from aatri.orientation.plausibility.control import misplaced_control
+
+
+def control_as_given(block: Block) -> tuple[list[InputError], tuple[Note, ...]]:
+    """Control that lies off the block as it is given: what is certain as errors, the rest as warnings.
+
+    Positions are those of exterior.csv, observed or approximate.
+    """
+    xyz, ids, image, control = _control(block)
+    position = np.full((len(block.images), 3), np.nan)
+    position[block.exterior.image] = block.exterior.position_m
+    errors, notes = [], []
+    rows = block.ground_points
+    for found in misplaced_control(ids, xyz[:, :2], position[:, :2], control, image):
+        row = int(control_of(block).row[found.rows[0]])
+        where = place(block, int(rows.file[row]), int(rows.line[row]))
+        if found.certain:
+            errors.append(InputError(found.text, where=where, remedy=found.remedy))
+        else:
+            notes.append(Note("warning", f"{where}: {found.text}; {found.remedy}".removeprefix(": ")))
+    return errors, tuple(notes)
+
+
+def sanity(block: Block, position_m: Float, ground_from_image: Float, xyz_m: Float) -> tuple[Note, ...]:
+    """One line per camera and one of the control: field of view, flying height, scale, control inside the footprints.
+
+    Parameters
+    ----------
+    block : Block
+    position_m, ground_from_image : (n, 3), (n, 3, 3) float64, m
+        Of the block's images, in its first frame; NaN where not oriented.
+    xyz_m : (p, 3) float64, m
+        Of the block's points; NaN where not known.
+
+    Returns
+    -------
+    tuple of Note
+    """
+    c = block.cameras
+    digital = c.kind == "digital"
+    pixel = np.where(digital, np.sqrt(c.pixel_size_mm.prod(axis=1)), np.nan)
+    half = half_format_mm(np.asarray(digital), c.format, c.pixel_size_mm)
+    cameras = Cameras(c.id.tolist(), c.principal_distance_mm, half, pixel)
+    of_image = block.images.camera
+    rows = np.flatnonzero(block.image_points.active & block.images.active[block.image_points.image])
+    points = block.image_points
+    xyz, ids, image, control = _control(block)
+    return (
+        *camera_notes(cameras, of_image, position_m, ground_from_image, xyz_m, points.image[rows], points.point[rows]),
+        *control_notes(cameras, of_image, position_m, ground_from_image, ids, xyz, image, control),
+    )
+
+
+def _control(block: Block) -> tuple[Float, list[str], Int, Int]:
+    """Control points (coordinates that are no control are NaN), their ids, and which image shows which of them."""
+    control = control_of(block)
+    number = np.full(len(block.points), -1)
+    number[control.point] = np.arange(len(control.point))
+    points = block.image_points
+    active = points.active & block.images.active[points.image] & (number[points.point] >= 0)
+    xyz = np.where(control.given, control.xyz_m, np.nan)
+    return xyz, block.points.id[control.point].tolist(), points.image[active], number[points.point[active]]

@@ -1,0 +1,1 @@
+"""What cannot be right, found before adjusting: control off the block, cameras with impossible figures."""
