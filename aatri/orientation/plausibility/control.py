@@ -87,7 +87,7 @@ def misplaced_control(
     rows = np.flatnonzero(shown & np.isfinite(xy_m).all(axis=1))
     if not len(rows):
         return ()
-    located = np.isfinite(position_xy_m[ray_image]).all(axis=1)
+    located = np.isfinite(position_xy_m[ray_image]).all(axis=1) & np.isfinite(xy_m[ray_control]).all(axis=1)
     control, image = ray_control[located], ray_image[located]
     seen = np.intersect1d(rows, control)
     if len(seen):

@@ -132,3 +132,9 @@ def test_control_outside_of_what_its_images_show_is_named():
     assert str(line).startswith("4 of 5")
     assert warning.level == "warning"
     assert warning.ids == ("GCP4 (7.39 km from the nearest of them)",)
+
+
+def test_height_only_control_and_images_without_position_are_passed_over():
+    points, stations = POINTS.copy(), STATIONS.copy()
+    points[0], stations[1] = np.nan, np.nan
+    assert _found(points, stations) == ()
