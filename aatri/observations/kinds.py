@@ -17,15 +17,16 @@ from aatri.options import Options
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of observation: the function that takes it from a block, and its options if it has any."""
+    """A kind of observation: the function that takes it from a block, its options, and the name they have."""
 
     observe: Callable[..., tuple[Observed, ...]]
     options: type[Options] | None = None
+    under: str = ""
 
     @property
     def name(self) -> str:
         """Name of its options."""
-        return self.observe.__name__
+        return self.under or self.observe.__name__
 
     @property
     def about(self) -> str:
@@ -54,9 +55,8 @@ T = TypeVar("T", bound=Options)
 
 def with_kinds(model: type[T]) -> type[T]:
     """The options of a stage that adjusts, with those of all kinds under their names."""
-    fields: dict[str, Any] = {
-        kind.name: (kind.options, Field(kind.options(), description=kind.about))
-        for kind in KINDS
-        if kind.options
-    }
+    fields: dict[str, Any] = {}
+    for kind in KINDS:
+        if kind.options is not None and kind.name not in fields:
+            fields[kind.name] = (kind.options, Field(kind.options(), description=kind.about))
     return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
