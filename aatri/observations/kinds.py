@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import Field, create_model
 
 from aatri.observations.control import control
+from aatri.observations.drift import drift
 from aatri.observations.image_points import image_points
 from aatri.observations.observed import Given, Observed
 from aatri.observations.positions import PositionOptions, positions
@@ -39,6 +40,7 @@ KINDS = (
     Kind(image_points),
     Kind(control),
     Kind(positions, PositionOptions),
+    Kind(drift, PositionOptions, under="positions"),
 )
 
 
