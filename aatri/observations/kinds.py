@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import Field, create_model
 
 from aatri.observations.control import control
+from aatri.observations.distances import distances
 from aatri.observations.drift import drift
 from aatri.observations.image_points import image_points
 from aatri.observations.observed import Given, Observed
@@ -41,6 +42,7 @@ KINDS = (
     Kind(control),
     Kind(positions, PositionOptions),
     Kind(drift, PositionOptions, under="positions"),
+    Kind(distances),
 )
 
 
