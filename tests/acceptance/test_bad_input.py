@@ -121,6 +121,7 @@ def test_many_points_seen_once_are_an_error(project: Path) -> None:
     assert current(project) == set()
 
 
+@pytest.mark.slow
 def test_an_image_without_points_among_many_is_rejected_and_the_run_goes_on(project: Path) -> None:
     write_pipeline(
         project / "larger", SIMULATE.replace("strips: 2, images_per_strip: 5", "strips: 3, images_per_strip: 7")

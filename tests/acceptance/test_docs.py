@@ -23,7 +23,7 @@ def test_every_page_is_in_the_index() -> None:
     assert [page.name for page in PAGES if page.name != "README.md" and page.resolve() not in listed] == []
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_and_named_tests_exist(page: Path) -> None:
     named = re.findall(r"`(tests/[\w/]+\.py)`", page.read_text(encoding="utf-8")) if "methods" in page.parts else []
     assert [str(path) for path in [*_targets(page), *(ROOT / name for name in named)] if not path.exists()] == []

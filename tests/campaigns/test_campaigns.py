@@ -19,6 +19,7 @@ CAMPAIGNS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="campaigns fork their runs and kill them")
 @pytest.mark.parametrize("name", CAMPAIGNS)
 def test_nothing_goes_wrong_in_the_campaign(name: str) -> None:

@@ -43,6 +43,7 @@ def test_every_verb_of_the_help_is_there() -> None:
     assert "did you mean 'status'" in wrong.output
 
 
+@pytest.mark.slow
 def test_status_and_a_run_with_nothing_to_do_import_nothing_heavy(tmp_path: Path) -> None:
     lines = (
         "  block: {use: block/tables, with: {path: block}}\n  i: {use: interior_orientation/affine, from: {block}}\n"

@@ -31,6 +31,7 @@ def aatri(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", sorted(find_stages().roles))
 def test_a_new_stage_keeps_its_contract_from_the_start(role: str, tmp_path: Path) -> None:
     result = aatri("new", "--plugin", f"{role}/my_own", "project")

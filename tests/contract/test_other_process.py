@@ -7,9 +7,12 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from tests.contract.digests import digests_of_all
 
 
+@pytest.mark.slow
 def test_a_process_with_another_hash_seed_gives_the_same_digests() -> None:
     environment = {**os.environ, "PYTHONHASHSEED": "12345"}
     command = [sys.executable, "-m", "tests.contract.digests"]

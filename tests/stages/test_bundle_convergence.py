@@ -40,6 +40,7 @@ def test_a_principal_distance_wrong_by_half_to_four_times_converges(
     assert outcome(with_start_c(given, factor), reference) == "right"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_hopeless_start_is_no_silent_success(block: tuple[Parts, BundleResult, float], seed: int) -> None:
     given, reference, height_m = block

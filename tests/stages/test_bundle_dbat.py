@@ -143,6 +143,7 @@ def test_points_without_rays_are_refused(shared_data: Path, name: str) -> None:
     assert getattr(caught.value, "exit_code", None) == 4
 
 
+@pytest.mark.slow
 def test_without_datum_the_seven_defects_are_named(shared_data: Path) -> None:
     block = _camcal(shared_data, control=None)
     with pytest.raises(GeometryError, match="leave 7 unknown") as caught:

@@ -26,6 +26,7 @@ def _adjusted(chain: Chain, ordering: str, told: Told | None = None) -> Solution
     return bundle(chain.block, chain.refined, chain.strip_block, options=options, context=told or Told())
 
 
+@pytest.mark.slow
 def test_every_order_gives_the_same_solution_and_covariances(chain: Chain) -> None:
     reference = _adjusted(chain, "nested_dissection")
     sigma = np.sqrt(np.einsum("nii->ni", reference.points.covariance_m2))

@@ -135,6 +135,7 @@ def test_c_and_z0_of_vertical_images_are_named_with_advice(error_free: Chain) ->
     assert "observed projection" in text
 
 
+@pytest.mark.slow
 def test_the_rank_loss_of_brown21_is_refused_with_advice() -> None:
     """Exactly flat ground, exactly vertical images, no positions, free parameters: a19 a20 a21 are not determined."""
     block = simulated(
@@ -171,6 +172,7 @@ def test_c_joins_sets_that_lack_it_where_projection_centres_are_observed(distort
     assert _with(distorted, set="brown21").parameters.name.tolist().count("c") == 0
 
 
+@pytest.mark.slow
 def test_collocation_takes_off_what_a_set_leaves_over() -> None:
     strong = run_chain(_claimed_free_of_distortion({"k2": -2e-12}), FILM)
     first = _with(strong, set="bauer3", interior=True)

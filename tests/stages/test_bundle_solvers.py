@@ -34,6 +34,7 @@ def _adjusted(chain: Chain, told: Told | None = None, **options: object) -> Solu
     return bundle(chain.block, chain.refined, initial, options=chosen, context=told or Told())
 
 
+@pytest.mark.slow
 def test_conjugate_gradients_give_the_direct_solution(chain: Chain) -> None:
     reference = _adjusted(chain)
     told = Told()
@@ -51,6 +52,7 @@ def test_conjugate_gradients_give_the_direct_solution(chain: Chain) -> None:
     assert any("no standard deviations: exact covariances need the factor" in warning for warning in told.warnings)
 
 
+@pytest.mark.slow
 def test_a_factor_in_a_file_changes_no_bit(chain: Chain) -> None:
     reference = _adjusted(chain)
     told = Told()

@@ -61,6 +61,7 @@ names = st.text(min_size=1, max_size=12).filter(is_valid)
 numbers = st.floats(-1e7, 1e7).map(float)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(ids=st.lists(names, min_size=4, max_size=4, unique=True), values=st.lists(numbers, min_size=3, max_size=3))
 def test_any_ids_and_numbers_survive(tmp_path: Path, ids: list[str], values: list[float]) -> None:

@@ -86,6 +86,7 @@ def test_an_image_turned_over_is_found_and_is_no_result(block: tuple[Parts, Bund
     assert np.flatnonzero(over).tolist() == [5]
 
 
+@pytest.mark.slow
 def test_a_block_without_datum_is_refused_for_that_reason(block: tuple[Parts, BundleResult, float]) -> None:
     given = without_positions(block[0])
     c, none = given.control, np.zeros(0, dtype=np.int64)

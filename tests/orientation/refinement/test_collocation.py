@@ -38,6 +38,7 @@ def test_one_residual_by_hand() -> None:
     assert sigma == pytest.approx([np.sqrt(16 - 256 / 25), np.sqrt(16 - 256 / 25 * np.exp(-2))], rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["gaussian", "exponential"])
 def test_a_correlated_field_is_recovered_as_well_as_theory_says(model: str) -> None:
     rng = np.random.default_rng(1)

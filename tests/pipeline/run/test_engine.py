@@ -143,6 +143,7 @@ def damage(path: Path, chance: random.Random) -> str:
     return way
 
 
+@pytest.mark.slow
 def test_every_damage_is_found_and_mended(path: Path) -> None:
     _, first = run(path)
     chance = random.Random(5)
