@@ -36,6 +36,7 @@ from aatri.adjustment.stepping.robust import (
 from aatri.adjustment.stepping.runaways import steadied
 from aatri.adjustment.structure.index_problem import Ordering, prepare
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError
@@ -137,6 +138,7 @@ def adjust_large(
     all_records = [*records, *support(unknowns, records, constraints, start)]
     problem = prepare(unknowns, all_records, ordering=ordering, threads=threads, reproducible=reproducible)
     problem = within_limit(replace(problem, constraints=tuple(constraints)), memory_gb, solver, reporter)
+    _tell_aside(problem, reporter)
     state: dict[str, Any] = dict(start)
     factored = factorise_constrained(problem, state)
     _check(problem, state, factored)
@@ -221,12 +223,21 @@ def _size(problem: Problem, state: State, blocks: Int) -> Float:
     """Trace of the normal matrix of some eliminated blocks."""
     rays = problem.rays
     assert rays is not None
+    of_block = [group for group, _ in rays.records.touches].index(problem.layout.eliminated)
     found = np.empty(len(blocks))
     for i, p in enumerate(blocks):
         rows = rays.rows[rays.ray_start[p] : rays.ray_start[p + 1]]
         _, jacobians = whitened(rays.records, state, rows)
-        found[i] = (jacobians[-1] ** 2).sum()
+        found[i] = (jacobians[of_block] ** 2).sum()
     return found
+
+
+def _tell_aside(problem: Problem, reporter: Reporter) -> None:
+    aside = taking_no_part(problem)
+    for u in problem.unknowns:
+        if aside[u.name].any():
+            names = [str(name) for name, out in zip(u.ids, aside[u.name]) if out]
+            reporter.warn(f"takes no part, none of its observations is in use: {u.name} {shown(names)}")
 
 
 def _check(problem: Problem, state: State, factored: Factored) -> None:

@@ -6,8 +6,9 @@ its inverse Cholesky factor: `whitener @ v` has unit covariance. Rejection chang
 record as a whole: v and J are scaled so that J'v is the gradient of half the cost.
 
 `compiled` is a second, faster lane an observation type may offer: `compiled(order)` prepares the records in a given
-order and returns `bind`, `bind(state)` returns `fill(first, last, v, J)`, which writes whitened residuals and Jacobians
-of the records first ... last - 1 into v (n, m) and one array (n, m, k) per touched group. Both lanes agree to 1e-12.
+order and returns `weigh`, `weigh(whitener)` takes their whiteners, (n, m) or (n, m, m) in that order, and returns
+`bind`, `bind(state)` returns `fill(first, last, v, J)`, which writes whitened residuals and Jacobians of the records
+first ... last - 1, active or not, into v (n, m) and one array (n, m, k) per touched group. Both lanes agree to 1e-12.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from aatri.arrays import Bool, Float, Int
 
 Evaluate = Callable[[State, Int], tuple[Float, tuple[Float, ...]]]
 Fill = Callable[[int, int, Float, tuple[Float, ...]], None]
-Compiled = Callable[[Int], Callable[[State], Fill]]
+Bind = Callable[[State], Fill]
+Weigh = Callable[[Float], Bind]
+Compiled = Callable[[Int], Weigh]
 
 
 @dataclass(frozen=True)
@@ -114,14 +117,22 @@ def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Fl
     active = records.active[rows]
     v = np.where(active[:, None], v, 0.0)
     jacobians = tuple(np.where(active[:, None, None], J, 0.0) for J in jacobians)
-    L = records.whitener[rows]
-    if L.ndim == 2:
-        v, jacobians = L * v, tuple(L[:, :, None] * J for J in jacobians)
-    else:
-        v, jacobians = np.einsum("nij,nj->ni", L, v), tuple(L @ J for J in jacobians)
+    v, jacobians = _times(records.whitener[rows], v, jacobians)
     if records.loss is not None:
         records.loss.weigh(v, jacobians)
     return v, jacobians
+
+
+def predicted(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+    """`whitened`, of inactive records too, and without their loss."""
+    return _times(records.whitener[rows], *records.evaluate(state, rows))
+
+
+def _times(whitener: Float, v: Float, jacobians: tuple[Float, ...]) -> tuple[Float, tuple[Float, ...]]:
+    with np.errstate(invalid="ignore", over="ignore"):  # of records that are not active; else refused by the cost
+        if whitener.ndim == 2:
+            return whitener * v, tuple(whitener[:, :, None] * J for J in jacobians)
+        return np.einsum("nij,nj->ni", whitener, v), tuple(whitener @ J for J in jacobians)
 
 
 def excess(records: Records, v: Float) -> float:
@@ -129,35 +140,46 @@ def excess(records: Records, v: Float) -> float:
     return 0.0 if records.loss is None else float((records.loss.costs(v) - (v**2).sum(axis=1)).sum())
 
 
-def in_order(records: Records, order: Int) -> Callable[[State], Fill]:
+def prepared_lane(records: Records, order: Int) -> Weigh:
     """The compiled lane of the records in this order, or the same by `evaluate`."""
     if records.compiled is not None:
-        bind_compiled = records.compiled(order)
-        return bind_compiled if records.loss is None else _weighted(bind_compiled, records.loss)
+        return records.compiled(order)
 
-    def bind(state: State) -> Fill:
-        def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
-            found, jacobians = whitened(records, state, order[first:last])
-            v[:] = found
-            for target, source in zip(J, jacobians):
-                target[:] = source
+    def weigh(whitener: Float) -> Bind:
+        def bind(state: State) -> Fill:
+            def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                found, jacobians = _times(whitener[first:last], *records.evaluate(state, order[first:last]))
+                v[:] = found
+                for target, source in zip(J, jacobians):
+                    target[:] = source
 
-        return fill
+            return fill
 
-    return bind
+        return bind
+
+    return weigh
 
 
-def _weighted(bind: Callable[[State], Fill], loss: Huber) -> Callable[[State], Fill]:
-    def bind_weighted(state: State) -> Fill:
+def active_lane(bind: Bind, active: Bool, loss: Huber | None) -> Bind:
+    """A lane weighted by the loss, and zero where not active, (n,) in the order of the lane."""
+    inactive = np.flatnonzero(~active)
+    if loss is None and not len(inactive):
+        return bind
+
+    def bind_active(state: State) -> Fill:
         fill = bind(state)
 
-        def fill_weighted(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+        def fill_active(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
             fill(first, last, v, J)
-            loss.weigh(v, J)
+            off = inactive[slice(*np.searchsorted(inactive, (first, last)))] - first
+            for target in (v, *J) if len(off) else ():
+                target[off] = 0.0  # whatever it was: an inactive record may have no finite residual
+            if loss is not None:
+                loss.weigh(v, J)
 
-        return fill_weighted
+        return fill_active
 
-    return bind_weighted
+    return bind_active
 
 
 def whitener_of_sigmas(sigma: Float) -> Float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adjustment.records import Compiled, Fill
+from aatri.adjustment.records import Bind, Compiled, Fill, Weigh
 from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -21,26 +21,29 @@ if TYPE_CHECKING:
 def compiled_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> Compiled:
     """The compiled lane, equal to the NumPy form to 1e-12."""
 
-    def prepared(order: Int) -> Callable[[State], Fill]:
+    def prepared(order: Int) -> Weigh:
         image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
-        xy, weight, c = taken(rows.xy_mm, order), 1.0 / taken(rows.sigma_mm, order), taken(rows.c_mm, order)
-        if not rows.active.all():
-            weight[~rows.active[order]] = 0.0
-        terms = [(k.group, k.block[order], -k.basis[order] * weight[:, :, None]) for k in corrections]
+        xy, c = taken(rows.xy_mm, order), taken(rows.c_mm, order)
+        unweighted = [(k.group, k.block[order], k.basis[order]) for k in corrections]
 
-        def bind(state: State) -> Fill:
-            poses: Poses = state[POSE]
-            X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
+        def weigh(weight: Float) -> Bind:
+            terms = [(group, block, -basis * weight[:, :, None]) for group, block, basis in unweighted]
 
-            def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
-                linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
-                for target, (group, block, basis) in zip(J[1:-1], terms):
-                    target[:] = basis[first:last]
-                    v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
+            def bind(state: State) -> Fill:
+                poses: Poses = state[POSE]
+                X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
 
-            return fill
+                def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                    linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
+                    for target, (group, block, basis) in zip(J[1:-1], terms):
+                        target[:] = basis[first:last]
+                        v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
 
-        return bind
+                return fill
+
+            return bind
+
+        return weigh
 
     return prepared
 

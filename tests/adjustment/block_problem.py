@@ -74,6 +74,23 @@ def made_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: in
     return unknowns, records, {"a": np.zeros((n_kept, 4)), "p": np.zeros((n_points, 3))}
 
 
+def posed_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: int = 3):
+    """Observations of kept blocks a (6) and eliminated blocks p (3), as of single poses; priors of a."""
+    rng = np.random.default_rng(seed)
+    kept, point = _rays(rng, n_kept, n_points, rays)
+    evaluate = _observed(rng, (("a", 6), ("p", 3)), (kept, point))
+    records = (
+        Records("ray", (("a", kept), ("p", point)), evaluate, whitener_of_covariances(_covariances(rng, len(kept))),
+                np.ones(len(kept), bool)),
+        _prior("a", n_kept, 6),
+    )  # fmt: skip
+    unknowns = (
+        _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
+        _group("p", np.ones((n_points, 3), bool), eliminated=True),
+    )
+    return unknowns, records, {"a": np.zeros((n_kept, 6)), "p": np.zeros((n_points, 3))}
+
+
 def joined_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: int = 3):
     """Kept blocks a (6) that another group f (2) joins, one f held; some points observed directly; a relation of a."""
     rng = np.random.default_rng(seed)

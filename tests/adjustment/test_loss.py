@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.loss import NEWTON, Huber
-from aatri.adjustment.records import excess, in_order, whitened
+from aatri.adjustment.records import Records, active_lane, excess, prepared_lane, whitened
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.image_points import ImagePointRows, image_point_records
@@ -96,18 +96,23 @@ def _image_points(loss: Huber | None):
     return replace(image_point_records(replace(nothing, xy_mm=computed + noise)), loss=loss), state
 
 
+def _lane(records: Records, order: np.ndarray):
+    bind = prepared_lane(records, order)(records.whitener[order])
+    return active_lane(bind, records.active[order], records.loss)
+
+
 @pytest.mark.parametrize("curvature", [0.0, NEWTON])
 def test_both_lanes_of_image_points_are_equal(curvature: float) -> None:
     records, state = _image_points(Huber(1.5, curvature))
     assert records.compiled is not None
     order = np.random.default_rng(1).permutation(len(records.active))
     v, J = np.empty((len(order), 2)), (np.empty((len(order), 2, 6)), np.empty((len(order), 2, 3)))
-    in_order(records, order)(state)(0, len(order), v, J)
+    _lane(records, order)(state)(0, len(order), v, J)
     expected, jacobians = whitened(records, state, order)
     np.testing.assert_allclose(v, expected, rtol=1e-11, atol=1e-12)  # computed - measured loses a digit
     for found, wanted in zip(J, jacobians, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11 * np.abs(wanted).max())
-    slow = in_order(replace(records, compiled=None), order)(state)
+    slow = _lane(replace(records, compiled=None), order)(state)
     again = np.empty_like(v)
     slow(0, len(order), again, tuple(np.empty_like(j) for j in J))
     assert (again == expected).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.records import whitened
+from aatri.adjustment.records import predicted
 from aatri.camera.models import calibration
 from aatri.geometry.rotations import rotation_from_angles, skew
 from aatri.observations.coordinates import value_records
@@ -90,8 +90,8 @@ def test_the_compiled_lane_equals_the_numpy_form() -> None:
     assert records.compiled is not None
     order = rng.permutation(n)
     v, J = np.empty((25, 2)), tuple(np.empty((25, 2, k)) for k in (6, 6, 3))
-    records.compiled(order)(state)(10, 35, v, J)
-    expected, jacobians = whitened(records, state, order[10:35])
+    records.compiled(order)(records.whitener[order])(state)(10, 35, v, J)
+    expected, jacobians = predicted(records, state, order[10:35])
     np.testing.assert_allclose(v, expected, rtol=1e-12, atol=1e-9)
     for found, wanted in zip(J, jacobians):
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-9)

@@ -14,7 +14,7 @@ import numpy as np
 from aatri.adjustment.constraints import gram, linearised_constraints
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.right_hand_sides import backward, forward
-from aatri.adjustment.records import whitened
+from aatri.adjustment.records import predicted
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
@@ -41,6 +41,6 @@ def reduce_covariances(
         known = np.flatnonzero(np.isfinite(found).all(axis=(1, 2)))
         for first in range(0, len(known) if W else 0, CHUNK):
             rows = known[first : first + CHUNK]
-            _, jacobians = whitened(r, state, rows)
+            _, jacobians = predicted(r, state, rows)
             T = sum(J @ W[group][block[rows]] for (group, block), J in zip(r.touches, jacobians))
             found[rows] -= T @ np.swapaxes(T, 1, 2)

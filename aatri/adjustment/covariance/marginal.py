@@ -5,7 +5,8 @@ is in memory the blocks of its own vertices, of its eliminated blocks, and of th
 off. Held scalars have zero covariance.
 
 Redundancy numbers: with the covariance R of the whitened adjusted values of a record, I - R is that of its residuals,
-and its diagonal are the redundancy numbers. Exact constraints reduce what was read off (`constrained_covariances`).
+and its diagonal are the redundancy numbers. Of an inactive record R is the covariance of its predicted value, and I + R
+that of what the observation differs from it. Exact constraints reduce what was read off (`constrained_covariances`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction, reduce_covariances
 from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.chunks import linearised, side_by_side, single_poses
+from aatri.adjustment.elimination.chunks import linearised, predicted_side_by_side, single_poses
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.schedule import blas_threads, share_out
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
@@ -30,7 +31,8 @@ from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.structure.tree import Node
-from aatri.adjustment.threads import run_all, thread_control
+from aatri.adjustment.structure.weights import taking_no_part
+from aatri.adjustment.threads import run_all, taken, thread_control
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
@@ -42,11 +44,12 @@ class Covariances:
     Attributes
     ----------
     groups : dict of str to (n, k, k) float64
-        Covariance of every block of every group; zero for held scalars.
+        Covariance of every block of every group; zero for held scalars, NaN for blocks that take no part.
     rays : (n, m, m) float64
-        Covariance of the whitened adjusted values of the rays, by row of their records; NaN where not active.
+        Covariance of the whitened adjusted values of the rays, by row of their records.
     records : tuple of (n, m, m) float64
-        The same of all records, in the order of the problem's.
+        The same of all records, in the order of the problem's; where not active, of the predicted values. NaN where a
+        block that is touched takes no part.
     """
 
     groups: dict[str, Float]
@@ -90,8 +93,9 @@ class _Down:
         rays = problem.rays
         m = rays.records.rows if rays is not None else 0
         self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
-        self.fill = problem.ray_lane(state) if rays is not None and blocks else None
-        self.kept = [(k, side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
+        self.fill = problem.predicting_lane(state) if rays is not None and blocks else None
+        self.active = taken(rays.records.active, rays.rows) if rays is not None else np.zeros(0, dtype=bool)
+        self.kept = [(k, predicted_side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.boundary: dict[int, Float] = {}
 
@@ -138,12 +142,13 @@ class _Down:
         assert rays is not None
         for p0, p1, _, A, B in linearised(self.problem, self.fill, k, node):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+            active = self.active[base:last]
             if single_poses(rays.parts, A):
-                pose_covariances(p0, p1, base, rays.ray_start, A, B, rays.loc[base:last], S, self.problem.block_free,
-                                 self.factored.block_factor, self.block, self.ray)  # fmt: skip
+                pose_covariances(p0, p1, base, rays.ray_start, active, A, B, rays.loc[base:last], S,
+                                 self.problem.block_free, self.factored.block_factor, self.block, self.ray)  # fmt: skip
                 continue
             row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
-            block_covariances(p0, p1, base, rays.ray_start, A, B, row, S, self.problem.block_free,
+            block_covariances(p0, p1, base, rays.ray_start, active, A, B, row, S, self.problem.block_free,
                               self.factored.block_factor, self.block, self.ray)  # fmt: skip
 
     def result(self) -> Covariances:
@@ -163,8 +168,13 @@ class _Down:
         rays = self.problem.rays
         if self.blocks:
             direct_covariances(self.problem, self.state, self.block, self.of_records)
-        if rays is None:
-            return Covariances(groups, self.ray, self.of_records)
-        of_rays = self.of_records[place_of(self.problem, rays.records)]
-        of_rays[rays.rows] = self.ray
+        of_rays = self.ray
+        if rays is not None:
+            of_rays = self.of_records[place_of(self.problem, rays.records)]
+            of_rays[rays.rows] = self.ray
+        for name, aside in taking_no_part(self.problem).items():
+            groups[name][aside] = np.nan
+            for r, found in zip(self.problem.records, self.of_records):
+                for number in (b for group, b in r.touches if group == name and aside.any()):
+                    found[aside[number]] = np.nan
         return Covariances(groups, of_rays, self.of_records)

@@ -1,5 +1,7 @@
 """Covariances of the adjusted values of records that are not rays of eliminated blocks: A Q A', whitened.
 
+Those of inactive records are covariances of predicted values.
+
 A record of kept unknowns alone lies in one front, and so does its covariance; that of a record of one eliminated block
 follows from the block's.
 """
@@ -7,7 +9,7 @@ follows from the block's.
 from __future__ import annotations
 
 from aatri.adjustment.elimination.chunks import CHUNK
-from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.records import Records, predicted
 from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.unknowns import State
@@ -22,7 +24,7 @@ def kept_covariances(
     Parameters
     ----------
     A : (n, m, columns) float64
-        Whitened Jacobians of all the kept records, zero where held.
+        Whitened Jacobians of all the kept records, active or not, zero where held.
     k : int
         The node.
     row_of : (n_kept,) int
@@ -40,7 +42,7 @@ def kept_covariances(
 def direct_covariances(problem: Problem, state: State, block: Float, found: tuple[Float, ...]) -> None:
     """Those of the records of one eliminated block alone, into `found`, from `block`, (n_blocks, 3, 3)."""
     for records, rows, number in problem.direct:
-        _, (J,) = whitened(records, state, rows)
+        _, (J,) = predicted(records, state, rows)
         found[place_of(problem, records)][rows] = J @ block[number] @ J.swapaxes(1, 2)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adjustment.records import Fill, whitened
+from aatri.adjustment.records import Fill, predicted, whitened
 from aatri.adjustment.structure.index import KeptRecords, Parts, part_columns
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.structure.layout import Layout
@@ -51,6 +51,16 @@ def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chu
 
 def side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
     """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held."""
-    v, jacobians = whitened(kept.records, state, kept.rows)
+    return _as_kernels_take_it(kept, layout, *whitened(kept.records, state, kept.rows))
+
+
+def predicted_side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
+    """The same of all kept records, active or not."""
+    return _as_kernels_take_it(kept, layout, *predicted(kept.records, state, kept.rows))
+
+
+def _as_kernels_take_it(
+    kept: KeptRecords, layout: Layout, v: Float, jacobians: tuple[Float, ...]
+) -> tuple[Float, Float]:
     free = part_columns(kept.parts, layout) >= 0
     return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])

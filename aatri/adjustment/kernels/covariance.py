@@ -16,7 +16,7 @@ from numba import njit
 from aatri.adjustment.kernels.eliminate import OPTIONS
 
 _SIGNATURE = (
-    "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], "
+    "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], "
     "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
 
@@ -41,11 +41,13 @@ def from_factor(p, Ls, G, free, inverse, Q):
 
 
 @njit(_SIGNATURE, **OPTIONS)
-def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
+def block_covariances(p0, p1, base, ray_start, active, A, B, row, S, free, Ls, Q, R):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 
     Parameters
     ----------
+    active : (n,) bool
+        Others are predicted: they are no part of C.
     row : (n, columns of A) int64
         Row of the front of each column of A, -1 where it is held.
     S : (k, k) float64, column-major
@@ -70,7 +72,7 @@ def block_covariances(p0, p1, base, ray_start, A, B, row, S, free, Ls, Q, R):
             for a in range(columns):
                 s0, s1, s2 = 0.0, 0.0, 0.0
                 place[k] = row[r, a]
-                if row[r, a] >= 0:
+                if active[r] and row[r, a] >= 0:
                     for i in range(m):
                         s0 += A[r, i, a] * B[r, i, 0]
                         s1 += A[r, i, a] * B[r, i, 1]

@@ -15,7 +15,7 @@ from aatri.adjustment.kernels.eliminate_pose import group_of
 
 _LOCAL = "int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], int64[::1]"
 _SIGNATURE = (
-    "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], float64[::1,:], "
+    "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], float64[::1,:], "
     "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
 
@@ -30,8 +30,8 @@ def gather(n, at, S, part):
                     part[6 * q + b, 6 * k + a] = S[at[k] + a, at[q] + b]
 
 
-@njit(f"void(int64, int64, {_LOCAL}, float64[:,::1], float64[:,::1], float64[:,::1])", **OPTIONS)
-def fill_z(p, column, base, ray_start, A, B, loc, at, free, Ls, Z):
+@njit(f"void(int64, int64, boolean[::1], {_LOCAL}, float64[:,::1], float64[:,::1], float64[:,::1])", **OPTIONS)
+def fill_z(p, column, active, base, ray_start, A, B, loc, at, free, Ls, Z):
     """Z = L^-1 B'A of block p, transposed, in three columns of its group."""
     i0, i1, i2 = 1.0 / Ls[p, 0], 1.0 / Ls[p, 3], 1.0 / Ls[p, 5]
     f0, f1, f2 = free[p, 0] * i0, free[p, 1], free[p, 2]
@@ -39,7 +39,7 @@ def fill_z(p, column, base, ray_start, A, B, loc, at, free, Ls, Z):
     k = 0
     for r in range(ray_start[p] - base, ray_start[p + 1] - base):
         c = np.int64(loc[r, 0])
-        if c < 0:
+        if c < 0 or not active[r]:
             continue
         while at[k] < c:
             k += 1
@@ -96,13 +96,15 @@ def ray_covariances(p, column, base, ray_start, A, B, loc, at, part, T, inverse,
 
 
 @njit(_SIGNATURE, **OPTIONS)
-def pose_covariances(p0, p1, base, ray_start, A, B, loc, S, free, Ls, Q, R):
+def pose_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 
     Parameters
     ----------
     base : int
         Number of the ray in row 0 of A, B and loc.
+    active : (n,) bool
+        Others are predicted.
     A, B : (n, 2, 6), (n, 2, 3) float64
     loc : (n, 1) int32
     S : (k, k) float64, column-major
@@ -129,7 +131,7 @@ def pose_covariances(p0, p1, base, ray_start, A, B, loc, S, free, Ls, Q, R):
         gather(n, at, S, part)
         Z[:] = 0.0
         for k in range(p, end):
-            fill_z(k, 3 * (k - p), base, ray_start, A, B, loc, at, free, Ls, Z)
+            fill_z(k, 3 * (k - p), active, base, ray_start, A, B, loc, at, free, Ls, Z)
         if n:
             np.dot(part, Z, T)
         for k in range(p, end):

@@ -18,6 +18,7 @@ from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.runaways import rays_beyond
 from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.weights import with_records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Int
 
@@ -70,14 +71,7 @@ def with_curvature(problem: Problem, curvature: float) -> Problem:
     changed = {
         id(r): r if r.loss is None else replace(r, loss=replace(r.loss, curvature=curvature)) for r in problem.records
     }
-    rays = problem.rays
-    return replace(
-        problem,
-        records=tuple(changed.values()),
-        rays=None if rays is None else replace(rays, records=changed[id(rays.records)]),
-        kept=tuple(replace(k, records=changed[id(k.records)]) for k in problem.kept),
-        direct=tuple((changed[id(r)], rows, blocks) for r, rows, blocks in problem.direct),
-    )
+    return with_records(problem, changed)
 
 
 def refuse_covariances(records_beyond: int) -> None:

@@ -22,6 +22,7 @@ from aatri.adjustment.elimination.schedule import in_parallel
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 
@@ -79,11 +80,12 @@ def _open(problem: Problem, state: State) -> Int:
     assert rays is not None
     beyond, n = rays_beyond(problem, state), len(rays.block)
     block = np.repeat(np.arange(n), np.diff(rays.ray_start))
-    within = rays.records.rows * np.bincount(block[~beyond], minlength=n)
+    active = taken(rays.records.active, rays.rows)
+    within = rays.records.rows * np.bincount(block[active & ~beyond], minlength=n)
     found = (np.bincount(block[beyond], minlength=n) > 0) & (within < problem.block_free.sum(axis=1))
     found &= problem.hold[:, 0, 0] == 0.0
-    for _, _, observed in problem.direct:
-        found[observed] = False
+    for records, rows, observed in problem.direct:
+        found[observed[records.active[rows]]] = False
     return np.flatnonzero(found)
 
 

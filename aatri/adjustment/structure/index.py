@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.kernels.graph import counting_order, lexical_order, sort_within
-from aatri.adjustment.records import Records
+from aatri.adjustment.records import Records, Weigh, prepared_lane
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import taken
@@ -73,6 +73,8 @@ class Rays:
     Attributes
     ----------
     records : Records
+    lane : callable
+        Their compiled lane, or the same by `evaluate`, in the order of the rays; see `records`.
     rows : (n,) int64
         Rows of the records, in order.
     ray_start : (n_blocks + 1,) int64
@@ -85,6 +87,7 @@ class Rays:
     """
 
     records: Records
+    lane: Weigh
     rows: Int
     ray_start: Int
     block: Int
@@ -141,7 +144,7 @@ def index_kept(records: Records, rows: Int, layout: Layout, tree: Tree, size_of:
 
 
 def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout: Layout, tree: Tree) -> Rays:
-    """Sort the active rays of eliminated blocks by node, images of the block, block, and order of elimination.
+    """Sort the rays of eliminated blocks by node, images of the block, block, and order of elimination.
 
     Parameters
     ----------
@@ -168,7 +171,8 @@ def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout:
     ordered = Parts(taken(parts.vertex, order), parts.shift, parts.size, parts.start)
     loc = _places(ordered, np.repeat(node_of_block[block], count[block]), tree)
     original = np.flatnonzero(layout.block >= 0)[block]
-    return Rays(records, taken(rows, order), ray_start, original, first, ordered, loc)
+    rows = taken(rows, order)
+    return Rays(records, prepared_lane(records, rows), rows, ray_start, original, first, ordered, loc)
 
 
 def _first_node(vertex: Int, tree: Tree) -> Int:

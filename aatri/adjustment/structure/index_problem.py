@@ -15,6 +15,7 @@ from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.structure.layout import Layout, layout_of, ray_records
 from aatri.adjustment.structure.minimum_degree import minimum_degree
 from aatri.adjustment.structure.tree import Tree, build_tree
+from aatri.adjustment.structure.weights import with_parts_taken
 from aatri.adjustment.threads import default_threads
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Int
@@ -39,7 +40,7 @@ def prepare(
     threads: int | None = None,
     reproducible: bool = False,
 ) -> Problem:
-    """Index a problem.
+    """Index a problem, over all records, active or not.
 
     Parameters
     ----------
@@ -61,7 +62,8 @@ def prepare(
     tree = tree_of(graph, layout, ordering)
     rays = index_rays(rays_of, *ray_parts, layout, tree) if rays_of is not None and ray_parts is not None else None
     free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
-    return Problem(
+    problem = Problem(
+        tuple(unknowns),
         tuple(unknowns),
         tuple(records),
         layout,
@@ -74,6 +76,7 @@ def prepare(
         reproducible,
         np.zeros((len(free), 3, 3)),
     )
+    return with_parts_taken(problem)
 
 
 def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout) -> Graph:
@@ -103,11 +106,11 @@ def _sorted_out(
         for group, blocks in r.touches:
             if group == layout.eliminated:
                 eliminated |= layout.block[blocks] >= 0
-        own = np.flatnonzero(r.active & ~eliminated)
+        own = np.flatnonzero(~eliminated)
         if len(own):
             kept.append((r, own))
         if r is not rays and eliminated.any():
-            rows = np.flatnonzero(r.active & eliminated)
+            rows = np.flatnonzero(eliminated)
             direct.append((r, rows, r.touches[0][1][rows]))
     return kept, direct
 
@@ -124,9 +127,9 @@ def _block_status(unknowns: Sequence[Unknowns], layout: Layout, block: Int | Non
 
 
 def _ray_parts(rays: Records, layout: Layout, sizes: dict[str, int]) -> tuple[Int, Int, Parts]:
-    """Rows of the active rays of eliminated blocks, the number of the block of each, and the parts they touch."""
+    """Rows of the rays of eliminated blocks, the number of the block of each, and the parts they touch."""
     block = np.take(layout.block, next(b for g, b in rays.touches if g == layout.eliminated))
-    rows = np.flatnonzero(rays.active & (block >= 0))
+    rows = np.flatnonzero(block >= 0)
     return rows, np.take(block, rows), parts_of(rays, rows, layout, sizes)
 
 

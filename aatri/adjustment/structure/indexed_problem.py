@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from aatri.adjustment.elimination.panels import Panels
-from aatri.adjustment.records import Fill, Records, in_order
+from aatri.adjustment.records import Fill, Records, active_lane
 from aatri.adjustment.structure.index import KeptRecords, Rays
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
+from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Float, Int
 
@@ -23,7 +24,12 @@ class Problem:
 
     Attributes
     ----------
-    unknowns, records
+    stated : tuple of Unknowns
+        The unknowns as they were given.
+    unknowns : tuple of Unknowns
+        The same with all scalars held of blocks that take no part; see `weights`.
+    records : tuple of Records
+        Active or not: the index does not depend on it.
     layout : Layout
     tree : Tree
     rays : Rays or None
@@ -48,6 +54,7 @@ class Problem:
         Then: how many of the other unknowns are factorised together, at most.
     """
 
+    stated: tuple[Unknowns, ...]
     unknowns: tuple[Unknowns, ...]
     records: tuple[Records, ...]
     layout: Layout
@@ -66,9 +73,16 @@ class Problem:
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
-        """The rays' observation type in the order of the rays."""
+        """The rays' observation type in the order of the rays, zero where they are not active."""
         assert self.rays is not None
-        return in_order(self.rays.records, self.rays.rows)
+        records = self.rays.records
+        return active_lane(self.predicting_lane, taken(records.active, self.rays.rows), records.loss)
+
+    @cached_property
+    def predicting_lane(self) -> Callable[[State], Fill]:
+        """The rays' observation type in the order of the rays, active or not."""
+        assert self.rays is not None
+        return self.rays.lane(taken(self.rays.records.whitener, self.rays.rows))
 
     @cached_property
     def ray_columns(self) -> Int:

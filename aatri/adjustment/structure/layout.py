@@ -8,7 +8,7 @@ diagonal.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class Layout:
     size, start : (n_vertices,), (n_vertices + 1,) int64
         Scalars of each vertex, and its first kept column.
     held : (n_kept,) bool
-        Columns of held scalars.
+        Columns of held scalars, those of blocks that take no part among them.
     position : (n_vertices, d) float64
     eliminated : str
         Name of the eliminated group, or empty.
@@ -103,13 +103,19 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
         n += count
     size = np.concatenate(sizes).astype(np.int64) if sizes else np.zeros(0, dtype=np.int64)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
-    held = np.zeros(int(start[-1]), dtype=bool)
-    for u in unknowns:
-        chosen = vertex[u.name] >= 0
-        columns = start[vertex[u.name][chosen]][:, None] + within[u.name] + np.arange(u.size)
-        held[columns.ravel()] = ~u.free[chosen].ravel()
     name = eliminated[0].name if eliminated else ""
-    return Layout(vertex, within, size, start, held, np.concatenate(positions), name, block)
+    nothing = np.zeros(int(start[-1]), dtype=bool)
+    return with_held(Layout(vertex, within, size, start, nothing, np.concatenate(positions), name, block), unknowns)
+
+
+def with_held(layout: Layout, unknowns: Sequence[Unknowns]) -> Layout:
+    """The layout with the scalars held that are not free."""
+    held = np.zeros(layout.n_kept, dtype=bool)
+    for u in unknowns:
+        chosen = layout.vertex[u.name] >= 0
+        first = layout.start[layout.vertex[u.name][chosen]] + layout.within[u.name]
+        held[(first[:, None] + np.arange(u.size)).ravel()] = ~u.free[chosen].ravel()
+    return replace(layout, held=held)
 
 
 def ray_records(records: Sequence[Records], eliminated: str) -> Records | None:
@@ -127,8 +133,8 @@ def _retained(group: Unknowns, records: Sequence[Records]) -> Bool:
     for r in records:
         touching = [blocks for name, blocks in r.touches if name == group.name]
         if r is rays:
-            retained |= np.bincount(touching[0][r.active], minlength=len(retained)) > MOST_RAYS
+            retained |= np.bincount(touching[0], minlength=len(retained)) > MOST_RAYS
         elif touching and len(r.touches) > 1:
             for blocks in touching:
-                retained[blocks[r.active]] = True
+                retained[blocks] = True
     return retained

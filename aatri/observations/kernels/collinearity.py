@@ -13,7 +13,7 @@ SIGNATURE = (
 )
 
 
-@njit(SIGNATURE, nogil=True, cache=True)
+@njit(SIGNATURE, nogil=True, cache=True, error_model="numpy")
 def linearise(first, last, image, point, xy, weight, c, X0, R, X, v, by_pose, by_point):
     """Residuals and derivatives of the rays first ... last - 1.
 

@@ -38,6 +38,6 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str) -> 
         full = both @ joint @ both.T
         for i, r in enumerate(rows):
             wanted_R[BASE + r] = full[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
-    pose_covariances(0, n, BASE, ray_start, A, B, loc, S, free, L, Q, R)
+    pose_covariances(0, n, BASE, ray_start, np.ones(len(A), bool), A, B, loc, S, free, L, Q, R)
     np.testing.assert_allclose(Q, wanted_Q, atol=1e-11 * np.abs(wanted_Q).max())
     np.testing.assert_allclose(R, wanted_R, atol=1e-10 * np.nanmax(np.abs(wanted_R)))

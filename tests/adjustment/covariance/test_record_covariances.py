@@ -27,8 +27,6 @@ def test_every_record_gets_the_covariance_of_its_adjusted_values(monkeypatch: py
             own = slice(first + row * r.rows, first + (row + 1) * r.rows)
             if r.active[row]:
                 np.testing.assert_allclose(found[row], hat[own, own], rtol=1e-8, atol=1e-12)
-            else:
-                assert np.isnan(found[row]).all()
         first += len(r.active) * r.rows
 
 
@@ -41,5 +39,5 @@ def test_redundancy_numbers_of_all_records_sum_to_the_redundancy_with_points_ret
     result = adjust_large(unknowns, records, start)
     assert result.problem.rays is None or len(result.problem.rays.block) < 40
     found = marginal_covariances(result).records
-    redundancy = sum(np.nansum(1 - np.einsum("nii->ni", c)) for c in found)
+    redundancy = sum(np.sum(1 - np.einsum("nii->ni", c[r.active])) for r, c in zip(records, found))
     np.testing.assert_allclose(redundancy, result.redundancy, rtol=1e-9)

@@ -1,0 +1,107 @@
+"""Rejection and reweighting: other numbers on the index of a problem, which does not change.
+
+An inactive record contributes nothing and is predicted. A block of the eliminated group (a ground point) whose records
+are all inactive takes no part: it is held, its step is zero, and neither it nor what touches it has a covariance. A
+block of another group with inactive records only is not determined, and so is one that no record touches at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.layout import with_held
+from aatri.adjustment.unknowns import Unknowns
+from aatri.arrays import Bool, Float
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What may change of the records of one observation type; None stays as it is.
+
+    Attributes
+    ----------
+    active : (n,) bool, optional
+    whitener : (n, m, m) or (n, m) float64, optional
+        Of the shape it had.
+    """
+
+    active: Bool | None = None
+    whitener: Float | None = None
+
+
+def with_weights(problem: Problem, weights: Mapping[str, Weights]) -> Problem:
+    """The problem with other weights of some observation types, by name.
+
+    Raises
+    ------
+    ValueError
+        If a name is not that of exactly one observation type, or an array has another shape than before.
+    """
+    observed = problem.records[: len(problem.records) - len(problem.constraints)]
+    changed = {}
+    for name, new in weights.items():
+        named = [r for r in observed if r.name == name]
+        if len(named) != 1:
+            raise ValueError(f"{len(named)} observation types are called {name}: weights need one")
+        changed[id(named[0])] = _weighted(named[0], new)
+    return with_parts_taken(with_records(problem, changed))
+
+
+def with_records(problem: Problem, changed: Mapping[int, Records]) -> Problem:
+    """The problem with some records in the place of others, by `id` of the old; nothing is indexed anew."""
+    rays = problem.rays
+    return replace(
+        problem,
+        records=tuple(changed.get(id(r), r) for r in problem.records),
+        rays=None if rays is None else replace(rays, records=changed.get(id(rays.records), rays.records)),
+        kept=tuple(replace(k, records=changed.get(id(k.records), k.records)) for k in problem.kept),
+        direct=tuple((changed.get(id(r), r), rows, blocks) for r, rows, blocks in problem.direct),
+    )
+
+
+def with_parts_taken(problem: Problem) -> Problem:
+    """The problem with those blocks held whose records are all inactive."""
+    aside = _aside(problem.stated, problem.records)
+    unknowns = tuple(
+        replace(u, free=u.free & ~aside[u.name][:, None]) if aside[u.name].any() else u for u in problem.stated
+    )
+    if all(new is old for new, old in zip(unknowns, problem.unknowns)):
+        return problem
+    free = problem.block_free
+    for u in unknowns:
+        if u.eliminated and problem.rays is not None:
+            free = np.ascontiguousarray(u.free[problem.rays.block], dtype=np.float64)
+    return replace(problem, unknowns=unknowns, layout=with_held(problem.layout, unknowns), block_free=free)
+
+
+def taking_no_part(problem: Problem) -> dict[str, Bool]:
+    """Blocks with free scalars that are held because none of their records is active, (n,) by group."""
+    return {u.name: np.asarray((u.free & ~v.free).any(axis=1)) for u, v in zip(problem.stated, problem.unknowns)}
+
+
+def _aside(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> dict[str, Bool]:
+    """Blocks of the eliminated group that some record touches, but none that is active, (n,) by group."""
+    found = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
+    group = next((u.name for u in unknowns if u.eliminated), "")
+    if not group or all(r.active.all() for r in records):
+        return found
+    touched, active = found[group].copy(), found[group].copy()
+    for r in records:
+        for blocks in (b for g, b in r.touches if g == group):
+            touched[blocks] = True
+            active[blocks if r.active.all() else blocks[r.active]] = True
+    found[group] = touched & ~active
+    return found
+
+
+def _weighted(records: Records, new: Weights) -> Records:
+    active = records.active if new.active is None else new.active
+    whitener = records.whitener if new.whitener is None else new.whitener
+    if active.shape != records.active.shape or whitener.shape != records.whitener.shape:
+        raise ValueError(f"weights of {records.name} of shape {active.shape} and {whitener.shape}")
+    return replace(records, active=active, whitener=whitener)
