@@ -2,7 +2,7 @@
 
 A pivot that vanishes says that something is not determined, but not what: the null vectors of the normal matrix do.
 Problems of moderate size are analysed as a whole, by the eigenvectors of the reduced matrix scaled to unit diagonal;
-in larger ones the null vector of the leading part that ends at the first vanishing pivot is found by back substitution.
+in larger ones the null vectors of the leading parts that end at vanishing pivots are found by back substitution.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[i
         return int(open_.sum()), vectors
     if problem.subtrees is not None:
         return len(factored.weak), _weak_columns(problem, factored)
-    return len(factored.weak), _leading_null_vector(problem, factored)
+    trusted = _without_weak_descendants(problem, factored)
+    vectors = [_leading_null_vector(problem, factored, k, row) for k, row in trusted]
+    return len(factored.weak), np.concatenate(vectors, axis=1)
 
 
 def _weak_columns(problem: Problem, factored: Factored) -> Float:
@@ -76,9 +78,19 @@ def _weak_columns(problem: Problem, factored: Factored) -> Float:
     return vectors
 
 
-def _leading_null_vector(problem: Problem, factored: Factored) -> Float:
-    """Null vector of the unknowns eliminated up to the first vanishing pivot."""
-    k, row = factored.weak[0]
+def _without_weak_descendants(problem: Problem, factored: Factored) -> list[tuple[int, int]]:
+    """Weak pivots below which no other is: what comes after a weak pivot means nothing."""
+    weak, spoiled = dict(factored.weak), set()
+    for k in weak:
+        parent = problem.tree.nodes[k].parent
+        while parent >= 0 and parent not in spoiled:
+            spoiled.add(parent)
+            parent = problem.tree.nodes[parent].parent
+    return [(k, row) for k, row in factored.weak if k not in spoiled]
+
+
+def _leading_null_vector(problem: Problem, factored: Factored, k: int, row: int) -> Float:
+    """Null vector of the unknowns eliminated up to a vanishing pivot."""
     x = np.zeros(problem.layout.n_kept)
     for j in range(k, -1, -1):
         node = problem.tree.nodes[j]
