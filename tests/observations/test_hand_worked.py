@@ -11,7 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.records import whitened, whitener_of_covariances, whitener_of_sigmas
+from aatri.adjustment.records import (
+    Records,
+    active_lane,
+    prepared_lane,
+    whitened,
+    whitener_of_covariances,
+    whitener_of_sigmas,
+)
 from aatri.camera.models import calibration
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_points import (
@@ -82,6 +89,11 @@ def test_image_points_are_weighted_by_their_own_standard_deviations() -> None:
     np.testing.assert_allclose(v, [[20.0, -10.0], [25.0, -15.0]], rtol=1e-10)
 
 
+def _lane(records: Records, order: np.ndarray):
+    bind = prepared_lane(records, order)(records.whitener[order])
+    return active_lane(bind, records.active[order], records.loss)
+
+
 def test_a_rejected_image_point_has_no_weight_in_either_lane() -> None:
     records = image_point_records(replace(ROWS, active=np.array([True, False])))
     assert records.active.tolist() == [True, False]
@@ -91,7 +103,7 @@ def test_a_rejected_image_point_has_no_weight_in_either_lane() -> None:
     assert not any(one[1].any() for one in J)
     assert records.compiled is not None
     fast, fast_J = np.full((2, 2), np.nan), (np.full((2, 2, 6), np.nan), np.full((2, 2, 3), np.nan))
-    records.compiled(np.array([1, 0]))(STATE)(0, 2, fast, fast_J)
+    _lane(records, np.array([1, 0]))(STATE)(0, 2, fast, fast_J)
     np.testing.assert_allclose(fast, v[::-1], atol=1e-10)
     for fast_one, one in zip(fast_J, J):
         np.testing.assert_allclose(fast_one, one[::-1], atol=1e-9)
@@ -127,7 +139,7 @@ def test_each_correction_takes_the_block_of_its_own_ray(is_compiled: bool) -> No
         return
     assert records.compiled is not None
     v, J = np.empty((2, 2)), tuple(np.empty((2, 2, k)) for k in (6, 6, 3, 3))
-    records.compiled(np.array([1, 0]))(state)(0, 2, v, J)
+    _lane(records, np.array([1, 0]))(state)(0, 2, v, J)
     weights = 1.0 / ROWS.sigma_mm[::-1]
     np.testing.assert_allclose(v, np.array(expected)[::-1] * weights, atol=1e-9)
     np.testing.assert_allclose(J[2], -basis[::-1] * weights[:, :, None], atol=1e-9)
@@ -137,7 +149,7 @@ def test_part_of_the_rows_of_the_compiled_lane_is_filled_from_the_start_of_its_a
     records = image_point_records(ROWS, [film_correction(ROWS, FILM)])
     assert records.compiled is not None
     v, J = np.empty((1, 2)), tuple(np.empty((1, 2, k)) for k in (6, 6, 3))
-    records.compiled(np.array([0, 1]))({**STATE, FILM: np.zeros((3, 6))})(1, 2, v, J)
+    _lane(records, np.array([0, 1]))({**STATE, FILM: np.zeros((3, 6))})(1, 2, v, J)
     np.testing.assert_allclose(v, [[25.0, -15.0]], rtol=1e-10)
     np.testing.assert_allclose(J[2][0], BY_POINT[1] / ROWS.sigma_mm[1][:, None], atol=1e-9)
 
