@@ -66,8 +66,8 @@ def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[i
     if problem.subtrees is not None:
         return len(factored.weak), _weak_columns(problem, factored)
     trusted = _without_weak_descendants(problem, factored)
-    vectors = [_leading_null_vector(problem, factored, k, row) for k, row in trusted]
-    return len(factored.weak), np.concatenate(vectors, axis=1)
+    leading = [_leading_null_vector(problem, factored, k, row) for k, row in trusted]
+    return len(factored.weak), np.concatenate(leading, axis=1)
 
 
 def _weak_columns(problem: Problem, factored: Factored) -> Float:
