@@ -9,6 +9,12 @@ A stage is a plain function: artifacts in, one artifact out. Its signature is it
 Positional arguments are ports, named as in the role; one with default None is optional. `options`, `context` and
 `rng` are passed only where the signature asks for them. A folder of stages is a role; its `__init__.py` declares
 `ROLE = Role(ports, kind)`, which every variant of the role keeps to.
+
+`uses` states which of the observations, standard deviations, constraints and groupings that its ports offer the stage
+uses: names, or a function of its options that gives them. What no stage of a pipeline uses is refused.
+
+    @stage(version=1, uses=("ground_points.xyz_m", "ground_points.covariance_m2"))
+    @stage(version=1, uses=lambda options: ("exterior.position_m",) if options.use_positions else ())
 """
 
 from __future__ import annotations
@@ -16,7 +22,7 @@ from __future__ import annotations
 import inspect
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec, TypeVar
@@ -24,15 +30,20 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from aatri.errors import PluginError
+from aatri.ids import did_you_mean
 from aatri.options import Options
 from aatri.progress import SILENT, StageContext
 from aatri.regular_file import wrong_path
+from aatri.tables.offers import is_known
 from aatri.tables.schema import Artifact
 
 __all__ = ["SILENT", "CodePath", "Context", "Field", "InputPath", "Options", "Port", "Role", "StageCard", "card_of", "stage"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+Uses = tuple[str, ...] | Callable[[Any], Iterable[str]]
+"""What a stage uses: names, or a function of its options (None where it takes none)."""
 
 Context = StageContext
 """What a running stage may talk to: `log`, `warn`, `progress`, and `checkpoint.save` and `load` of arrays."""
@@ -99,6 +110,27 @@ class StageCard:
     wants_context: bool
     wants_rng: bool
     doc: str
+    uses: Uses | None = None
+
+    def used_with(self, options: Options | None) -> tuple[str, ...] | None:
+        """What the stage uses with these options, sorted; None if it does not say.
+
+        Raises
+        ------
+        PluginError
+            If it names something that none of its ports offers.
+        """
+        if self.uses is None:
+            return None
+        stated = self.uses(options) if callable(self.uses) else self.uses
+        if isinstance(stated, str):
+            raise PluginError(f"uses is the text {stated!r}", where=self.name, remedy=f"write uses=({stated!r},)")
+        known = frozenset(name for port in self.ports for name in port.kind.offered_names())
+        for name in stated:
+            if not is_known(name, known):
+                raise PluginError(f"uses {name!r}, which no port offers{did_you_mean(name, known)}", where=self.name,
+                                  remedy=f"its ports offer {', '.join(sorted(known)) or 'nothing'}")  # fmt: skip
+        return tuple(sorted(set(stated)))
 
     @property
     def name(self) -> str:
@@ -109,11 +141,21 @@ class StageCard:
 _SPECIAL = ("options", "context", "rng")
 
 
-def stage(*, version: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Declare a function to be a stage. A change of `version` makes earlier results stale."""
+def stage(*, version: int, uses: Uses | None = None) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Declare a function to be a stage.
+
+    Parameters
+    ----------
+    version : int
+        A change makes earlier results stale.
+    uses : tuple of str or callable, optional
+        What it uses of the observations, standard deviations, constraints and groupings that its ports offer (names as
+        in `aatri.artifacts.offers`), or a function of its options that gives them.
+    """
 
     def declare(function: Callable[P, T]) -> Callable[P, T]:
         function.__aatri_version__ = version  # type: ignore[attr-defined]
+        function.__aatri_uses__ = uses  # type: ignore[attr-defined]
         return function
 
     return declare
@@ -142,7 +184,8 @@ def card_of(function: Callable[..., Any], role: str) -> StageCard:
         raise PluginError("options are not a model derived from aatri.plugin.Options", where=where)
     module_doc = inspect.getdoc(inspect.getmodule(function)) or ""
     return StageCard(function, role, function.__name__, version, ports, kind, options,
-                     "context" in parameters, "rng" in parameters, module_doc)  # fmt: skip
+                     "context" in parameters, "rng" in parameters, module_doc,
+                     getattr(function, "__aatri_uses__", None))  # fmt: skip
 
 
 def _port(parameter: inspect.Parameter, hints: dict[str, Any], where: str) -> Port:

@@ -46,6 +46,8 @@ from aatri.codes import (
     OBSERVED_VALUE as OBSERVED_VALUE,
     PROJECTION_CENTRE as PROJECTION_CENTRE,
 )
+from aatri.artifacts.offers import NAMES, offers_of
+from aatri.tables.offers import Offer
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
@@ -159,3 +161,12 @@ class Block(Artifact):
             "exterior_observations": int((self.exterior.position_use + self.exterior.angle_use > 0).sum()),
             "rejects": len(self.rejects),
         }
+
+    def offers(self) -> tuple[Offer, ...]:
+        """What was given and is to have an effect."""
+        return offers_of(self)
+
+    @classmethod
+    def offered_names(cls) -> frozenset[str]:
+        """All names under which a Block may offer something."""
+        return NAMES

@@ -60,6 +60,11 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         "properties": {
             "run": {"type": "string", "minLength": 1, "description": "where results go; relative to this file"},
             "seed": {"type": "integer", "minimum": 0, "default": 1, "description": "of all random numbers"},
+            "ignore": {
+                "type": ["array", "null"],
+                "items": {"type": "string"},
+                "description": "what a block offers and no stage uses, knowingly: a warning instead of an error",
+            },
             "stages": {**names, "minProperties": 1, "additionalProperties": {"$ref": "#/$defs/stage"}},
             "variants": {
                 "type": ["object", "null"],

@@ -91,7 +91,18 @@ def _described(card: StageCard) -> dict[str, Any]:
     schema = card.options.model_json_schema() if card.options else {}
     ports = {port.name: {"kind": port.kind.kind, "optional": port.optional} for port in card.ports}
     return {"name": card.name, "version": card.version, "kind": card.kind.kind, "ports": ports,
-            "random": card.wants_rng, "method": card.doc, "options": schema}  # fmt: skip
+            "uses": _used(card), "random": card.wants_rng, "method": card.doc, "options": schema}  # fmt: skip
+
+
+def _used(card: StageCard) -> list[str] | None:
+    """What it uses with the defaults of its options; None where it does not say or has no defaults."""
+    from pydantic import ValidationError
+
+    try:
+        uses = card.used_with(card.options() if card.options else None)
+    except ValidationError:
+        return None
+    return None if uses is None else list(uses)
 
 
 def _say_variant(described: dict[str, Any]) -> None:
@@ -103,6 +114,8 @@ def _say_variant(described: dict[str, Any]) -> None:
     say()
     ports = [f"{name}: {p['kind']}{' (optional)' if p['optional'] else ''}" for name, p in described["ports"].items()]
     say(f"ports    {', '.join(ports) or 'none'}")
+    uses = described["uses"]
+    say(f"uses     {'not stated' if uses is None else ', '.join(uses) or 'nothing of what its ports offer'}")
     say(f"returns  {described['kind']}")
     say()
     rows = _option_rows(described["options"], described["options"].get("$defs", {}), "", [])

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 KIND = "control"
 
+USES = ("ground_points.xyz_m", "ground_points.covariance_m2")
+
 
 @dataclass(frozen=True)
 class Control:

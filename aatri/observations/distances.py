@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 GEODETIC, RELATIVE = "distance", "relative_distance"
 """Names of the kinds."""
 
+USES = ("geodetic:distance", "geodetic:distance_to_image", "geodetic.heights", "relative_control:distance")
+
 
 @dataclass(frozen=True)
 class Distances:

@@ -20,6 +20,8 @@ from aatri.observations.positions import PositionOptions, Positions, position_re
 
 DRIFT = "drift"
 
+USES = ("exterior.drift_group",)
+
 
 def drift(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     """Observed positions of the block that belong to a drift group."""

@@ -8,22 +8,34 @@ from typing import Any, TypeVar
 
 from pydantic import Field, create_model
 
-from aatri.observations.control import control
-from aatri.observations.distances import distances
-from aatri.observations.drift import drift
+from aatri.observations.control import USES as OF_CONTROL, control
+from aatri.observations.distances import USES as OF_DISTANCES, distances
+from aatri.observations.drift import USES as OF_DRIFT, drift
 from aatri.observations.image_points import image_points
 from aatri.observations.observed import Given, Observed
-from aatri.observations.positions import PositionOptions, positions
+from aatri.observations.positions import USES as OF_POSITIONS, PositionOptions, positions
 from aatri.options import Options
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of observation: the function that takes it from a block, its options, and the name they have."""
+    """A kind of observation.
+
+    Attributes
+    ----------
+    observe : callable
+        Takes it from a block.
+    options : type of Options, optional
+    under : str
+        Name of its options, where it is not that of the function.
+    uses : tuple of str
+        What it uses of the block, by the names of `artifacts.offers`.
+    """
 
     observe: Callable[..., tuple[Observed, ...]]
     options: type[Options] | None = None
     under: str = ""
+    uses: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -39,11 +51,14 @@ class Kind:
 
 KINDS = (
     Kind(image_points),
-    Kind(control),
-    Kind(positions, PositionOptions),
-    Kind(drift, PositionOptions, under="positions"),
-    Kind(distances),
+    Kind(control, uses=OF_CONTROL),
+    Kind(positions, PositionOptions, uses=OF_POSITIONS),
+    Kind(drift, PositionOptions, under="positions", uses=OF_DRIFT),
+    Kind(distances, uses=OF_DISTANCES),
 )
+
+USES = tuple(sorted({name for kind in KINDS for name in kind.uses}))
+"""What the kinds use of a block, also where their options set them aside: then the user has said so."""
 
 
 def observe(given: Given, options: object) -> tuple[Observed, ...]:

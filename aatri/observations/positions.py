@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 KIND = "position"
 
+USES = ("exterior.position_m", "cameras.lever_arm_m")
+
 
 class PositionOptions(Options):
     """Options of observed positions."""

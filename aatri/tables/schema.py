@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.errors import ArtifactError
+from aatri.tables.offers import Offer
 
 DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
 ATTRIBUTE_TYPES = (str, int, float, bool)
@@ -137,6 +138,15 @@ class Artifact:
     def metrics(self) -> dict[str, float | int | None]:
         """Figures of `aatri metrics`: name -> value, None for what was not determined."""
         return {}
+
+    def offers(self) -> tuple[Offer, ...]:
+        """What it holds that is to have an effect, see `tables.offers`."""
+        return ()
+
+    @classmethod
+    def offered_names(cls) -> frozenset[str]:
+        """All names under which the kind may offer something."""
+        return frozenset()
 
 
 def columns_of(cls: type[Table]) -> dict[str, Column]:

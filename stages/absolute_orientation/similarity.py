@@ -62,7 +62,11 @@ class SimilarityOptions(Options):
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
 
 
-@stage(version=1)
+@stage(
+    version=1,
+    uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m",
+          "cameras.lever_arm_m"),
+)  # fmt: skip
 def similarity(
     block: Block,
     strips: Strips,

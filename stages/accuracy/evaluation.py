@@ -21,7 +21,7 @@ class EvaluationOptions(Options):
     enough_check_points: int = Field(30, ge=1, description="fewer check points than this are remarked upon")
 
 
-@stage(version=1)
+@stage(version=1, uses=("ground_points:check",))
 def evaluation(
     block: Block,
     solution: Solution,

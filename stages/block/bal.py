@@ -20,7 +20,7 @@ class BalOptions(Options):
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def bal(*, options: BalOptions, context: Context = SILENT) -> Block:
     """Read a problem file."""
     block = read_bal(options.path, image_sigma_px=options.image_sigma_px, calibrate=options.calibrate, max_reject_share=options.max_reject_share, reporter=context)

@@ -27,7 +27,7 @@ class ColmapOptions(Options):
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def colmap(*, options: ColmapOptions, context: Context = SILENT) -> Block:
     """Read a sparse model."""
     block = read_colmap(

@@ -30,7 +30,7 @@ class DbatOptions(Options):
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def dbat(*, options: DbatOptions, context: Context = SILENT) -> Block:
     """Read a PhotoModeler export and its control points."""
     block = read_dbat(

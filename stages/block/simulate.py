@@ -66,7 +66,7 @@ class SimulateOptions(Options):
         return settings.over_preset(settings.PRESETS.get(given.get("preset") or "", {}), given)
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def simulate(
     *, options: SimulateOptions = SimulateOptions(), rng: np.random.Generator, context: Context = SILENT
 ) -> Block:

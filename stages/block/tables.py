@@ -20,7 +20,7 @@ class TablesOptions(Options):
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def tables(*, options: TablesOptions, context: Context = SILENT) -> Block:
     """Read a block folder."""
     block = read_block(options.path, context, options.max_reject_share)

@@ -20,7 +20,7 @@ class WucapsOptions(Options):
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def wucaps(*, options: WucapsOptions, context: Context = SILENT) -> Block:
     """Read a folder of WuCAPS files."""
     block = read_wucaps(options.path, image_sigma_mm=options.image_sigma_um * 1e-3, max_reject_share=options.max_reject_share, reporter=context,

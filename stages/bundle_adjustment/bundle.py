@@ -58,6 +58,7 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
+from ._uses import used
 
 
 @with_kinds
@@ -131,7 +132,12 @@ class BundleOptions(Options):
         return self
 
 
-@stage(version=6)
+def _uses(options: BundleOptions) -> tuple[str, ...]:
+    sets = options.self_calibration
+    return used(marked=options.datum_over == "marked", sessions=sets is not None and sets.per == "session")
+
+
+@stage(version=6, uses=_uses)
 def bundle(
     block: Block,
     image_points: ImagePoints | None = None,

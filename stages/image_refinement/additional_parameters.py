@@ -33,7 +33,7 @@ class AdditionalParametersOptions(Options):
     user: CodePath | None = Field(None, description="file of the set, where the calibration has set: user; its code runs")
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def additional_parameters(
     block: Block,
     image_points: ImagePoints,

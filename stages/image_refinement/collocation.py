@@ -35,7 +35,7 @@ class CollocationOptions(Options):
     cells_per_side: int = Field(20, ge=4, le=60, description="cells along the longer side of the plate")
 
 
-@stage(version=1)
+@stage(version=1, uses=lambda options: ("images.session",) if options.per == "session" else ())
 def collocation(
     block: Block,
     image_points: ImagePoints,

@@ -43,7 +43,7 @@ class SystematicOptions(Options):
     earth_curvature: bool = Field(True, description="correct earth curvature, if the block asks for it (map frame)")
 
 
-@stage(version=1)
+@stage(version=1, uses=("images.strip", "cameras.distortion", "earth_curvature:correct"))
 def systematic(
     block: Block,
     image_points: ImagePoints,

@@ -42,7 +42,7 @@ class AffineOptions(Options):
     sigma0_limit: float = Field(4.0, gt=0, description="an image whose sigma0 is larger is reported as suspect")
 
 
-@stage(version=1)
+@stage(version=1, uses=("image_points.xy", "fiducial_points.xy"))
 def affine(block: Block, *, options: AffineOptions = AffineOptions(), context: Context = SILENT) -> ImagePoints:
     """Photo coordinates of film by fiducial marks; of other images by calibration."""
     film = film_images(block)

@@ -24,7 +24,7 @@ from aatri.plugin import SILENT, Context, stage
 from ._assembly import Transformations, image_points_of
 
 
-@stage(version=1)
+@stage(version=1, uses=("image_points.xy",))
 def calibrated(block: Block, *, context: Context = SILENT) -> ImagePoints:
     """Photo coordinates from pixels or given photo coordinates, reduced to the principal point."""
     transformations = calibrated_transformations(block, np.flatnonzero(block.images.active))

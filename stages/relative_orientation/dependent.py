@@ -38,7 +38,7 @@ class DependentOptions(Options):
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
 
 
-@stage(version=1)
+@stage(version=1, uses=("images.strip",))
 def dependent(
     block: Block,
     image_points: ImagePoints,

@@ -59,7 +59,7 @@ class PolynomialOptions(Options):
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
 
 
-@stage(version=1)
+@stage(version=1, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2"))
 def polynomial(
     block: Block,
     image_points: ImagePoints,

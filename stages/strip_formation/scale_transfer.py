@@ -56,7 +56,7 @@ class ScaleTransferOptions(Options):
     scale_jump: float = Field(2.0, gt=1, description="a scale factor above this, or below its inverse, is reported")
 
 
-@stage(version=1)
+@stage(version=1, uses=("images.strip",))
 def scale_transfer(
     block: Block,
     models: Models,

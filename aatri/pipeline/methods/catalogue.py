@@ -30,11 +30,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A stage with its method, options with defaults, the files that options name, and the digest of its code."""
+    """A stage with its method, options with defaults, the files that options name, what it uses, and its code.
+
+    `uses` is None where the stage does not say.
+    """
 
     method: Method
     options: dict[str, Any]
     files: dict[str, str]
+    uses: tuple[str, ...] | None
     code: Code
 
 
@@ -80,7 +84,10 @@ class Catalogue:
             known = self._methods.get(self._entry(stage, code)) or self._methods.get(
                 self._entry(stage, code, spec.base)
             )
-            return known and Prepared(from_plain(known["method"]), known["options"], known["files"], code)
+            if not known or "uses" not in known:
+                return None
+            uses = known["uses"] if known["uses"] is None else tuple(known["uses"])
+            return Prepared(from_plain(known["method"]), known["options"], known["files"], uses, code)
         except (OSError, AttributeError, KeyError, TypeError, ValueError):
             return None  # no such file, or a damaged cache
 
@@ -100,6 +107,7 @@ class Catalogue:
         options = validated(spec, stage, card, errors, runs_code=self._runs_code)
         if len(errors) > before:
             return None
+        uses = card.used_with(options)
         plain = options.model_dump(mode="json") if options is not None else {}
         files = {name: str(path) for name, path in input_files(options).items()} if options is not None else {}
         origin = self._found.get(stage.use)
@@ -107,9 +115,9 @@ class Catalogue:
         source = path or Path(inspect.getsourcefile(card.function) or "")
         code = self._reader.code_of(module, source)
         if origin is not None and origin.file is not None:
-            entry = {"method": method.plain(), "options": plain, "files": files}
+            entry = {"method": method.plain(), "options": plain, "files": files, "uses": uses}
             self._methods.put(self._entry(stage, code, spec.base if files else None), entry)
-        return Prepared(method, plain, files, code)
+        return Prepared(method, plain, files, uses, code)
 
     def method(self, use: str) -> Method:
         """A method as its plugin declares it."""

@@ -35,6 +35,8 @@ class Node:
         Option -> file or folder whose content counts as input.
     code : str
         Digest of the code that it reaches.
+    uses : tuple of str, optional
+        What it uses of what its ports offer; None where it does not say.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Node:
     options: Mapping[str, Any]
     files: Mapping[str, str]
     code: str
+    uses: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ def _node(stage: StageSpec, prepared: Prepared) -> Node:
     used = {port: source for port, source in stage.inputs.items() if port in wanted}
     unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
     return Node(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
-                prepared.code.digest)  # fmt: skip
+                prepared.code.digest, prepared.uses)  # fmt: skip
 
 
 def _roles(

@@ -7,7 +7,7 @@ command goes on from there.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from aatri.errors import AatriError, ArtifactError, raise_all
 from aatri.pipeline.plan.graph import Node
 from aatri.pipeline.plan.plan import Decision, Plan, Selection, State, decide, plan
+from aatri.pipeline.plan.unused import Unused, unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.task import Outcome, Source, task_of
 from aatri.pipeline.run.workers import Pool, pool
@@ -82,8 +83,13 @@ def run_pipeline(
         planned = plan(nodes, view, spec.seed, how.selection)
         check_inputs(nodes, planned)
         view.save()
-        if not planned.stale and _is_settled(spec, nodes, planned):
-            return [dict(d.record) for d in planned.decisions if d.record is not None]
+        if not planned.stale:
+            known = [d.record for d in planned.decisions if d.record is not None]
+            found = unused(nodes, known, spec.ignore)
+            if not found.errors and _is_settled(spec, nodes, planned, found):
+                for stage, message in found.warnings:
+                    listener.warned(stage, message)
+                return [dict(record) for record in known]
         run = _Run(spec, nodes, planned, view, listener, how)
         try:
             return run.carry_out()
@@ -119,7 +125,7 @@ def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any])
     return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
 
 
-def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan) -> bool:
+def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan, found: Unused) -> bool:
     """Whether the run folder shows just the results that the plan finds fresh."""
     if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
         return False
@@ -129,7 +135,13 @@ def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan) -> bool:
         shown = store.read_overview(spec.run) or {}
     except ArtifactError:
         return False  # it is written anew
+    if shown.get("warnings", []) != _plain(found.warnings):
+        return False
     return shown.get("status") == "done" and shown.get("stages") == overview_of(spec, nodes, {})["stages"]
+
+
+def _plain(warnings: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
+    return [{"stage": stage, "message": message} for stage, message in warnings]
 
 
 class _Run:
@@ -145,6 +157,7 @@ class _Run:
         self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
         self.problems: list[AatriError] = []
         self.lost: set[str] = set()
+        self.warnings: list[tuple[str, str]] = []
 
     def carry_out(self) -> list[dict[str, Any]]:
         """Run to the end, and leave word in run.json of how it ended."""
@@ -171,7 +184,10 @@ class _Run:
         self.events.add("ended", status=status)
         self.events.close()
         with on_disk(self.spec.run):
-            store.write_json({**self.overview, "status": status, "ended": now()}, self.spec.run, "run.json")
+            store.write_json(self._last_word(status), self.spec.run, "run.json")
+
+    def _last_word(self, status: str) -> dict[str, Any]:
+        return {**self.overview, "warnings": _plain(self.warnings), "status": status, "ended": now()}
 
     def _show_what_is_fresh(self) -> None:
         """Put the fresh results into `current` and take all others out."""
@@ -192,6 +208,19 @@ class _Run:
         if not store.is_current(self.spec.run, record):
             store.make_current(self.spec.run, record)
         self.records[stage] = record
+        self._compare_with_use(record)
+
+    def _compare_with_use(self, record: Mapping[str, Any]) -> None:
+        """Nothing is made of a result that offers what no stage uses."""
+        stage = str(record["stage"])
+        found = unused(self.nodes, [record], self.spec.ignore)
+        for _, message in found.warnings:
+            self.warnings.append((stage, message))
+            self._tell(stage, "warned", message)
+        if found.errors:
+            self.lost.add(stage)
+            self.problems += found.errors
+            self.events.add("not used", stage=stage, errors=[str(error) for error in found.errors])
 
     def _work(self, workers: Pool) -> None:
         selected = {d.stage for d in self.planned.decisions if d.selected}

@@ -5,11 +5,13 @@ The stages above must be up to date; the run is shared with other jobs, the stag
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from aatri.errors import ArtifactError
+from aatri.errors import ArtifactError, raise_all
 from aatri.pipeline.plan.graph import Node
 from aatri.pipeline.plan.plan import Selection, plan
+from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.runner import How, Listener, check_inputs, overview_of
 from aatri.pipeline.run.task import task_of
@@ -44,6 +46,8 @@ def make_stage(
         planned = plan(nodes, view, spec.seed, Selection(frozenset({name}), how.selection.forced))
         check_inputs(nodes, planned)
         decision = planned.of(name)
+        taken = [d.record for d in planned.decisions if d.record is not None and d.stage in node.inputs.values()]
+        _compare_with_use(spec, nodes, taken, name, listener)
         store.prepare(spec.run)
         if not _has_overview(spec):
             with on_disk(spec.run):
@@ -52,6 +56,7 @@ def make_stage(
         if decision.record is not None:
             if not store.is_current(spec.run, decision.record):
                 store.make_current(spec.run, decision.record)
+            _compare_with_use(spec, nodes, [decision.record], "", listener)
             return dict(decision.record), False
         above = {d.stage: d.record for d in planned.decisions if d.record is not None}
         listener.started(name, node.method.name, 1, 1)
@@ -63,6 +68,7 @@ def make_stage(
         record = outcome.record or {}
         store.make_current(spec.run, record)
         listener.finished(record)
+        _compare_with_use(spec, nodes, [record], "", listener)
         return record, True
 
 
@@ -72,3 +78,13 @@ def _has_overview(spec: Spec) -> bool:
         return store.read_overview(spec.run) is not None
     except ArtifactError:
         return False
+
+
+def _compare_with_use(
+    spec: Spec, nodes: tuple[Node, ...], records: Iterable[Mapping[str, Any]], of: str, listener: Listener
+) -> None:
+    """Refuse to go on from results that offer what no stage of the pipeline uses."""
+    found = unused(nodes, records, spec.ignore, of)
+    for stage, message in found.warnings:
+        listener.warned(stage, message)
+    raise_all(found.errors)

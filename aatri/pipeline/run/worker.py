@@ -110,6 +110,7 @@ def _made(
         "status": "done",
         "metrics": metrics,
         "warnings": context.warnings,
+        "offers": [offer.plain() for offer in artifact.offers()],
         "started": started,
         "ended": now(),
         "seconds": round(time.perf_counter() - clock, 3),

@@ -2,6 +2,7 @@
 
     run: runs/rc30                 where results go; relative to this file
     seed: 1
+    ignore: [NAME, ...]            what the block offers and no stage uses, knowingly; enters no key
     stages:
       NAME: {use: ROLE/VARIANT, from: {PORT: STAGE}, with: {OPTION: VALUE}}
     variants:                      named patches of stages
@@ -27,7 +28,7 @@ from aatri.strict_yaml import Document, load
 
 USE = re.compile(r"[a-z][a-z0-9_]{0,99}/[a-z][a-z0-9_]{0,99}")
 
-_TOP_KEYS = ("run", "seed", "stages", "variants")
+_TOP_KEYS = ("run", "seed", "ignore", "stages", "variants")
 _STAGE_KEYS = ("use", "from", "with")
 
 
@@ -53,6 +54,7 @@ class Spec:
     document: Document = field(repr=False)
     places: Mapping[tuple[str, ...], str] = field(default_factory=dict, repr=False)
     variant: str = ""
+    ignore: tuple[str, ...] = ()
 
     @property
     def base(self) -> Path:
@@ -96,13 +98,14 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
     seed = top.get("seed", 1)
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
         errors.append(SpecError(f"seed is {seed!r}, not a whole number from 0", where=document.where("seed")))
+    ignore = _ignored(document, top, errors)
     written = _mapping(document, ("stages",), None, errors)
     if not written and not errors:
         errors.append(SpecError("no stages", where=document.where(), remedy="`aatri new` writes an example"))
     stages = {name: _stage(document, name, errors) for name in written}
     variants = _variants(document, tuple(stages), errors)
     raise_all(errors)
-    return Spec(path, run, seed, stages, variants, document)
+    return Spec(path, run, seed, stages, variants, document, ignore=ignore)
 
 
 def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: list[AatriError]) -> Path:
@@ -114,6 +117,16 @@ def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: 
     if what := wrong_path(base / run):
         errors.append(SpecError(f"run is {clipped(run)!r}: {what}", where=document.where("run"), remedy="a shorter name"))
     return base / run
+
+
+def _ignored(document: Document, top: Mapping[str, Any], errors: list[AatriError]) -> tuple[str, ...]:
+    """Names under `ignore`."""
+    names = top.get("ignore") or []
+    if isinstance(names, list) and all(isinstance(name, str) for name in names):
+        return tuple(names)
+    errors.append(SpecError(f"ignore is {names!r}, not a list of names", where=document.where("ignore"),
+                            remedy="ignore: [exterior.angles_rad]"))  # fmt: skip
+    return ()
 
 
 def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec:

@@ -1,0 +1,202 @@
+"""What a Block may offer: every given value that is to have an effect, by the name under which stages state its use.
+
+One row per name: which cells of the block folder it stands for, which rows count as given, and what kind of artifact it
+bears upon. A value counts as given where the cell is filled and says something: a lever arm of zero, an observation
+that is switched off or a camera parameter with sigma 0 says nothing. Where rows of one table differ in what they need,
+each type has a name of its own: `geodetic:distance`, `relative_control:plane`, `camera_parameters:brown.k1`.
+
+What is here neither: values every stage that takes a Block reads (ids, cameras, approximate values), and the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Text
+from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
+from aatri.tables.offers import Nature, Offer
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
+
+@dataclass(frozen=True)
+class _Declared:
+    """A name with the rows of one table that it stands for; `{}` of the words takes their count."""
+
+    name: str
+    nature: Nature
+    words: str
+    table: str
+    rows: Callable[[Block], Bool]
+    bears_on: str = "Solution"
+
+
+def _observed_positions(block: Block) -> Bool:
+    e = block.exterior
+    return np.asarray((e.position_use == OBSERVED_VALUE) & np.isfinite(e.position_m).any(axis=1))
+
+
+def _observed_attitudes(block: Block) -> Bool:
+    e = block.exterior
+    return np.asarray((e.angle_use == OBSERVED_VALUE) & np.isfinite(e.angles_rad).any(axis=1))
+
+
+def _control(block: Block) -> Bool:
+    return np.asarray((block.ground_points.role == CONTROL).any(axis=1))
+
+
+def _weighted(covariance: Float) -> Bool:
+    return np.asarray((np.nan_to_num(np.einsum("nii->ni", covariance)) > 0).any(axis=1))
+
+
+def _antennas(block: Block) -> Bool:
+    """Cameras of images with a position of the antenna."""
+    e = block.exterior
+    image = e.image[(e.refers_to == ANTENNA) & np.isfinite(e.position_m).any(axis=1)]
+    return np.isin(np.arange(len(block.cameras)), block.images.camera[image])
+
+
+def _of_photo_coordinates(block: Block) -> Bool:
+    """Marks of images whose coordinates are in the photo system already."""
+    camera = block.images.camera[block.fiducial_points.image]
+    return np.asarray(block.cameras.image_coordinates[camera] == "photo")
+
+
+def _arms(block: Block) -> Bool:
+    return np.asarray((block.cameras.lever_arm_m != 0).any(axis=1))
+
+
+_DECLARED = (
+    _Declared("image_points.xy", "observation", "{} image points (image_points.csv: x, y)", "image_points",
+              lambda b: b.image_points.active, "ImagePoints"),
+    _Declared("image_points.group", "grouping", "groups of {} image points (image_points.csv: group)", "image_points",
+              lambda b: b.image_points.active & (b.image_points.group != "")),
+    _Declared("image_points.row_time_s", "observation", "row times of {} image points (image_points.csv: row_time)",
+              "image_points", lambda b: b.image_points.active & np.isfinite(b.image_points.row_time_s)),
+    _Declared("fiducial_points.xy", "observation", "{} measured fiducial marks (fiducials.csv: x, y)",
+              "fiducial_points", lambda b: ~_of_photo_coordinates(b), "ImagePoints"),
+    _Declared("fiducial_points:photo", "observation",
+              "{} measured fiducial marks (fiducials.csv) of cameras with image_coordinates: photo", "fiducial_points",
+              lambda b: _of_photo_coordinates(b), "ImagePoints"),
+    _Declared("images.strip", "grouping", "strips of {} images (images.csv: strip)", "images",
+              lambda b: b.images.strip >= 0),
+    _Declared("images.flight", "grouping", "flights of {} images (images.csv: flight)", "images",
+              lambda b: b.images.flight != ""),
+    _Declared("images.session", "grouping", "sessions of {} images (images.csv: session)", "images",
+              lambda b: b.images.session != ""),
+    _Declared("images.rig", "constraint", "rigs of {} images (images.csv: rig)", "images",
+              lambda b: b.images.rig != ""),
+    _Declared("cameras.distortion", "correction", "lens distortion of {} cameras (block.yaml: cameras)", "cameras",
+              lambda b: b.cameras.distortion != "none"),
+    _Declared("cameras.lever_arm_m", "constraint", "lever arms of {} cameras (block.yaml: lever_arm)", "cameras",
+              lambda b: _arms(b) & _antennas(b)),
+    _Declared("cameras.lever_arm_m:without_antenna", "constraint",
+              "lever arms of {} cameras (block.yaml: lever_arm) to which no position refers "
+              "(exterior.csv: refers_to antenna)", "cameras", lambda b: _arms(b) & ~_antennas(b)),
+    _Declared("cameras.boresight_rad", "constraint", "boresights of {} cameras (block.yaml: boresight)", "cameras",
+              lambda b: (b.cameras.boresight_rad != 0).any(axis=1)),
+    _Declared("cameras.mount_deg", "constraint", "mounts of {} cameras (block.yaml: mount)", "cameras",
+              lambda b: b.cameras.mount_deg != 0),
+    _Declared("ground_points.xyz_m", "observation", "{} control points (ground_points.csv: X, Y, Z)", "ground_points",
+              _control),
+    _Declared("ground_points.covariance_m2", "standard deviation",
+              "standard deviations of {} control points (ground_points.csv: sX, sY, sZ)", "ground_points",
+              lambda b: _control(b) & _weighted(b.ground_points.covariance_m2)),
+    _Declared("ground_points:check", "check", "{} check points (ground_points.csv: role)", "ground_points",
+              lambda b: (b.ground_points.role == CHECK).any(axis=1), "Evaluation"),
+    _Declared("ground_points.datum", "grouping", "datum marks of {} points (ground_points.csv: datum)",
+              "ground_points", lambda b: b.ground_points.datum),
+    _Declared("ground_point_covariances", "standard deviation",
+              "{} covariances between control coordinates (covariances.csv)", "ground_point_covariances",
+              lambda b: b.ground_point_covariances.value != 0),
+    _Declared("exterior.position_m", "observation", "{} observed positions (exterior.csv: X, Y, Z)", "exterior",
+              _observed_positions),
+    _Declared("exterior.angles_rad", "observation", "{} observed attitudes (exterior.csv: a1, a2, a3)", "exterior",
+              _observed_attitudes),
+    _Declared("exterior.drift_group", "constraint", "drift groups of {} observed positions (exterior.csv: drift_group)",
+              "exterior", lambda b: (b.exterior.drift_group != "") & _observed_positions(b)),
+    _Declared("exterior.drift_group:without_positions", "grouping",
+              "drift groups of {} images without observed position (exterior.csv: drift_group)", "exterior",
+              lambda b: (b.exterior.drift_group != "") & ~_observed_positions(b)),
+    _Declared("geodetic.group", "constraint", "groups of {} geodetic observations (geodetic.csv: group)", "geodetic",
+              lambda b: b.geodetic.active & (b.geodetic.group != "")),
+    _Declared("geodetic.reduced", "correction", "{} reduced geodetic observations (geodetic.csv: reduced)", "geodetic",
+              lambda b: b.geodetic.active & (b.geodetic.reduced != "no") & (b.geodetic.reduced != "")),
+    _Declared("geodetic.heights", "correction",
+              "instrument and target heights of {} geodetic observations (geodetic.csv: h_from, h_to)", "geodetic",
+              lambda b: b.geodetic.active & ((np.nan_to_num(b.geodetic.start_height_m) != 0)
+                                             | (np.nan_to_num(b.geodetic.end_height_m) != 0))),
+    _Declared("geodetic_covariances", "standard deviation",
+              "{} covariances between geodetic observations (covariances.csv)", "geodetic_covariances",
+              lambda b: b.geodetic_covariances.value != 0),
+)  # fmt: skip
+
+NAMES = frozenset(d.name for d in _DECLARED) | {
+    "camera_parameters:*", "geodetic:*", "relative_control:*", "earth_curvature:correct", "earth_curvature:frame",
+    "undulation",
+}  # fmt: skip
+"""All names under which a Block may offer something."""
+
+
+def offers_of(block: Block) -> tuple[Offer, ...]:
+    """What a block offers, in the order of its tables."""
+    return tuple(offer for offer in _offers(block) if offer is not None)
+
+
+def _offers(block: Block) -> Iterator[Offer | None]:
+    for d in _DECLARED:
+        yield _offer(block, d.name, d.nature, d.words, d.table, np.asarray(d.rows(block)), d.bears_on)
+    yield from _of_camera_parameters(block)
+    g, c = block.geodetic, block.relative_control
+    station = (g.start_kind == "image") | (g.end_kind == "image")
+    types = np.where(station, _joined(g.type, "_to_image"), g.type)
+    for type_ in np.unique(types[g.active]):
+        words = f"{{}} observations of type {type_} (geodetic.csv: value, sigma)"
+        yield _offer(block, f"geodetic:{type_}", "observation", words, "geodetic", g.active & (types == type_))
+    for type_ in np.unique(c.type):
+        words = f"{{}} conditions of type {type_} (relative_control.yaml)"
+        yield _offer(block, f"relative_control:{type_}", "constraint", words, "relative_control", c.type == type_)
+    if block.earth_curvature in ("correct", "frame"):
+        words = f"earth_curvature: {block.earth_curvature} (block.yaml)"
+        yield Offer(f"earth_curvature:{block.earth_curvature}", "correction", words, "", "Solution")
+    if np.isfinite(block.undulation_m):
+        yield Offer("undulation", "correction", "undulation (block.yaml)", "", "Solution")
+
+
+def _of_camera_parameters(block: Block) -> Iterator[Offer | None]:
+    """Camera parameters that are unknown or weighted, by the distortion model that they belong to."""
+    p = block.camera_parameters
+    open_ = p.free | (np.nan_to_num(p.sigma) > 0)
+    names = _joined(_joined(block.cameras.distortion[p.camera], "."), p.name)
+    for name in np.unique(names[open_]):
+        words = f"standard deviation of {name.partition('.')[2]} of {{}} cameras (block.yaml: sigmas)"
+        yield _offer(block, f"camera_parameters:{name}", "standard deviation", words, "camera_parameters",
+                     open_ & (names == name))  # fmt: skip
+
+
+def _offer(
+    block: Block, name: str, nature: Nature, words: str, table: str, rows: Bool, bears_on: str = "Solution"
+) -> Offer | None:
+    if not rows.any():
+        return None
+    return Offer(name, nature, words.format(int(rows.sum())), _where(block, table, rows), bears_on)
+
+
+def _where(block: Block, table: str, rows: Bool) -> str:
+    """`file:line` of the first row that was imported, or the camera."""
+    held = getattr(block, table)
+    first = int(np.flatnonzero(rows)[0])
+    if table in ("cameras", "camera_parameters"):
+        return f"camera {block.cameras.id[first if table == 'cameras' else held.camera[first]]}"
+    if not hasattr(held, "file") or held.file[first] < 0:
+        return ""
+    return f"{block.files.path[held.file[first]]}:{held.line[first]}"
+
+
+def _joined(a: Text, b: Text | str) -> Text:
+    return np.char.add(np.asarray(a, dtype=np.str_), b)

@@ -1,0 +1,92 @@
+"""What a result offers and no stage of the pipeline uses: an error, before anything is made of it.
+
+A stage that takes the result states by name what it uses of it. An offer counts as used if one stage of the pipeline
+uses it; which of them are selected to run does not matter. It is left alone where the pipeline makes nothing that it
+bears upon: control points in a pipeline that ends with models. Unused groupings and checks, and what pipeline.yaml names
+under `ignore`, are warnings; so is everything where a stage does not state what it uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from aatri.errors import InputError
+from aatri.pipeline.plan.graph import Node, downstream
+from aatri.tables.offers import Offer, covers, offer_from_plain
+
+
+MILD = ("check", "grouping")
+"""Natures that change no result where they are not used."""
+
+
+@dataclass(frozen=True)
+class Unused:
+    """What is to be said of the results of some stages."""
+
+    errors: tuple[InputError, ...] = ()
+    warnings: tuple[tuple[str, str], ...] = ()
+    """Stage and message."""
+
+
+def unused(
+    nodes: tuple[Node, ...], records: Iterable[Mapping[str, Any]], ignore: tuple[str, ...], of: str = ""
+) -> Unused:
+    """Compare what results offer with what the stages of the pipeline use.
+
+    Parameters
+    ----------
+    nodes : tuple of Node
+        The whole pipeline.
+    records : iterable of dict
+        Records of results.
+    ignore : tuple of str
+        Names, or tables, that may be left unused.
+    of : str
+        Only of what this stage takes, where it is given.
+    """
+    errors, warnings = [], []
+    for record in records:
+        source = str(record["stage"])
+        takers = [node for node in nodes if source in node.inputs.values()]
+        if not takers or (of and of not in {node.name for node in takers}):
+            continue
+        below = set(downstream(nodes, source))
+        kinds = {node.method.kind for node in nodes if node.name in below}
+        used = {name for node in takers for name in node.uses or ()}
+        silent = sorted({node.method.name for node in takers if node.uses is None})
+        for offer in map(offer_from_plain, record.get("offers", ())):
+            if offer.name in used or offer.bears_on not in kinds:
+                continue
+            ignored = any(covers(name, offer.name) for name in ignore)
+            if offer.nature in MILD or ignored or silent:
+                warnings.append((source, _warning(offer, ignored, silent)))
+            else:
+                errors.append(_error(offer))
+    return Unused(tuple(errors), tuple(warnings))
+
+
+def _error(offer: Offer) -> InputError:
+    return InputError(
+        f"{offer.what}: not used by any stage of this pipeline, without effect",
+        where=offer.where,
+        remedy=f"add or set a stage that uses {offer.name} (`aatri stages ROLE/VARIANT` says what each uses); or take "
+        f"it out of the block; or go on without it by `ignore: [{_quoted(offer.name)}]` at the top of "
+        "pipeline.yaml",
+    )
+
+
+def _warning(offer: Offer, ignored: bool, silent: list[str]) -> str:
+    place = f"{offer.where}: " if offer.where else ""
+    why = "not used by any stage of this pipeline"
+    if ignored:
+        why = f"without effect, as pipeline.yaml says by ignore: {offer.name}"
+    elif silent and offer.nature not in MILD:
+        why = f"no stage says that it uses it ({', '.join(silent)} states nothing)"
+    return f"{place}{offer.what}: {why}"
+
+
+def _quoted(name: str) -> str:
+    """As YAML takes it within brackets."""
+    return f'"{name}"' if ":" in name else name

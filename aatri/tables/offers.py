@@ -1,0 +1,59 @@
+"""What an artifact offers to the stages that take it: observations, standard deviations, constraints, groupings.
+
+A kind names what it may offer; an artifact says what of that it holds; a stage says what it uses
+(`@stage(uses=...)`). What is offered and used by no stage of a pipeline had no effect: the pipeline compares the names
+and refuses it, without knowing what they mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Nature = Literal["observation", "standard deviation", "constraint", "correction", "check", "grouping"]
+"""Unused, a check and a grouping are a warning and everything else is an error."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """Something an artifact holds that is to have an effect.
+
+    Attributes
+    ----------
+    name : str
+        As stages state it and `ignore` takes it: `exterior.angles_rad`, `geodetic:distance`.
+    nature : str
+        One of `Nature`.
+    what : str
+        In words, with file and columns: `12 observed attitudes (exterior.csv: a1, a2, a3)`.
+    where : str
+        `file:line` of the first, or empty.
+    bears_on : str
+        Kind of artifact it bears upon: a chain that makes none of that kind may leave it.
+    """
+
+    name: str
+    nature: str
+    what: str
+    where: str
+    bears_on: str
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        return asdict(self)
+
+
+def offer_from_plain(value: Mapping[str, Any]) -> Offer:
+    """The offer that `Offer.plain` gave."""
+    return Offer(**value)
+
+
+def is_known(name: str, names: frozenset[str]) -> bool:
+    """Whether a kind may offer this name; `geodetic:*` stands for every `geodetic:...`."""
+    return name in names or f"{name.partition(':')[0]}:*" in names
+
+
+def covers(wanted: str, name: str) -> bool:
+    """Whether a name of `ignore` means an offer: the same name, or its table."""
+    return name == wanted or name.startswith((f"{wanted}.", f"{wanted}:"))

@@ -1,0 +1,26 @@
+"""What a bundle adjustment uses of a Block, by the names of `aatri.artifacts.offers`."""
+
+from __future__ import annotations
+
+from aatri.adapters.camera_parameters import MODELS
+from aatri.camera.models.calibration import PARAMETERS
+from aatri.observations import kinds
+
+CAMERAS = tuple(f"camera_parameters:{distortion}.{name}" for distortion, model in MODELS.items()
+                for name in PARAMETERS[model])  # fmt: skip
+"""Standard deviations of the parameters that the camera models of the adjustment have."""
+
+
+def used(*, marked: bool, sessions: bool) -> tuple[str, ...]:
+    """Names of what is used.
+
+    Parameters
+    ----------
+    marked : bool
+        The datum rests on marked points.
+    sessions : bool
+        Additional parameters are those of sessions.
+    """
+    own = ("images.strip", "cameras.distortion", *CAMERAS)
+    optional = (("ground_points.datum", marked), ("images.session", sessions))
+    return (*kinds.USES, *own, *(name for name, wanted in optional if wanted))
