@@ -12,16 +12,27 @@ from aatri.cli.locate import find_run, split_stage
 from aatri.errors import ArtifactError, SpecError
 
 
+MOST_ROWS = 20
+"""Rows of a table that are printed unless all are asked for."""
+
+
 @reports_errors
 def show(
     what: Annotated[str, typer.Argument(metavar="RUN:STAGE|FILE.h5", help="`:STAGE` means the default run.")],
+    table: Annotated[str, typer.Argument(metavar="[TABLE]", help="Print its values: suspects, residuals ...")] = "",
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    all_rows: Annotated[bool, typer.Option("--all", help="All rows of the table, not the first 20.")] = False,
 ) -> None:
-    """Show what an artifact holds and where it comes from."""
+    """Show what an artifact holds and where it comes from, or the values of one of its tables."""
     from aatri.tables.hdf5 import read_header
 
     path = _file(what)
     header = read_header(path)
+    if table:
+        from aatri.cli.show_values import say_values
+
+        say_values(path, str(header["kind"]), table, None if all_rows else MOST_ROWS, json=json)
+        return
     record = _record(path)
     if json:
         say_json({"file": str(path), **header, "record": record})
@@ -29,10 +40,10 @@ def show(
     say(f"{header['kind']}  {path}")
     say()
     say_table(("attribute", "value"), [[name, str(value)] for name, value in header["attributes"].items()])
-    for name, table in header["tables"].items():
+    for name, held in header["tables"].items():
         say()
-        say(f"{name}: {table['rows']} rows. {table['description']}")
-        rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in table["columns"].items()]
+        say(f"{name}: {held['rows']} rows. {held['description']}")
+        rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in held["columns"].items()]
         say_table(("  column", "shape", "unit", "description"), rows)
     say()
     _say_provenance(record)

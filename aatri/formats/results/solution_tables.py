@@ -1,4 +1,7 @@
-"""A Solution as CSV tables: exterior.csv, points.csv, cameras.csv, residuals.csv and, if there are any, parameters.csv.
+"""A Solution as CSV tables: exterior, points, cameras, residuals, frame; tests, suspects, parameters if there are any.
+
+parameters.csv has an empty cell where a parameter was removed; parameter_covariances.csv has covariances and
+correlations of the additional parameters of each camera or session; frame.csv says what the coordinates refer to.
 
 Metres, millimetres in the image, degrees. Angles in both systems: omega-phi-kappa is R = Rx(omega) Ry(phi) Rz(kappa),
 phi-omega-kappa (columns `_pok_`) is R = Ry(-phi) Rx(omega) Rz(kappa). Standard deviations are a priori: sigma0 is not
@@ -16,11 +19,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
-from aatri.artifacts.solution import Solution
+from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals, Solution, Tests
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
+from aatri.formats.results.parameter_units import parameter_units
+from aatri.frames.axes import columns_in_order
 from aatri.geometry.rotations import AngleSystem, angle_covariance, angles_from_rotation
+from aatri.observations.poses import ADDITIONAL
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -54,9 +61,16 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
         "points.csv": _points(solution, block),
         "cameras.csv": _cameras(solution),
         "residuals.csv": _residuals(solution),
+        "frame.csv": _frame(block),
     }
+    if solution.tests is not None:
+        tables["tests.csv"] = _tests(solution.residuals, solution.tests)
+    if len(solution.suspects):
+        tables["suspects.csv"] = _suspects(solution.suspects)
     if len(solution.parameters):
         tables["parameters.csv"] = _parameters(solution)
+    if solution.parameter_covariances is not None and len(solution.parameter_covariances):
+        tables["parameter_covariances.csv"] = _covariances(solution.parameters, solution.parameter_covariances)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return [_write(folder / name, columns) for name, columns in tables.items()]
@@ -114,7 +128,54 @@ def _residuals(solution: Solution) -> Columns:
 
 def _parameters(solution: Solution) -> Columns:
     p = solution.parameters
-    return {"group": p.group, "object": p.object, "name": p.name, "value": p.value, "sigma": p.sigma}
+    removed = removed_parameters(p)
+    return {
+        "group": p.group, "object": p.object, "name": p.name, "value": np.where(removed, np.nan, p.value),
+        "sigma": np.where(removed, np.nan, p.sigma), "unit": np.array(parameter_units(solution), dtype=np.str_),
+    }  # fmt: skip
+
+
+def removed_parameters(p: Parameters) -> Bool:
+    """Additional parameters that were left out: they are neither estimated nor given, (n,)."""
+    return np.asarray((p.group == ADDITIONAL) & (p.value == 0) & (p.sigma == 0))
+
+
+def _covariances(p: Parameters, rows: ParameterCovariances) -> Columns:
+    """Covariances in the product of both units, and correlations; nothing of what was removed."""
+    kept = ~(removed_parameters(p)[rows.first] | removed_parameters(p)[rows.second])
+    first, second, covariance = rows.first[kept], rows.second[kept], rows.covariance[kept]
+    units = p.sigma[first] * p.sigma[second]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = np.where(units > 0, covariance / units, np.nan)
+    return {
+        "object": p.object[first], "name_1": p.name[first], "name_2": p.name[second], "covariance": covariance,
+        "correlation": correlation,
+    }  # fmt: skip
+
+
+def _tests(residuals: Residuals, tests: Tests) -> Columns:
+    return {
+        "kind": residuals.kind, "image": residuals.image, "point": residuals.point,
+        **_split(("redundancy_x", "redundancy_y", "redundancy_z"), tests.redundancy),
+        **_split(("wx", "wy", "wz"), tests.test),
+        **_split(("detectable_x", "detectable_y", "detectable_z"), tests.detectable),
+        "unit": residuals.unit, "active": np.where(residuals.active, "yes", "no"),
+    }  # fmt: skip
+
+
+def _suspects(rows: Suspects) -> Columns:
+    return {
+        "kind": rows.kind, "image": rows.image, "point": rows.point, "stage": rows.stage, "size": rows.size,
+        "sigma": rows.sigma, "unit": rows.unit, "w": rows.test, "verdict": rows.verdict,
+    }  # fmt: skip
+
+
+def _frame(block: Block) -> Columns:
+    """The first frame: that of all coordinates of a Solution, in right-handed order."""
+    frames = block.frames
+    given = str(frames.axes[0]).split(",")
+    axes = ",".join(given[k] for k in columns_in_order(given))
+    return {"frame": frames.id[:1], "axes": np.array([axes]), "crs": frames.crs[:1], "vertical": frames.vertical[:1]}
 
 
 def point_roles(block: Block) -> Text:

@@ -1,0 +1,50 @@
+"""Values of a table, as `aatri show RUN:STAGE TABLE` prints them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from aatri.cli.console import narrate, say, say_json, say_table
+from aatri.errors import ArtifactError
+
+
+def say_values(path: Path, kind: str, table: str, most: int | None, *, json: bool) -> None:
+    """Print the rows of a table of an artifact.
+
+    Parameters
+    ----------
+    most : int, optional
+        So many rows, the rest is counted; None: all.
+    """
+    from aatri.artifacts.kinds import KINDS
+    from aatri.formats.results.readable import as_records, readable
+    from aatri.tables.hdf5 import read
+
+    if kind not in KINDS:
+        raise ArtifactError(f"an artifact of kind {kind!r}", where=str(path), remedy=f"kinds are {', '.join(KINDS)}")
+    found = readable(read(path, KINDS[kind]), table, most)
+    if json:
+        units = {name: unit for name, unit in zip(found.head, found.units) if unit}
+        say_json({"table": table, "units": units, "rows": as_records(found), "left_off": found.left_off})
+        return
+    if not found.rows():
+        narrate(f"{table}: no rows")
+        return
+    head = [f"{name} [{unit}]" if unit else name for name, unit in zip(found.head, found.units)]
+    numbers = [name for name, column in zip(head, found.columns) if any(isinstance(v, float | int) for v in column)]
+    say_table(head, [[_cell(value) for value in row] for row in found.rows()], numbers)
+    if found.left_off:
+        narrate(f"{found.left_off} more rows; --all prints them")
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) and abs(value) < 1e5 else _large(value)
+
+
+def _large(value: Any) -> str:
+    return f"{value:.4f}" if isinstance(value, float) else str(value)

@@ -1,0 +1,154 @@
+"""Tables of an artifact as a reader wants them: ids for rows, one number a column, the worst first, units in the head.
+
+`suspects`, `residuals` and `tests` come largest first, measured in standard deviations; parameters of cameras before
+those of single images; all else keeps its order. A covariance is shown as standard deviations, a rotation as omega, phi
+and kappa. What is not determined is None.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.arrays import Float, Int
+from aatri.artifacts.solution import Parameters, Residuals, Solution, Tests
+from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import SpecError
+from aatri.formats.results.parameter_units import parameter_units
+from aatri.geometry.rotations import angles_from_rotation
+from aatri.ids import did_you_mean
+from aatri.tables.schema import Artifact, Column, Table, columns_of, tables_of
+
+_AXES = ("x", "y", "z")
+_HIDDEN = ("file", "line", "row")
+_DEGREES = 180.0 / np.pi
+_ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
+
+
+@dataclass(frozen=True)
+class Readable:
+    """Rows of a table to be shown.
+
+    Attributes
+    ----------
+    head : tuple of str
+        Names of the columns.
+    units : tuple of str
+    columns : tuple of list
+        Values per column: text, number, truth value or None.
+    left_off : int
+        Rows that were not taken.
+    """
+
+    head: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: tuple[list[Any], ...]
+    left_off: int
+
+    def rows(self) -> list[tuple[Any, ...]]:
+        """The rows."""
+        return list(zip(*self.columns)) if self.columns else []
+
+
+def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable:
+    """A table of an artifact.
+
+    Parameters
+    ----------
+    artifact : Artifact
+    name : str
+        Of the table.
+    most : int, optional
+        So many rows at most.
+
+    Raises
+    ------
+    SpecError
+        If the artifact has no such table.
+    """
+    known = tables_of(type(artifact))
+    rows = getattr(artifact, name) if name in known else None
+    if rows is None:
+        there = [table for table in known if getattr(artifact, table) is not None]
+        what = f"no values of {name!r}" if name in known else f"no table {name!r}{did_you_mean(name, known)}"
+        remedy = "set `reliability: true` in the stage" if name == "tests" else ""
+        raise SpecError(f"{artifact.kind}: {what}; it has {', '.join(there)}", remedy=remedy)
+    found = _columns(artifact, rows)
+    if isinstance(artifact, Solution) and name == "tests":
+        shared = _columns(artifact, artifact.residuals)
+        found = {k: shared[k] for k in ("kind", "image", "point")} | found | {"unit": shared["unit"]}
+    if isinstance(artifact, Solution) and name == "parameters":
+        found["unit"] = ("", parameter_units(artifact))
+    order = _order(artifact, rows)
+    taken = order if most is None else order[:most]
+    columns = {key: (unit, [values[k] for k in taken.tolist()]) for key, (unit, values) in found.items()}
+    columns = {key: column for key, column in columns.items() if key == "kind" or any(v not in (None, "") for v in column[1])}
+    return Readable(tuple(columns), tuple(unit for unit, _ in columns.values()),
+                    tuple(values for _, values in columns.values()), len(order) - len(taken))  # fmt: skip
+
+
+def _columns(artifact: Artifact, rows: Table) -> dict[str, tuple[str, list[Any]]]:
+    """Unit and values by name."""
+    found: dict[str, tuple[str, list[Any]]] = {}
+    for name, declared in columns_of(type(rows)).items():
+        if name not in _HIDDEN:
+            found |= _column(artifact, name, declared, getattr(rows, name))
+    return found
+
+
+def _column(artifact: Artifact, name: str, declared: Column, values: npt.NDArray[Any]) -> dict[str, tuple[str, list[Any]]]:
+    unit = "" if declared.unit.startswith("see ") else declared.unit
+    if declared.refers:
+        target = getattr(artifact, declared.refers)
+        if "id" in columns_of(type(target)):
+            ids = [*target.id.tolist(), ""]
+            return {name: ("", [ids[k] for k in values.tolist()])}
+    if name == "role":
+        return {f"{name}.{a}": ("", [_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate(_AXES)}
+    if name == "ground_from_image":
+        angles = _DEGREES * angles_from_rotation(values, "omega-phi-kappa")
+        return {a: ("deg", _plain(angles[:, k])) for k, a in enumerate(("omega", "phi", "kappa"))}
+    if not declared.shape:
+        return {name: (unit, _plain(values))}
+    if len(declared.shape) == 1:
+        names = _AXES if declared.shape[0] <= 3 else [str(k + 1) for k in range(declared.shape[0])]
+        return {f"{name}.{a}": (unit, _plain(values[:, k])) for k, a in enumerate(names[: declared.shape[0]])}
+    if "covariance" in name:
+        with np.errstate(invalid="ignore"):
+            sigma = np.sqrt(np.einsum("nii->ni", values))
+        units = {"m^2": ["m"] * 3, "m and rad": ["m"] * 3 + ["rad"] * 3}.get(unit, [""] * sigma.shape[1])
+        return {f"sigma {k + 1}": (u, _plain(sigma[:, k])) for k, u in enumerate(units)}
+    flat = values.reshape(len(values), -1)
+    return {f"{name}.{k + 1}": (unit, _plain(flat[:, k])) for k in range(flat.shape[1])}
+
+
+def _plain(values: npt.NDArray[Any]) -> list[Any]:
+    listed: list[Any] = values.tolist()
+    return [None if v != v else v for v in listed] if values.dtype.kind == "f" else listed
+
+
+def _order(artifact: Artifact, rows: Table) -> Int:
+    """Rows in the order to be shown: the largest first where there is a measure, the untested last."""
+    measure: Float | None = None
+    if isinstance(rows, Suspects):
+        measure = np.abs(rows.test)
+    elif isinstance(rows, Residuals):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(rows.sigma > 0, np.abs(rows.residual) / rows.sigma, np.nan)
+        measure = np.fmax.reduce(ratio, axis=1)
+    elif isinstance(rows, Tests):
+        measure = np.fmax.reduce(np.abs(rows.test), axis=1)
+    if isinstance(rows, Parameters):
+        measure = (rows.group != "film").astype(np.float64)
+    if measure is None:
+        return np.arange(len(rows))
+    return np.argsort(np.where(np.isfinite(measure), -measure, np.inf), kind="stable")
+
+
+def as_records(table: Readable) -> list[dict[str, Any]]:
+    """The rows by name, as JSON has them."""
+    return [dict(zip(table.head, row)) for row in table.rows()]

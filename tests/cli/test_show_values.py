@@ -1,0 +1,49 @@
+"""`aatri show FILE.h5 TABLE`: values, units, how many were left off."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from aatri.cli.main import app
+from aatri.tables.hdf5 import write
+from tests.made_solutions import made_block, made_solution
+
+
+def _show(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["show", *arguments])
+
+
+@pytest.fixture
+def solution(tmp_path: Path) -> str:
+    write(made_solution(made_block()), tmp_path / "s.h5")
+    return str(tmp_path / "s.h5")
+
+
+def test_values_are_printed_with_units_and_a_count_of_the_rest(solution: str) -> None:
+    shown = _show(solution, "points")
+    assert shown.exit_code == 0, shown.stderr
+    lines = shown.stdout.splitlines()
+    assert lines[0].split()[:3] == ["id", "xyz_m.x", "[m]"]
+    assert lines[1].startswith("p00 ")
+    assert "-" not in lines[0]
+    many = _show(solution, "points", "--all")
+    assert len(many.stdout.splitlines()) == 21
+    assert "more rows" not in many.stderr
+
+
+def test_json_has_rows_by_name_units_and_what_was_left_off(solution: str) -> None:
+    told = json.loads(_show(solution, "points", "--json").stdout)
+    assert told["table"] == "points"
+    assert told["units"]["xyz_m.x"] == "m"
+    assert told["rows"][0]["id"] == "p00"
+    assert told["left_off"] == 0
+
+
+def test_an_unknown_table_names_the_near_one(solution: str) -> None:
+    wrong = _show(solution, "point")
+    assert wrong.exit_code == 2
+    assert "did you mean 'points'" in wrong.stderr
