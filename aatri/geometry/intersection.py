@@ -62,7 +62,7 @@ def intersect_pair(left_from_right: Float, base: Float, rays: Rays) -> Intersect
     xyz = 0.5 * (depth[:, :1] * left + base + depth[:, 1:] * w)
     normal = _normal(np.eye(3), xyz, left[:, 2], rays.left_sigma)
     normal += _normal(left_from_right.T, xyz - base, right[:, 2], rays.right_sigma)
-    return Intersection(xyz, _inverse(normal), depth)
+    return Intersection(xyz, inverse_of_normals(normal), depth)
 
 
 def projection_coefficients(u1: Float, w: Float, base: Float) -> Float:
@@ -129,7 +129,8 @@ def _normal(image_from_model: Float, X: Float, minus_c: Float, sigma: Float) -> 
     return np.asarray(J.swapaxes(1, 2) @ J)
 
 
-def _inverse(normal: Float) -> Float:
+def inverse_of_normals(normal: Float) -> Float:
+    """Covariances (n, 3, 3) of normal matrices; NaN where they are not finite or singular."""
     inverse = np.full_like(normal, np.nan)
     usable = np.flatnonzero(finite_rows(normal))
     usable = usable[np.linalg.cond(normal[usable]) < 1e15]

@@ -4,7 +4,8 @@ Unknowns are the rotation R of the right image (increment d, R <- exp([d]x) R) a
 along its two tangents T, b <- unit(b + T t)); the length of the base is 1. Every point gives one condition: its
 Sampson distance v = -F / s_F, the coplanarity F = b . (u1 x R u2) over its standard deviation propagated from the
 image coordinates (`geometry.coplanarity`). sum v^2 is minimised with exact derivatives; sigma0 a priori is 1. To first
-order this is the bundle of the two images.
+order this is the bundle of the two images. This is the way of a single pair; `relative.pairs` sends many through a
+compiled loop and comes back to it for those that are not plain.
 
 Nothing is assumed about the angles. The start is that of parallel images (`relative_start`); where that does not
 lead to a solution with few rejections and all points in front, the essential matrix gives the start.
@@ -28,6 +29,7 @@ from aatri.geometry.coplanarity import Rays, parallax, sampson
 from aatri.geometry.intersection import Intersection
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.orientation.relative.essential import essential_starts
+from aatri.orientation.relative.kernels.pairs import FEWEST
 from aatri.orientation.relative.pair_adjustment import AdjustedPair, State, adjust_pair, state_of
 from aatri.orientation.relative.start import parallel_start, refuse_degenerate
 
@@ -36,9 +38,6 @@ WEAK_RAD = 0.01
 
 MANY_REJECTED = 0.2
 """A larger share of rejected points is reported."""
-
-FEWEST = 0.3
-"""A smaller share of points that fit makes no model."""
 
 OPEN_RAD = 0.3
 """A direction or rotation less certain than this is not determined."""
@@ -188,13 +187,21 @@ def _finish(rays: Rays, solution: AdjustedPair, limit: float) -> RelativeOrienta
         iterations=result.iterations, active=solution.active, parallax_mm=p, error_mm=error,
         error_sigma_mm=error_sigma, test=np.abs(v) / np.sqrt(r),
         behind=np.asarray(~(solution.points.depth > 0).all(axis=1)),
-        points=solution.points, warnings=_warnings(solution, limit),
+        points=solution.points,
+        warnings=judged(result.covariance, result.redundancy, result.sigma0, solution.active, limit),
     )  # fmt: skip
 
 
-def _warnings(solution: AdjustedPair, limit: float) -> tuple[str, ...]:
-    result, found = solution.result, []
-    largest = float(np.sqrt(np.linalg.eigvalsh(result.covariance)[-1]))
+def judged(covariance: Float, redundancy: int, sigma0: float, active: Bool, limit: float) -> tuple[str, ...]:
+    """What is to be said of an orientation.
+
+    Raises
+    ------
+    GeometryError
+        If it is open.
+    """
+    found = []
+    largest = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     if largest > OPEN_RAD:
         raise GeometryError(
             f"the orientation is open by {largest:.2g} rad: the points lie near a line or a critical surface",
@@ -203,12 +210,12 @@ def _warnings(solution: AdjustedPair, limit: float) -> tuple[str, ...]:
     if largest > WEAK_RAD:
         found.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; the points lie near a line, "
                      "in a corner or on a critical surface")  # fmt: skip
-    if result.redundancy == 0:
+    if redundancy == 0:
         found.append("exactly 5 points: no redundancy, nothing is checked")
-    elif result.redundancy == 1 and result.sigma0 > limit:
-        found.append(f"sigma0 is {result.sigma0:.1f} with one redundant point: there is a gross error, but which point "
+    elif redundancy == 1 and sigma0 > limit:
+        found.append(f"sigma0 is {sigma0:.1f} with one redundant point: there is a gross error, but which point "
                      "has it cannot be told")  # fmt: skip
-    rejected, n = int((~solution.active).sum()), len(solution.active)
+    rejected, n = int((~active).sum()), len(active)
     if n >= 10 and rejected > MANY_REJECTED * n:
         found.append(f"{rejected} of {n} points are rejected: mismatches, or standard deviations that are too small")
     return tuple(found)

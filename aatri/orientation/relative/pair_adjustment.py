@@ -2,7 +2,8 @@
 
 The observations are the Sampson distances of the points (`geometry.coplanarity.sampson`), the unknowns the rotation
 increment and the turn of the base along its tangents. With many points the largest gross errors go several at a time
-before the snooping, which tests them for re-admission. Points behind an image are taken out.
+before the snooping, which tests them for re-admission. Points behind an image are taken out. Plain pairs go through
+the compiled form of this, `kernels.pairs`; this is for all others, and its reference.
 """
 
 from __future__ import annotations
@@ -20,20 +21,13 @@ from aatri.geometry.coplanarity import Rays, sampson
 from aatri.geometry.intersection import Intersection, intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
+from aatri.orientation.relative.kernels.pairs import ENOUGH, FALLBACKS, SNOOPED
+from aatri.orientation.relative.kernels.snooping import MANY, ROUNDS
 
 State = tuple[Float, Float, Float]
 """(left_from_right (3, 3), base (3,), tangents of the base (3, 2))."""
 
 UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base along tangent 1", "base along tangent 2")
-
-MANY = 20
-"""With more points, gross errors are first rejected several at a time."""
-
-ROUNDS = 10
-"""Most rounds of that: points near the bound may come and go."""
-
-ENOUGH = 0.6
-"""Share of the points that fit and lie in front of both images in a solution that needs no other start."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +80,7 @@ def adjust_pair(rays: Rays, start: State, active: Bool, *, limit: float, max_ite
     """
     n = len(active)
     behind = np.zeros(n, dtype=bool)
-    for _ in range(3):
+    for _ in range(FALLBACKS):
         inside = np.flatnonzero(~behind)
         result, kept = _snooped(rays.take(inside), start, active[inside], limit, max_iterations)
         active = np.zeros(n, dtype=bool)
@@ -134,7 +128,7 @@ def _snooped(
         return adjust(lambda s: sampson(*s, part), _update, state,
                       names=UNKNOWNS, max_iterations=max_iterations, what="relative orientation")  # fmt: skip
 
-    if n < 7:
+    if n < SNOOPED:
         everything = np.ones(n, dtype=bool)
         return solve(everything, start), everything
     active, start = _coarsely_cleaned(solve, linearise, start, active, limit)

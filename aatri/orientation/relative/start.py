@@ -20,6 +20,14 @@ from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import Rays
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
+from aatri.orientation.relative.kernels.pairs import FITS
+
+
+LINE = 3.0
+"""Points lie on a line if they are no farther from it than this many standard deviations, root mean square."""
+
+NO_BASE = 2.0
+"""There is no base if a rotation alone fits within this many standard deviations, in the median."""
 
 
 def parallel_start(rays: Rays) -> tuple[Float, Float]:
@@ -32,7 +40,7 @@ def parallel_start(rays: Rays) -> tuple[Float, Float]:
     """
     q1, q2 = _plane(rays.left), _plane(rays.right)
     weight = np.ones(len(q1))
-    for _ in range(6):
+    for _ in range(FITS):
         total = weight.sum()
         m1, m2 = (weight * q1).sum() / total, (weight * q2).sum() / total
         d1, d2 = q1 - m1, q2 - m2
@@ -63,10 +71,10 @@ def refuse_degenerate(rays: Rays, min_points: int) -> None:
         )
     for side, u, sigma in (("left", rays.left, rays.left_sigma), ("right", rays.right, rays.right_sigma)):
         across = np.linalg.svd(u[:, :2] - u[:, :2].mean(axis=0), compute_uv=False)[1] / np.sqrt(n)
-        if across < 3.0 * float(np.median(sigma)):
+        if across < LINE * float(np.median(sigma)):
             raise GeometryError(f"all points lie on a line in the {side} image", remedy="measure points beside it")
     turned = _rotation_misfit(rays)
-    if turned < 2.0:
+    if turned < NO_BASE:
         raise GeometryError(
             "no base: a rotation alone explains the images", remedy="use images taken from different places"
         )

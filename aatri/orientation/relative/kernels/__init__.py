@@ -1,0 +1,1 @@
+"""Compiled relative orientation: pair by pair."""
