@@ -2,46 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from aatri.adapters.solution import stacked
-from aatri.arrays import Int
+from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import ModelPoints, Models, Orientations, Unformed
 from aatri.artifacts.suspects import Suspects
-from aatri.geometry.coplanarity import Rays, ray_directions
+from aatri.geometry.coplanarity import Rays
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation.relative.dependent import RelativeOrientation
-
-Rows = Int
-
+from aatri.orientation.relative.pairs import RelativeOrientations
 
 @dataclass(frozen=True)
-class Pair:
-    """Two images and their common points.
+class Pairs:
+    """Pairs of images and their common points, pair by pair and by point.
 
     Attributes
     ----------
-    left, right : int
+    left, right : (m,) int32
         Rows in images.
-    point : (n,) int
-        Rows in points, ascending.
-    left_row, right_row : (n,) int
+    start : (m + 1,) int64
+        First common point of each pair; the last is their number.
+    point : (n,) int32
+        Rows in points, ascending within a pair.
+    left_row, right_row : (n,) int32
         Rows of the measurements.
     rays : Rays
     """
 
-    left: int
-    right: int
-    point: Rows
-    left_row: Rows
-    right_row: Rows
+    left: Int
+    right: Int
+    start: Int
+    point: Int
+    left_row: Int
+    right_row: Int
     rays: Rays
+
+    def names(self, block: Block) -> Text:
+        """Ids of the models, left-right."""
+        ids = block.images.id
+        return np.char.add(np.char.add(ids[self.left], "-"), ids[self.right])
 
 
 def images_of_strip(block: Block, strip: int) -> Int:
@@ -89,7 +93,7 @@ def doubtful_places(block: Block, image_points: ImagePoints, margin: float = 1.5
     return found
 
 
-def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> list[Pair]:
+def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> Pairs:
     """The common points of pairs of images, from active measurements.
 
     Parameters
@@ -101,89 +105,82 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> list[Pair]
     """
     m = image_points.measurements
     usable = np.flatnonzero(m.active & np.isfinite(m.xy_mm).all(axis=1))
-    rows = usable[np.lexsort((usable, m.point[usable], m.image[usable]))]
-    first = np.searchsorted(m.image[rows], np.arange(len(block.images) + 1))
+    key = m.image[usable].astype(np.int64) * len(block.points) + m.point[usable]
+    order = np.argsort(key, kind="stable")
+    rows, key = usable[order], key[order]
+    single = np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]  # of a point measured twice the first counts
+    rows, key = rows[single], key[single]
+    first = np.searchsorted(key, np.arange(len(block.images) + 1, dtype=np.int64) * len(block.points))
+    left, right = (images[:, side].astype(np.int32) for side in (0, 1))
+    count = first[left + 1] - first[left]
+    pair = np.repeat(np.arange(len(left)), count)
+    place = np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count) + first[left][pair]
+    wanted = m.point[rows[place]] + right[pair].astype(np.int64) * len(block.points)
+    there = np.minimum(np.searchsorted(key, wanted), max(len(key) - 1, 0))
+    common = key[there] == wanted if len(key) else np.zeros(0, dtype=bool)
+    pair, a, b = pair[common], rows[place[common]], rows[there[common]]
     c_mm = block.cameras.principal_distance_mm[block.images.camera]
-    pairs = []
-    for left, right in images:
-        of_left, of_right = rows[first[left] : first[left + 1]], rows[first[right] : first[right + 1]]
-        point, k, j = np.intersect1d(m.point[of_left], m.point[of_right], return_indices=True)
-        a, b = of_left[k], of_right[j]
-        rays = Rays(ray_directions(m.xy_mm[a], c_mm[left]), ray_directions(m.xy_mm[b], c_mm[right]),
-                    m.sigma_mm[a], m.sigma_mm[b])  # fmt: skip
-        pairs.append(Pair(int(left), int(right), point, a.astype(np.int32), b.astype(np.int32), rays))
-    return pairs
+    return Pairs(
+        left, right, np.concatenate([[0], np.cumsum(np.bincount(pair, minlength=len(left)))]),
+        m.point[a].astype(np.int32), a.astype(np.int32), b.astype(np.int32),
+        Rays(np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]), np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
+             m.sigma_mm[a], m.sigma_mm[b]),
+    )  # fmt: skip
 
 
-def pair_id(block: Block, pair: Pair) -> str:
-    """Id of the model of a pair: left-right."""
-    return f"{block.images.id[pair.left]}-{block.images.id[pair.right]}"
-
-
-def models_of(
-    block: Block,
-    image_points: ImagePoints,
-    formed: Sequence[tuple[Pair, RelativeOrientation]],
-    unformed: Sequence[tuple[Pair, str]],
-) -> Models:
+def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: RelativeOrientations) -> Models:
     """Models of oriented pairs, and the pairs that make none with the reason."""
-    suspects = [_suspects(block, pair, found) for pair, found in formed]
+    formed, unformed = np.flatnonzero(found.formed), np.flatnonzero(~found.formed)
+    model_of = np.full(len(pairs.left), -1, dtype=np.int32)
+    model_of[formed] = np.arange(len(formed))
+    model = np.repeat(model_of, np.diff(pairs.start))
     return Models(
         images=image_points.images,
         points=image_points.points,
-        orientations=_orientations(block, formed),
-        model_points=stacked(
-            [ModelPoints.empty(), *(_model_points(k, pair, found) for k, (pair, found) in enumerate(formed))]
+        orientations=Orientations(
+            id=np.asarray(pairs.names(block)[formed], dtype=np.str_),
+            left=pairs.left[formed],
+            right=pairs.right[formed],
+            left_from_right=found.left_from_right[formed],
+            base=found.base[formed],
+            covariance=found.covariance[formed],
+            sigma0=found.sigma0[formed],
+            redundancy=found.redundancy[formed].astype(np.int32),
+            iterations=found.iterations[formed].astype(np.int32),
         ),
+        model_points=_model_points(pairs, model, found),
         unformed=Unformed(
-            left=np.array([pair.left for pair, _ in unformed], dtype=np.int32),
-            right=np.array([pair.right for pair, _ in unformed], dtype=np.int32),
-            common_points=np.array([len(pair.point) for pair, _ in unformed], dtype=np.int32),
-            reason=np.array([reason for _, reason in unformed], dtype=np.str_),
+            left=pairs.left[unformed],
+            right=pairs.right[unformed],
+            common_points=np.diff(pairs.start)[unformed].astype(np.int32),
+            reason=np.array([found.reasons[pair] for pair in unformed.tolist()], dtype=np.str_),
         ),
-        suspects=stacked([image_points.suspects, *suspects]),
+        suspects=stacked([image_points.suspects, _suspects(block, pairs, model, found)]),
     )
 
 
-def _orientations(block: Block, formed: Sequence[tuple[Pair, RelativeOrientation]]) -> Orientations:
-    if not formed:
-        return Orientations.empty()
-    pairs, found = zip(*formed)
-    return Orientations(
-        id=np.array([pair_id(block, pair) for pair in pairs]),
-        left=np.array([pair.left for pair in pairs], dtype=np.int32),
-        right=np.array([pair.right for pair in pairs], dtype=np.int32),
-        left_from_right=np.array([f.left_from_right for f in found]),
-        base=np.array([f.base for f in found]),
-        covariance=np.array([f.covariance for f in found]),
-        sigma0=np.array([f.sigma0 for f in found]),
-        redundancy=np.array([f.redundancy for f in found], dtype=np.int32),
-        iterations=np.array([f.iterations for f in found], dtype=np.int32),
-    )
-
-
-def _model_points(model: int, pair: Pair, found: RelativeOrientation) -> ModelPoints:
+def _model_points(pairs: Pairs, model: Int, found: RelativeOrientations) -> ModelPoints:
     """Points that have an intersection; the others are among the suspects."""
-    rows = np.flatnonzero(finite_rows(found.points.covariance))
+    rows = np.flatnonzero((model >= 0) & finite_rows(found.point_covariance))
     return ModelPoints(
-        model=np.full(len(rows), model, dtype=np.int32),
-        point=pair.point[rows],
-        xyz=found.points.xyz[rows],
-        covariance=found.points.covariance[rows],
+        model=model[rows],
+        point=pairs.point[rows],
+        xyz=found.xyz[rows],
+        covariance=found.point_covariance[rows],
         parallax_mm=found.parallax_mm[rows],
         active=found.active[rows],
     )
 
 
-def _suspects(block: Block, pair: Pair, found: RelativeOrientation) -> Suspects:
+def _suspects(block: Block, pairs: Pairs, model: Int, found: RelativeOrientations) -> Suspects:
     """Rejected points; the row is that of the right image's measurement, though the error may be in the left one."""
-    rows = np.flatnonzero(~found.active)
+    rows = np.flatnonzero((model >= 0) & ~found.active)
     n = len(rows)
     return Suspects(
         kind=np.full(n, "image_point"),
-        row=pair.right_row[rows],
-        image=np.full(n, block.images.id[pair.right]),
-        point=block.points.id[pair.point[rows]],
+        row=pairs.right_row[rows],
+        image=block.images.id[np.repeat(pairs.right, np.diff(pairs.start))[rows]],
+        point=block.points.id[pairs.point[rows]],
         stage=np.full(n, "relative_orientation"),
         size=found.error_mm[rows],
         unit=np.full(n, "mm"),

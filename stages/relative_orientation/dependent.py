@@ -11,20 +11,20 @@ No approximate values are needed. Points with a wrong y-parallax are rejected by
 Errors of x of a point in two images cannot be seen here, and left and right cannot be told apart: the suspect names
 the right image's measurement.
 
-Source: photogrammetry.md A301-A311, F6; see aatri/orientation/relative/dependent.py.
+Source: photogrammetry.md A301-A311, F6; see aatri/orientation/relative/dependent.py
+and, for the compiled loop over the pairs, pairs.py.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.image_pairs import doubtful_places, models_of, neighbouring_images, pair_id, pairs_of
+from aatri.adapters.image_pairs import doubtful_places, models_of, neighbouring_images, pairs_of
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.errors import GeometryError
-from aatri.orientation.relative.dependent import relative_orientation
+from aatri.orientation.relative.pairs import relative_orientations
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -53,26 +53,23 @@ def dependent(
         context.warn(
             f"image {first} shares more points with {second} than with its neighbours: is the strip's sequence right?"
         )
-    formed, unformed = [], []
     pairs = pairs_of(block, image_points, neighbouring_images(block))
-    for done, pair in enumerate(pairs):
-        context.progress(done, len(pairs), "models")
-        try:
-            found = relative_orientation(
-                pair.rays,
-                snooping_limit=options.snooping_limit,
-                max_iterations=options.max_iterations,
-                min_points=options.min_points,
-            )
-        except GeometryError as error:
-            unformed.append((pair, error.what))
-            context.warn(f"no model {pair_id(block, pair)}: {error.what}")
-            continue
-        formed.append((pair, found))
-        for warning in found.warnings:
-            context.warn(f"model {pair_id(block, pair)}: {warning}")
-    models = models_of(block, image_points, formed, unformed)
-    context.progress(len(pairs), len(pairs), "models")
+    found = relative_orientations(
+        pairs.rays,
+        pairs.start,
+        snooping_limit=options.snooping_limit,
+        max_iterations=options.max_iterations,
+        min_points=options.min_points,
+        reporter=context,
+    )
+    names = pairs.names(block)
+    for pair in sorted(found.reasons.keys() | found.warnings.keys()):
+        if pair in found.reasons:
+            context.warn(f"no model {names[pair]}: {found.reasons[pair]}")
+        for warning in found.warnings.get(pair, ()):
+            context.warn(f"model {names[pair]}: {warning}")
+    models = models_of(block, image_points, pairs, found)
+    context.progress(len(names), len(names), "models")
     rejected = int(np.sum(~models.model_points.active))
-    context.log(f"{len(formed)} models, {len(unformed)} pairs without; {rejected} model points rejected")
+    context.log(f"{len(models.orientations)} models, {len(models.unformed)} pairs without; {rejected} model points rejected")
     return models
