@@ -38,7 +38,7 @@ from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.orderings import report_orderings
 from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0, global_test, refuse_misfit, sigma0_note
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -49,10 +49,11 @@ from aatri.ids import shown
 from aatri.observations.kinds import with_kinds
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.adjust import Datum, DatumOver
-from aatri.orientation.bundle.block import BundleInput, touched_points
+from aatri.orientation.bundle.block import BundleInput
 from aatri.notes import tell
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.parameter_notes import rank_advice, report_parameters, without_idle
+from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice, without_idle
+from aatri.orientation.bundle.notes import down_weighted, left_out, misfit
 from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import BundleResult
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -159,10 +160,8 @@ def bundle(
     given, result, suspects = _adjusted_with_readmission(given, suspects, options, context)
     if options.self_calibration is not None and options.self_calibration.remove:
         given, result = _adjusted_without_idle(given, result, options, context)
-    _report_left_out(block, given, result, context)
-    _report_down_weighted(result, options, context)
-    _report_misfit(result, options.max_sigma0, context)
-    report_parameters(given, result, context)
+    notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
+    tell([*notes, *parameter_notes(given, result)], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.huber_rejects is not None:
@@ -223,37 +222,9 @@ def _adjusted_without_idle(
             "self_calibration.remove needs standard deviations, and conjugate gradients give none",
             remedy="raise memory_gb, or leave out remove",
         )
-    parameters = without_idle(given, result, context)
+    parameters, notes = without_idle(given, result)
+    tell(notes, context)
     if parameters is None:
         return given, result
     reduced = with_parameters(given, options, parameters)
     return reduced, _adjusted(reduced, options, context)
-
-
-def _report_left_out(block: Block, given: BundleInput, result: BundleResult, context: Context) -> None:
-    points = block.points.id[touched_points(given) & ~result.point_adjusted]
-    images = block.images.id[block.images.active & ~result.image_adjusted]
-    if len(points):
-        context.warn(f"left out, too few usable rays ({len(points)} of {len(block.points)} points): {shown(points)}")
-    if len(images):
-        context.warn(
-            f"left out, no start or too few points ({len(images)} of {len(block.images)} images): {shown(images)}"
-        )
-
-
-def _report_down_weighted(result: BundleResult, options: BundleOptions, context: Context) -> None:
-    count, used = result.adjusted.down_weighted, int(result.ray_used.sum())
-    if options.huber is not None:
-        context.log(f"{count} of {used} image points beyond {options.huber:g} standard deviations are down-weighted")
-    if count:
-        context.warn(
-            "not a least-squares solution: it has neither sigma0 nor standard deviations; "
-            "a bundle without `huber` that starts from this one gives them"
-        )
-
-
-def _report_misfit(result: BundleResult, max_sigma0: float, context: Context) -> None:
-    if not result.adjusted.down_weighted:
-        test = global_test(result.adjusted.sigma0, result.adjusted.redundancy)
-        refuse_misfit(test, max_sigma0)
-        tell([sigma0_note(test)], context)

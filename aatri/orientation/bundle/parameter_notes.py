@@ -30,7 +30,7 @@ from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
-from aatri.progress import Reporter
+from aatri.notes import Note
 
 CHANGED = 1e-3
 """Probability below which a difference to a calibration is told as a warning."""
@@ -42,28 +42,29 @@ _SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
 
 
-def report_parameters(given: BundleInput, result: BundleResult, reporter: Reporter) -> None:
-    """Log what is not significant, warn of what is not determined or highly correlated.
+def parameter_notes(given: BundleInput, result: BundleResult) -> list[Note]:
+    """Notes of what is not significant, warnings of what is not determined or highly correlated.
 
     Parameters
     ----------
     given : BundleInput
     result : BundleResult
         With covariances; without there is nothing to say.
-    reporter : Reporter
     """
+    notes: list[Note] = []
     for group in result.parameters:
         if group.given.group not in (ADDITIONAL, CAMERA):
             continue
         if group.given.group == ADDITIONAL and group.given.prior.any():
-            _report_calibrated(group, reporter)
+            notes += _calibrated(group)
             continue
         found = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
         if len(found) > MOST_UNITS:
-            _sum_up(group, [e for _, e in found], reporter)
+            notes += _summed_up(group, [e for _, e in found])
             continue
         for k, e in found:
-            _report_unit(given, result, group, k, e, reporter)
+            notes += _unit(given, result, group, k, e)
+    return notes
 
 
 def unit_estimates(group: AdjustedParameters, unit: int, result: BundleResult) -> Estimates | None:
@@ -88,19 +89,21 @@ def parameter_names(rows: ParameterRows, unit: int) -> tuple[str, ...]:
     return tuple(_SHORT.get(name, name) for name in names)
 
 
-def without_idle(
-    given: BundleInput, result: BundleResult, reporter: Reporter
-) -> tuple[ParameterRows, ...] | None:
+def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[ParameterRows, ...] | None, list[Note]]:
     """The parameters with those held at zero that are not worth keeping; None if all are.
 
     Parameters
     ----------
     given : BundleInput
     result : BundleResult
-    reporter : Reporter
-        Told what is left out, and why.
+
+    Returns
+    -------
+    tuple of ParameterRows or None
+    list of Note
+        What is left out, and why.
     """
-    groups, removed = list(given.parameters), 0
+    groups, notes = list(given.parameters), list[Note]()
     for i, group in enumerate(result.parameters):
         if group.given.group != ADDITIONAL:
             continue
@@ -110,10 +113,9 @@ def without_idle(
             removals = stepwise_removal(e)[1] if e is not None else ()
             for removal in removals:
                 free[k, parameter_names(group.given, k).index(removal.name)] = False
-            removed += len(removals)
-            _tell_removals(str(group.given.ids[k]), removals, reporter)
+            notes += _removals(str(group.given.ids[k]), removals)
         groups[i] = replace(given.parameters[i], free=free)
-    return tuple(groups) if removed else None
+    return (tuple(groups) if notes else None), notes
 
 
 def rank_advice(what: str, names: tuple[str, ...]) -> str:
@@ -125,14 +127,13 @@ def rank_advice(what: str, names: tuple[str, ...]) -> str:
     return "; ".join([*reasons, "or weight the parameters: `self_calibration.sigma_um`"]) if open_ else ""
 
 
-def _tell_removals(unit: str, removals: tuple[Removal, ...], reporter: Reporter) -> None:
-    for removal in removals:
-        reporter.log(f"{unit}: {removal.name} left out, {removal.reason}")
+def _removals(unit: str, removals: tuple[Removal, ...]) -> list[Note]:
+    return [Note("note", f"{unit}: {removal.name} left out, {removal.reason}") for removal in removals]
 
 
-def _report_calibrated(group: AdjustedParameters, reporter: Reporter) -> None:
+def _calibrated(group: AdjustedParameters) -> list[Note]:
     """Whether parameters agree with the calibration that weights them: their difference has covariance P - C."""
-    g = group.given
+    g, notes = group.given, []
     for k, name in enumerate(g.ids):
         columns = np.flatnonzero(g.free[k])
         prior = g.covariance[k][np.ix_(columns, columns)]
@@ -146,27 +147,30 @@ def _report_calibrated(group: AdjustedParameters, reporter: Reporter) -> None:
         test = joint_test(estimates([g.labels[c] for c in columns], difference, spread / np.outer(scale, scale)))
         text = f"{name}: difference to the calibration, chi-square over {test.parameters}: {test.statistic:.2f}"
         if test.p_value < CHANGED:
-            reporter.warn(f"{text}: the camera has changed since, or the calibration has other corrections before it")
+            why = "the camera has changed since, or the calibration has other corrections before it"
+            notes.append(Note("warning", f"{text}: {why}"))
         else:
-            reporter.log(text)
+            notes.append(Note("note", text))
+    return notes
 
 
-def _report_unit(
-    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates, reporter: Reporter
-) -> None:
-    name, tests = str(group.given.ids[unit]), parameter_tests(e)
+def _unit(
+    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
+) -> list[Note]:
+    name, tests, notes = str(group.given.ids[unit]), parameter_tests(e), []
     lens = np.array([n not in _SHORT.values() for n in e.names]) | (group.given.group == ADDITIONAL)
     prior = tests.data_share < UNDETERMINED_SHARE
     if prior.any():
         which = ", ".join(f"{e.names[i]} ({tests.data_share[i]:.0%})" for i in np.flatnonzero(prior))
-        reporter.warn(f"{name}: the data do not determine, share of the data in the value: {which}")
+        text = f"{name}: the data do not determine, share of the data in the value: {which}"
+        notes.append(Note("warning", text))
     idle = np.flatnonzero(lens & ~prior & ~tests.significant)
     if len(idle):
         which = ", ".join(f"{e.names[i]} (|t| {abs(tests.t[i]):.1f})" for i in idle)
-        reporter.log(f"{name}: not significant at 5 %: {which}")
+        notes.append(Note("note", f"{name}: not significant at 5 %: {which}"))
     pairs = [(p.first, p.second, p.correlation) for p in correlated_pairs(e, WARNED)]
-    for advice in advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)]):
-        reporter.warn(f"{name}: {advice.text}")
+    advice = advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)])
+    return [*notes, *(Note("warning", f"{name}: {a.text}") for a in advice)]
 
 
 def _pairs_with_pose(
@@ -187,7 +191,7 @@ def _pairs_with_pose(
     return [(p.first, p.second, p.correlation) for p in found]
 
 
-def _sum_up(group: AdjustedParameters, found: list[Estimates], reporter: Reporter) -> None:
+def _summed_up(group: AdjustedParameters, found: list[Estimates]) -> list[Note]:
     """One line each for many units."""
     idle: dict[str, int] = {}
     coupled: dict[tuple[str, str], list[float]] = {}
@@ -197,9 +201,11 @@ def _sum_up(group: AdjustedParameters, found: list[Estimates], reporter: Reporte
             idle[e.names[i]] = idle.get(e.names[i], 0) + 1
         for p in correlated_pairs(e, WARNED):
             coupled.setdefault((p.first, p.second), []).append(p.correlation)
-    what = f"{group.given.group} of {len(found)} units"
+    notes, what = [], f"{group.given.group} of {len(found)} units"
     if idle:
-        reporter.log(f"{what}: not significant in {shown([f'{name} ({n})' for name, n in sorted(idle.items())])}")
+        names = shown([f"{name} ({n})" for name, n in sorted(idle.items())])
+        notes.append(Note("note", f"{what}: not significant in {names}"))
     for (first, second), rho in sorted(coupled.items()):
         for advice in advise([(first, second, max(rho, key=abs))]):
-            reporter.warn(f"{what}: in {len(rho)}, at most: {advice.text}")
+            notes.append(Note("warning", f"{what}: in {len(rho)}, at most: {advice.text}"))
+    return notes

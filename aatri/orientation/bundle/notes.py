@@ -1,0 +1,80 @@
+"""What an adjusted block has to say: what was left out, what was weighted down, whether sigma0 fits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.statistics.global_test import global_test, refuse_misfit, sigma0_note
+from aatri.notes import Note
+from aatri.observations.poses import POINT
+from aatri.orientation.bundle.block import BundleInput, touched_points
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+
+
+def left_out(given: BundleInput, result: BundleResult) -> list[Note]:
+    """Images, points and observations that do not take part, by name.
+
+    Image points go with their image or point; observations of points that nothing ties to the block are only noted.
+    """
+    notes = []
+    images = np.asarray(given.image_ids)[~result.image_adjusted]
+    tied = touched_points(given)
+    points = np.asarray(given.point_ids)[tied & ~result.point_adjusted]
+    for ids, of, what, why in (
+        (points, len(given.point_ids), "points", "too few usable rays"),
+        (images, len(given.image_ids), "images", "no start or too few points"),
+    ):
+        if len(ids):
+            notes.append(Note("warning", f"left out, {why} ({len(ids)} of {of} {what})", tuple(ids.tolist())))
+    for o in result.observations:
+        notes += _unused(o, given)
+    return notes
+
+
+def _unused(found: AdjustedObservations, given: BundleInput) -> list[Note]:
+    """Observations in use on input that touch nothing that takes part; image points are told by image and point."""
+    o = found.observed
+    unused = o.records.active.copy()
+    unused[found.rows] = False
+    rows = np.flatnonzero(unused)
+    if not len(rows) or o.components or (given.rays is not None and len(o) == len(given.rays.image)):
+        return []
+    image, point = o.names(rows)
+    ids = tuple(a or b for a, b in zip(image.tolist(), point.tolist()))
+    alone = len(o.records.touches) == 1 and o.records.touches[0][0] == POINT
+    if alone and not touched_points(given)[o.records.touches[0][1][rows]].any():
+        return [Note("note", f"{o.kind}: nothing else is measured at {len(rows)} of {len(o)}", ids)]
+    return [Note("warning", f"{o.kind}: {len(rows)} of {len(o)} are not used, what they touch is left out", ids)]
+
+
+def down_weighted(result: BundleResult, huber: float | None) -> list[Note]:
+    """How many image points lie beyond the bound of Huber's loss."""
+    count, used = result.adjusted.down_weighted, int(result.ray_used.sum())
+    notes = []
+    if huber is not None:
+        text = f"{count} of {used} image points beyond {huber:g} standard deviations are down-weighted"
+        notes.append(Note("note", text))
+    if count:
+        notes.append(
+            Note(
+                "warning",
+                "not a least-squares solution: it has neither sigma0 nor standard deviations; "
+                "a bundle without `huber` that starts from this one gives them",
+            )
+        )
+    return notes
+
+
+def misfit(result: BundleResult, max_sigma0: float) -> list[Note]:
+    """sigma0 with its interval.
+
+    Raises
+    ------
+    ConvergenceError
+        If sigma0 is beyond `max_sigma0`.
+    """
+    if result.adjusted.down_weighted:
+        return []
+    test = global_test(result.adjusted.sigma0, result.adjusted.redundancy)
+    refuse_misfit(test, max_sigma0)
+    return [sigma0_note(test)]
