@@ -1,0 +1,116 @@
+"""Networks of distances without any image, by the bundle adjustment: against SciPy's dense least squares."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from aatri.artifacts.block import Block
+from aatri.errors import GeometryError
+from aatri.stages.block.tables import TablesOptions, tables
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+
+TRUTH = {"A": (0.0, 0.0, 0.0), "B": (100.0, 0.0, 5.0), "C": (50.0, 90.0, -3.0), "D": (11.2, 79.1, 38.7),
+         "E": (61.5, 28.4, 31.3)}  # fmt: skip
+LINES = ("AD", "BD", "CD", "AE", "BE", "CE", "DE", "AD")
+SIGMA = 0.003
+
+HEAD = """aatri_block: 1
+name: network
+frames: {local: {axes: [east, north, up], crs: local}}
+earth_curvature: ignore
+units: {ground: m, angle: deg, sigma_image: um, sigma_ground: m, sigma_angle: deg, time: s}
+"""
+
+
+def _observed() -> np.ndarray:
+    rng = np.random.default_rng(5)
+    length = [np.linalg.norm(np.subtract(TRUTH[a], TRUTH[b])) for a, b in LINES]
+    return np.array(length) + rng.normal(0, SIGMA, len(LINES))
+
+
+def _network(folder: Path, *, fixed: str = "ABC", exact: str = "") -> Block:
+    (folder / "block.yaml").write_text(HEAD)
+    rows = []
+    for name, (x, y, z) in TRUTH.items():
+        if name in fixed:
+            rows.append(f"{name},{x},{y},{z},0,0,0,control")
+        else:
+            rows.append(f"{name},{x + 2},{y - 3},{z + 1},,,,approximate")
+    (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
+    observed = list(zip(LINES, _observed().tolist()))
+    lines = [f"distance,{a},{b},{d!r},{SIGMA}" for (a, b), d in observed if a + b != exact]
+    conditions = [f"- {{type: distance, points: [{a}, {b}], value: {d!r}, exact: true}}" for (a, b), d in observed
+                  if a + b == exact]  # fmt: skip
+    if conditions:
+        (folder / "relative_control.yaml").write_text("\n".join(conditions) + "\n")
+    (folder / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")
+    return tables(options=TablesOptions(path=folder))
+
+
+def test_a_distance_network_is_that_of_dense_least_squares(tmp_path: Path) -> None:
+    solution = bundle(_network(tmp_path), options=BundleOptions(tolerance=1e-8, reliability=True))
+    d = _observed()
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        at = {**{k: np.array(v) for k, v in TRUTH.items()}, "D": x[:3], "E": x[3:]}
+        return np.array([np.linalg.norm(at[a] - at[b]) for a, b in LINES]) - d
+
+    found = least_squares(lambda x: residuals(x) / SIGMA, np.concatenate([TRUTH["D"], TRUTH["E"]]), xtol=1e-15)
+    row = {str(k): i for i, k in enumerate(solution.points.id)}
+    x = np.concatenate([solution.points.xyz_m[row["D"]], solution.points.xyz_m[row["E"]]])
+    np.testing.assert_allclose(x, found.x, atol=1e-7)
+    Q = np.linalg.inv(found.jac.T @ found.jac)
+    mine = np.array([solution.points.covariance_m2[row[k]] for k in "DE"])
+    np.testing.assert_allclose(mine[0], Q[:3, :3], rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose(mine[1], Q[3:, 3:], rtol=1e-5, atol=1e-12)
+    assert solution.redundancy == 2
+    assert solution.sigma0 == pytest.approx(np.sqrt((found.fun**2).sum() / 2), rel=1e-6)
+    assert solution.tests is not None
+    distance = solution.residuals.kind == "distance"
+    assert np.nansum(solution.tests.redundancy[distance]) == pytest.approx(2.0, abs=1e-9)
+
+
+def test_an_exact_distance_holds_and_counts_in_the_redundancy(tmp_path: Path) -> None:
+    weighted = bundle(_network(tmp_path), options=BundleOptions(tolerance=1e-8))
+    (tmp_path / "exact").mkdir()
+    solution = bundle(_network(tmp_path / "exact", exact="DE"), options=BundleOptions(tolerance=1e-8))
+    row = {str(k): i for i, k in enumerate(solution.points.id)}
+    length = np.linalg.norm(solution.points.xyz_m[row["D"]] - solution.points.xyz_m[row["E"]])
+    assert length == pytest.approx(_observed()[LINES.index("DE")], abs=1e-9)
+    assert solution.redundancy == weighted.redundancy
+    at = np.flatnonzero((solution.residuals.kind == "relative_distance") & (solution.residuals.point == "D-E"))
+    assert solution.residuals.sigma[at, 0].tolist() == [0.0]
+
+
+def test_a_network_without_datum_is_refused_and_free_with_inner_constraints(tmp_path: Path) -> None:
+    lines = {a + b for a in TRUTH for b in TRUTH if a < b}
+    block = _network(tmp_path, fixed="")
+    text = ["type,from,to,value,sigma"]
+    text += [f"distance,{a},{b},{float(np.linalg.norm(np.subtract(TRUTH[a], TRUTH[b]))) + 0.001!r},{SIGMA}" for a, b in sorted(lines)]
+    (tmp_path / "geodetic.csv").write_text("\n".join(text) + "\n")
+    block = tables(options=TablesOptions(path=tmp_path))
+    with pytest.raises(GeometryError, match="leave 6 unknown"):
+        bundle(block)
+    free = bundle(block, options=BundleOptions(datum="free", tolerance=1e-8))
+    assert free.redundancy == 10 - 15 + 6
+    start = np.array([np.add(TRUTH[k], (2, -3, 1)) for k in TRUTH])
+    shift = free.points.xyz_m - start
+    np.testing.assert_allclose(shift.sum(axis=0), 0.0, atol=1e-8)
+    # the pseudo-inverse of the normal matrix is the covariance with all points as datum
+    rows = []
+    X = free.points.xyz_m
+    names = sorted(TRUTH)
+    for a, b in sorted(lines):
+        u = X[names.index(b)] - X[names.index(a)]
+        u /= np.linalg.norm(u)
+        j = np.zeros((5, 3))
+        j[names.index(a)], j[names.index(b)] = -u, u
+        rows.append(j.ravel() / SIGMA)
+    Q = np.linalg.pinv(np.array(rows).T @ np.array(rows), rcond=1e-10)
+    for k in range(5):
+        block_of = Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        np.testing.assert_allclose(free.points.covariance_m2[k], block_of, atol=1e-6 * np.abs(Q).max())
