@@ -163,7 +163,8 @@ def _offers(block: Block) -> Iterator[Offer | None]:
         yield _offer(block, f"relative_control:{type_}", "constraint", words, "relative_control", c.type == type_)
     if block.earth_curvature in ("correct", "frame"):
         words = f"earth_curvature: {block.earth_curvature} (block.yaml)"
-        yield Offer(f"earth_curvature:{block.earth_curvature}", "correction", words, "", "Solution")
+        nature: Nature = "correction" if block.earth_curvature == "frame" else "reduction"
+        yield Offer(f"earth_curvature:{block.earth_curvature}", nature, words, "", "Solution")
     if np.isfinite(block.undulation_m):
         yield Offer("undulation", "correction", "undulation (block.yaml)", "", "Solution")
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-Nature = Literal["observation", "standard deviation", "constraint", "correction", "check", "grouping"]
-"""Unused, a check and a grouping are a warning and everything else is an error."""
+Nature = Literal["observation", "standard deviation", "constraint", "correction", "reduction", "check", "grouping"]
+"""Unused, a check, a grouping and a reduction (what a frame would ask for) are a warning; all else is an error."""
 
 
 @dataclass(frozen=True)

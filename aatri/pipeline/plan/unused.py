@@ -17,8 +17,8 @@ from aatri.pipeline.plan.graph import Node, downstream
 from aatri.tables.offers import Offer, covers, offer_from_plain
 
 
-MILD = ("check", "grouping")
-"""Natures that change no result where they are not used."""
+MILD = ("check", "grouping", "reduction")
+"""Natures that are told and do not stop a run: what a frame asks for may be left out knowingly."""
 
 
 @dataclass(frozen=True)
