@@ -10,13 +10,13 @@ import numpy as np
 
 from aatri.adapters.image_pairs import images_of_strip
 from aatri.adapters.solution import stacked
-from aatri.arrays import Text
+from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Discrepancies, FreeStrips, Gaps, Joints, StripImages, StripPoints, Strips
 from aatri.artifacts.suspects import Suspects
-from aatri.orientation.strips.chain import FreeStrip
-from aatri.orientation.strips.scale_transfer import Joint, Model
+from aatri.orientation.strips.chain import form_strips
+from aatri.orientation.strips.joints import JointTable, ModelTable
 
 
 @dataclass(frozen=True)
@@ -41,26 +41,25 @@ class Chain:
         Rows in images, one more than models.
     models : list of int
         Rows in the orientations of Models.
-    joints : list of Joint
+    joints : list of int
+        Rows in the table of joints.
     """
 
     strip: int
     images: list[int]
     models: list[int] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[int] = field(default_factory=list)
 
 
-def model_geometry(models: Models) -> list[Model]:
+def model_table(models: Models) -> ModelTable:
     """Every model with its active points, as the methods want it."""
     o, p = models.orientations, models.model_points
     rows = np.flatnonzero(p.active)
     rows = rows[np.lexsort((p.point[rows], p.model[rows]))]
-    first = np.searchsorted(p.model[rows], np.arange(len(o) + 1))
-    parts = [rows[first[k] : first[k + 1]] for k in range(len(o))]
-    return [
-        Model(o.left_from_right[k], o.base[k], o.covariance[k], p.point[part], p.xyz[part], p.covariance[part])
-        for k, part in enumerate(parts)
-    ]
+    start = np.searchsorted(p.model[rows], np.arange(len(o) + 1))
+    return ModelTable(
+        o.left_from_right, o.base, o.covariance, start, p.point[rows].astype(np.int64), p.xyz[rows], p.covariance[rows]
+    )
 
 
 def unbroken_runs(block: Block, models: Models) -> tuple[list[Chain], list[Gap]]:
@@ -107,70 +106,54 @@ def free_strip_ids(block: Block, chains: Sequence[Chain]) -> list[str]:
 
 
 def strips_of(
-    block: Block, models: Models, chains: Sequence[Chain], formed: Sequence[FreeStrip], gaps: Sequence[Gap]
+    block: Block, models: Models, table: ModelTable, joints: JointTable, chains: Sequence[Chain], gaps: Sequence[Gap]
 ) -> Strips:
     """Strips of chains and their geometry."""
-    first_joint = np.cumsum([0, *(len(chain.joints) for chain in chains)])
-    parts = list(enumerate(zip(chains, formed)))
+    formed = form_strips(table, joints, [(chain.models, chain.joints) for chain in chains])
+    used = np.array([k for chain in chains for k in chain.joints], dtype=np.int64)
+    of_row = np.full(len(joints.first), -1)
+    of_row[used] = np.arange(len(used))
+    joint = of_row[joints.of_row()]
+    rows = np.flatnonzero(joint >= 0)
+    rows = rows[np.argsort(joint[rows], kind="stable")]
     return Strips(
         images=models.images,
         points=models.points,
         strips=FreeStrips(id=np.array(free_strip_ids(block, chains), dtype=np.str_)),
-        strip_images=stacked([StripImages.empty(), *(_images(k, chain, strip) for k, (chain, strip) in parts)]),
-        strip_points=stacked([StripPoints.empty(), *(_points(k, strip) for k, (_, strip) in parts)]),
-        joints=stacked([Joints.empty(), *(_joints(k, chain) for k, (chain, _) in parts)]),
-        discrepancies=stacked(
-            [Discrepancies.empty(), *(_discrepancies(int(first_joint[k]), c, s) for k, (c, s) in parts)]
+        strip_images=StripImages(
+            strip=formed.image_strip.astype(np.int32),
+            image=np.array([image for chain in chains for image in chain.images], dtype=np.int32),
+            position=formed.position,
+            strip_from_image=formed.strip_from_image,
+        ),
+        strip_points=StripPoints(
+            strip=formed.strip.astype(np.int32),
+            point=formed.point.astype(np.int32),
+            xyz=formed.xyz,
+            covariance=formed.covariance,
+            models=formed.models.astype(np.int32),
+        ),
+        joints=_joints(joints, chains, used),
+        discrepancies=Discrepancies(
+            joint=joint[rows].astype(np.int32),
+            point=table.point[joints.first_row[rows]].astype(np.int32),
+            xyz=formed.placed[joints.second_row[rows]] - formed.placed[joints.first_row[rows]],
+            log_scale=joints.log_scale[rows],
+            active=joints.active[rows],
         ),
         gaps=_gaps(block, gaps),
-        suspects=stacked([models.suspects, *(_suspects(block, models, chain) for chain in chains)]),
+        suspects=stacked([models.suspects, _suspects(block, models, table, joints, rows[~joints.active[rows]])]),
     )
 
 
-def _images(row: int, chain: Chain, strip: FreeStrip) -> StripImages:
-    return StripImages(
-        strip=np.full(len(chain.images), row, dtype=np.int32),
-        image=np.array(chain.images, dtype=np.int32),
-        position=strip.position,
-        strip_from_image=strip.strip_from_image,
-    )
-
-
-def _points(row: int, strip: FreeStrip) -> StripPoints:
-    return StripPoints(
-        strip=np.full(len(strip.point), row, dtype=np.int32),
-        point=strip.point.astype(np.int32),
-        xyz=strip.xyz,
-        covariance=strip.covariance,
-        models=strip.models.astype(np.int32),
-    )
-
-
-def _joints(row: int, chain: Chain) -> Joints:
+def _joints(joints: JointTable, chains: Sequence[Chain], used: Int) -> Joints:
+    count = np.array([len(chain.joints) for chain in chains], dtype=np.int64)
     return Joints(
-        strip=np.full(len(chain.joints), row, dtype=np.int32),
-        image=np.array(chain.images[1:-1], dtype=np.int32),
-        scale=np.array([joint.scale for joint in chain.joints], dtype=np.float64),
-        sigma=np.array([joint.sigma for joint in chain.joints], dtype=np.float64),
-        points=np.array([joint.active.sum() for joint in chain.joints], dtype=np.int32),
-    )
-
-
-def _discrepancies(first_joint: int, chain: Chain, strip: FreeStrip) -> Discrepancies:
-    return stacked(
-        [
-            Discrepancies.empty(),
-            *(
-                Discrepancies(
-                    joint=np.full(len(joint.point), first_joint + k, dtype=np.int32),
-                    point=joint.point.astype(np.int32),
-                    xyz=xyz,
-                    log_scale=joint.log_scale,
-                    active=joint.active,
-                )
-                for k, (joint, xyz) in enumerate(zip(chain.joints, strip.discrepancy))
-            ),
-        ]
+        strip=np.repeat(np.arange(len(chains)), count).astype(np.int32),
+        image=np.array([image for chain in chains for image in chain.images[1:-1]], dtype=np.int32),
+        scale=joints.scale[used],
+        sigma=joints.sigma[used],
+        points=joints.used()[used].astype(np.int32),
     )
 
 
@@ -186,24 +169,18 @@ def _gaps(block: Block, gaps: Sequence[Gap]) -> Gaps:
     )
 
 
-def _suspects(block: Block, models: Models, chain: Chain) -> Suspects:
+def _suspects(block: Block, models: Models, table: ModelTable, joints: JointTable, rows: Int) -> Suspects:
     """Rejected connection points, under the id of the second model."""
-    tables = [Suspects.empty()]
-    for model, joint in zip(chain.models[1:], chain.joints):
-        rows = np.flatnonzero(~joint.active)
-        n = len(rows)
-        tables.append(
-            Suspects(
-                kind=np.full(n, "model_tie"),
-                row=np.full(n, -1, dtype=np.int32),
-                image=np.full(n, models.orientations.id[model]),
-                point=block.points.id[joint.point[rows]],
-                stage=np.full(n, "strip_formation"),
-                size=joint.size[rows],
-                unit=np.full(n, "log scale"),
-                sigma=joint.size_sigma[rows],
-                test=joint.test[rows],
-                verdict=np.full(n, "rejected"),
-            )
-        )
-    return stacked(tables)
+    n = len(rows)
+    return Suspects(
+        kind=np.full(n, "model_tie"),
+        row=np.full(n, -1, dtype=np.int32),
+        image=models.orientations.id[joints.second[joints.of_row()[rows]]],
+        point=block.points.id[table.point[joints.first_row[rows]]],
+        stage=np.full(n, "strip_formation"),
+        size=joints.size[rows],
+        unit=np.full(n, "log scale"),
+        sigma=joints.size_sigma[rows],
+        test=joints.test[rows],
+        verdict=np.full(n, "rejected"),
+    )

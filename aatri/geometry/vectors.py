@@ -26,16 +26,19 @@ def tangents(direction: npt.ArrayLike) -> Float:
 
     Parameters
     ----------
-    direction : (3,) float64, unit vector
+    direction : (..., 3) float64, unit vectors
 
     Returns
     -------
-    (3, 2) float64
+    (..., 3, 2) float64
     """
     b = np.asarray(direction, dtype=np.float64)
-    axes = np.roll(np.eye(3), -int(np.argmax(np.abs(b))), axis=0)
-    first = unit(axes[1] - b * (axes[1] @ b))
-    return np.stack([first, np.cross(b, first) * np.sign(b @ axes[0])], axis=1)
+    main = np.argmax(np.abs(b), axis=-1)[..., None]
+    following = (main + 1) % 3
+    axis = (np.arange(3) == following).astype(np.float64)
+    first = unit(axis - b * np.take_along_axis(b, following, axis=-1))
+    second = np.cross(b, first) * np.sign(np.take_along_axis(b, main, axis=-1))
+    return np.stack([first, second], axis=-1)
 
 
 def finite_rows(values: npt.ArrayLike) -> Bool:

@@ -11,7 +11,8 @@ suspects of kind model_tie; their positions are left out of the strip.
 A missing model or too few connection points split the strip. An image at which models do not connect is the last of
 one free strip and the first of the next.
 
-Source: photogrammetry.md A404-A410; see aatri/orientation/strips/scale_transfer.py and strip.py.
+Source: photogrammetry.md A404-A410; see aatri/orientation/strips: scale_transfer.py, joints.py
+and chain.py.
 """
 
 from __future__ import annotations
@@ -21,9 +22,8 @@ import numpy as np
 from aatri.adapters.model_chains import (
     Chain,
     Gap,
-    free_strip_ids,
     images_left_alone,
-    model_geometry,
+    model_table,
     strips_of,
     unbroken_runs,
 )
@@ -32,9 +32,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
 from aatri.errors import GeometryError
-from aatri.orientation.strips.chain import form_strip
-from aatri.orientation.strips.scale_transfer import Joint, Model, common_points
-from aatri.orientation.strips.scale_transfer import scale_transfer as transfer
+from aatri.orientation.strips.joints import JointTable, scale_transfers
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 CHECKED_POINTS = 3
@@ -66,69 +64,76 @@ def scale_transfer(
 ) -> Strips:
     """Join the models of every strip."""
     check_same_block(block, models.images.id, "models")
-    geometry = model_geometry(models)
     runs, gaps = unbroken_runs(block, models)
     if not runs:
         raise GeometryError(
             f"no strip: none of {len(models.unformed)} pairs of neighbouring images makes a model",
             remedy="see the reasons in the table `unformed` of the relative orientation; check strip and sequence",
         )
-    chains: list[Chain] = []
-    for run in runs:
-        parts, breaks = _joined(block, models, run, geometry, options, context)
-        chains += parts
-        gaps += breaks
+    table = model_table(models)
+    first = np.array([model for run in runs for model in run.models[:-1]], dtype=np.int64)
+    second = np.array([model for run in runs for model in run.models[1:]], dtype=np.int64)
+    joints = scale_transfers(table, first, second, snooping_limit=options.snooping_limit)
+    chains, breaks = _joined(block, models, runs, joints, options, context)
+    gaps += breaks
     gaps += images_left_alone(block, chains)
-    formed = [form_strip([geometry[k] for k in chain.models], chain.joints) for chain in chains]
+    strips = strips_of(block, models, table, joints, chains, gaps)
     for gap in gaps:
         context.warn(f"{_place(block, gap)}: {gap.reason}")
-    context.log(f"{len(chains)} free strips: {', '.join(free_strip_ids(block, chains)[:20])}")
-    return strips_of(block, models, chains, formed, gaps)
+    context.log(f"{len(chains)} free strips: {', '.join(strips.strips.id[:20])}")
+    return strips
 
 
 def _joined(
-    block: Block, models: Models, run: Chain, geometry: list[Model], options: ScaleTransferOptions, context: Context
+    block: Block, models: Models, runs: list[Chain], joints: JointTable, options: ScaleTransferOptions, context: Context
 ) -> tuple[list[Chain], list[Gap]]:
-    """Join a run of neighbouring models, splitting it where the connection is too weak."""
-    chain = Chain(run.strip, run.images[:2], run.models[:1])
-    chains, gaps = [chain], []
-    for k, (before, model) in enumerate(zip(run.models[:-1], run.models[1:])):
-        image, following = run.images[k + 1], run.images[k + 2]
-        names = f"{models.orientations.id[before]} and {models.orientations.id[model]}"
-        joint = _joint(geometry[before], geometry[model], options)
-        if joint is None or joint.active.sum() < options.min_connection_points:
-            usable = 0 if joint is None else int(joint.active.sum())
-            reason = f"models {names} share {usable} usable points, {options.min_connection_points} are needed"
-            gaps.append(Gap(run.strip, image, following, reason))
-            chain = Chain(run.strip, [image, following], [model])
-            chains.append(chain)
-            continue
-        for warning in _warnings(joint, options):
-            context.warn(f"joint of {names} at image {block.images.id[image]}: {warning}")
-        chain.models.append(model)
-        chain.images.append(following)
-        chain.joints.append(joint)
+    """Join runs of neighbouring models, splitting them where the connection is too weak; joints in the runs' order."""
+    chains: list[Chain] = []
+    gaps: list[Gap] = []
+    used, warnings = joints.used().tolist(), _warnings(joints, options)
+    joint = -1
+    for run in runs:
+        chain = Chain(run.strip, run.images[:2], run.models[:1])
+        chains.append(chain)
+        for k, (before, model) in enumerate(zip(run.models[:-1], run.models[1:])):
+            joint += 1
+            image, following = run.images[k + 1], run.images[k + 2]
+            if used[joint] < options.min_connection_points:
+                names = f"{models.orientations.id[before]} and {models.orientations.id[model]}"
+                needed = options.min_connection_points
+                reason = f"models {names} share {used[joint]} usable points, {needed} are needed"
+                gaps.append(Gap(run.strip, image, following, reason))
+                chain = Chain(run.strip, [image, following], [model])
+                chains.append(chain)
+                continue
+            for warning in warnings.get(joint, ()):
+                names = f"{models.orientations.id[before]} and {models.orientations.id[model]}"
+                context.warn(f"joint of {names} at image {block.images.id[image]}: {warning}")
+            chain.models.append(model)
+            chain.images.append(following)
+            chain.joints.append(joint)
     return chains, gaps
 
 
-def _joint(first: Model, second: Model, options: ScaleTransferOptions) -> Joint | None:
-    if not len(common_points(first, second)[0]):
-        return None
-    return transfer(first, second, snooping_limit=options.snooping_limit)
-
-
-def _warnings(joint: Joint, options: ScaleTransferOptions) -> list[str]:
-    found, used = [], int(joint.active.sum())
-    if not 1 / options.scale_jump <= joint.scale <= options.scale_jump:
-        found.append(f"the scale jumps by a factor of {joint.scale:.3g}: change of height, or wrong points")
-    if used < CHECKED_POINTS:
-        found.append(f"only {used} connection points: a wrong one cannot be located")
-    worst = float(np.nan_to_num(joint.test[joint.active]).max(initial=0.0))
-    if worst > options.snooping_limit:
-        found.append(f"the scales of the connection points disagree by {worst:.1f} standard deviations")
-    if used >= CHECKED_POINTS and joint.spread < UNSTABLE_SPREAD:
-        found.append(f"bridge unstable: the connection points cover {joint.spread:.0%} of the width of the models")
-    return found
+def _warnings(joints: JointTable, options: ScaleTransferOptions) -> dict[int, list[str]]:
+    """What is to be said of joints that are made, by joint."""
+    used, worst = joints.used(), joints.largest_test()
+    jumps = ~((joints.scale >= 1 / options.scale_jump) & (joints.scale <= options.scale_jump))
+    few, disagree = used < CHECKED_POINTS, worst > options.snooping_limit
+    unstable = ~few & (joints.spread < UNSTABLE_SPREAD)
+    texts: dict[int, list[str]] = {}
+    for k in np.flatnonzero(jumps | few | disagree | unstable).tolist():
+        found = texts.setdefault(k, [])
+        if jumps[k]:
+            found.append(f"the scale jumps by a factor of {joints.scale[k]:.3g}: change of height, or wrong points")
+        if few[k]:
+            found.append(f"only {used[k]} connection points: a wrong one cannot be located")
+        if disagree[k]:
+            found.append(f"the scales of the connection points disagree by {worst[k]:.1f} standard deviations")
+        if unstable[k]:
+            covered = f"the connection points cover {joints.spread[k]:.0%} of the width of the models"
+            found.append(f"bridge unstable: {covered}")
+    return texts
 
 
 def _place(block: Block, gap: Gap) -> str:

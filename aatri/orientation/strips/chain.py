@@ -18,87 +18,115 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.orientation.strips.scale_transfer import Joint, Model
+from aatri.orientation.strips.joints import JointTable, ModelTable
 
 
 @dataclass(frozen=True)
-class FreeStrip:
-    """A free strip.
+class FreeStrips:
+    """Free strips, one after the other.
 
     Attributes
     ----------
-    position : (k + 1, 3) float64
-        Projection centres, in the unit of the first base.
-    strip_from_image : (k + 1, 3, 3) float64
-    scale : (k,) float64
-        Scale of each model.
-    point : (n,) int
+    image_strip : (i,) int64
+        Strip of each projection centre; a strip has one more than models.
+    position : (i, 3) float64
+        Projection centres, in the unit of the strip's first base.
+    strip_from_image : (i, 3, 3) float64
+    strip, point : (n,) int64
+        Strip and point of each strip point, ascending.
     xyz : (n, 3) float64
     covariance : (n, 3, 3) float64
         From the image coordinates, orientations held.
-    models : (n,) int
+    models : (n,) int64
         Models that hold the point.
-    discrepancy : tuple of (c, 3) float64
-        Per joint: its points, second minus first model.
+    placed : (k, 3) float64
+        All points of all models in their strips; NaN where the model is in none.
     """
 
+    image_strip: Int
     position: Float
     strip_from_image: Float
-    scale: Float
+    strip: Int
     point: Int
     xyz: Float
     covariance: Float
     models: Int
-    discrepancy: tuple[Float, ...]
+    placed: Float
 
 
-def form_strip(models: Sequence[Model], joints: Sequence[Joint]) -> FreeStrip:
-    """Chain models to a strip.
+def form_strips(
+    models: ModelTable, joints: JointTable, chains: Sequence[tuple[Sequence[int], Sequence[int]]]
+) -> FreeStrips:
+    """Chain models to strips.
 
     Parameters
     ----------
-    models : sequence of Model
-        In order; the right image of one is the left image of the next.
-    joints : sequence of Joint
-        Joint k connects models k and k + 1; points rejected there are left out of both models.
+    models : ModelTable
+    joints : JointTable
+    chains : sequence of (models, joints)
+        Rows of the models of each strip in order, the right image of one being the left image of the next, and of the
+        joints between them. Points rejected at a joint are left out of both its models.
     """
-    position, rotation, scale = [np.zeros(3)], [np.eye(3)], [1.0]
-    for k, model in enumerate(models):
-        position.append(position[k] + scale[k] * rotation[k] @ model.base)
-        rotation.append(rotation[k] @ model.left_from_right)
-        if k < len(joints):
-            scale.append(scale[k] * joints[k].scale)
-    placed = [position[k] + scale[k] * model.xyz @ rotation[k].T for k, model in enumerate(models)]
-    point, xyz, covariance, count = _means(models, joints, placed, rotation, scale)
-    return FreeStrip(
-        np.array(position), np.array(rotation), np.array(scale), point, xyz, covariance, count,
-        tuple(_discrepancies(models[k : k + 2], placed[k : k + 2], joint) for k, joint in enumerate(joints)),
-    )  # fmt: skip
+    count = np.array([len(chain) for chain, _ in chains], dtype=np.int64)
+    order = np.array([k for chain, _ in chains for k in chain], dtype=np.int64)
+    used = np.array([k for _, chain in chains for k in chain], dtype=np.int64)
+    position, rotation, scale = _followed(models, joints, count, order, used)
+    strip_of_model = np.repeat(np.arange(len(chains)), count)
+    in_model = np.arange(len(order)) + strip_of_model  # each strip has one image more than models
+    place, (strip, m, R, X0) = np.zeros(len(models.base), dtype=np.int64), _nowhere(len(models.base))
+    place[order], strip[order], m[order] = np.arange(len(order)), strip_of_model, scale
+    R[order], X0[order] = rotation[in_model], position[in_model]
+    of_row = models.of_row()
+    placed = X0[of_row] + m[of_row][:, None] * (R[of_row] @ models.xyz[:, :, None])[:, :, 0]
+    use = strip[of_row] >= 0
+    rejected = ~joints.active & np.isin(joints.of_row(), used)
+    use[joints.first_row[rejected]] = use[joints.second_row[rejected]] = False
+    rows = np.flatnonzero(use)
+    rows = rows[np.argsort(place[of_row[rows]], kind="stable")]
+    k = of_row[rows]
+    turned = (m[k] ** 2)[:, None, None] * (R[k] @ models.covariance[rows] @ R[k].swapaxes(1, 2))
+    means = _means(strip[k], models.point[rows], placed[rows], turned)
+    return FreeStrips(np.repeat(np.arange(len(chains)), count + 1), position, rotation, *means, placed)
 
 
-def _discrepancies(models: Sequence[Model], placed: Sequence[Float], joint: Joint) -> Float:
-    first, second = (x[np.searchsorted(model.point, joint.point)] for model, x in zip(models, placed))
-    return np.asarray(second - first)
+def _nowhere(n: int) -> tuple[Int, Float, Float, Float]:
+    """Strip, scale, rotation and place of models that are in no strip."""
+    return np.full(n, -1), np.full(n, np.nan), np.full((n, 3, 3), np.nan), np.full((n, 3), np.nan)
 
 
-def _means(
-    models: Sequence[Model], joints: Sequence[Joint], placed: list[Float], rotation: list[Float], scale: list[float]
-) -> tuple[Int, Float, Float, Int]:
-    """Weighted means of the points over their models."""
-    points, positions, weights = [], [], []
-    for k, model in enumerate(models):
-        rejected = [joint.point[~joint.active] for joint in joints[max(k - 1, 0) : k + 1]]
-        use = ~np.isin(model.point, np.concatenate([np.zeros(0, dtype=np.int32), *rejected]))
-        R = rotation[k]
-        points.append(model.point[use])
-        positions.append(placed[k][use])
-        weights.append(np.linalg.inv(scale[k] ** 2 * (R @ model.covariance[use] @ R.T)))
-    point, row, count = np.unique(np.concatenate(points), return_inverse=True, return_counts=True)
-    x, weight = np.concatenate(positions), np.concatenate(weights)
-    normal, moment = np.zeros((len(point), 3, 3)), np.zeros((len(point), 3))
-    first = np.zeros((len(point), 3))
-    first[row[::-1]] = x[::-1]
-    np.add.at(normal, row, weight)
-    np.add.at(moment, row, np.einsum("nij,nj->ni", weight, x - first[row]))
-    covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-    return point, first + np.einsum("nij,nj->ni", covariance, moment), covariance, count
+def _followed(
+    models: ModelTable, joints: JointTable, count: Int, order: Int, used: Int
+) -> tuple[Float, Float, Float]:  # fmt: skip
+    """Projection centres and rotations of all images, scales of all models; all strips one model farther at a time."""
+    n = len(count)
+    first_image, first_model = np.cumsum(count + 1) - count - 1, np.cumsum(count) - count
+    first_joint = first_model - np.arange(n)
+    position, rotation = np.zeros((int(count.sum()) + n, 3)), np.zeros((int(count.sum()) + n, 3, 3))
+    rotation[first_image] = np.eye(3)
+    scale = np.ones(len(order))
+    for k in range(int(count.max(initial=0))):
+        on = np.flatnonzero(count > k)
+        image, place = first_image[on] + k, first_model[on] + k
+        model = order[place]
+        if k > 0:
+            scale[place] = scale[place - 1] * joints.scale[used[first_joint[on] + k - 1]]
+        R = rotation[image]
+        position[image + 1] = position[image] + scale[place][:, None] * (R @ models.base[model][:, :, None])[:, :, 0]
+        rotation[image + 1] = R @ models.left_from_right[model]
+    return position, rotation, scale
+
+
+def _means(strip: Int, point: Int, x: Float, covariance: Float) -> tuple[Int, Int, Float, Float, Int]:
+    """Weighted means of the points of each strip over its models: strip, point, mean, covariance, models."""
+    order = np.lexsort((point, strip))
+    strip, point, x = strip[order], point[order], x[order]
+    weight = np.linalg.inv(covariance[order])
+    new = np.flatnonzero(np.concatenate([[True], (np.diff(strip) != 0) | (np.diff(point) != 0)])[: len(order)])
+    count = np.diff(np.append(new, len(order)))
+    if not len(new):
+        return strip[new], point[new], x[new], covariance[new], count
+    row = np.repeat(np.arange(len(new)), count)
+    moment = (weight @ (x - x[new][row])[:, :, None])[:, :, 0]
+    found = np.linalg.inv(np.add.reduceat(weight, new))
+    mean = x[new] + (found @ np.add.reduceat(moment, new)[:, :, None])[:, :, 0]
+    return strip[new].astype(np.int64), point[new].astype(np.int64), mean, found, count

@@ -11,7 +11,8 @@ the rays at the point. x_a and x_b are the errors of the two relative orientatio
 covariance as prior: common to all points of a model, they bend it and are not gross errors. s is the weighted mean
 that follows, after data snooping from the median.
 
-Rotations need no common points: they are chained through the common image.
+Rotations need no common points: they are chained through the common image. The observation equations are those of
+`log_scale`; this is the way of a single joint, `strips.joints` sends many through a compiled loop.
 
 Source: photogrammetry.md A405-A407 (there k = (Z2a - Bza) / Z1b, the mean of three points).
 """
@@ -25,8 +26,7 @@ import numpy as np
 from aatri.adjustment.dense import DenseResult, adjust
 from aatri.adjustment.statistics.snooping import snoop
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.rotations import skew
-from aatri.geometry.vectors import tangents, unit
+from aatri.orientation.strips.log_scale import ModelRows, log_scales, root_of
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,7 @@ def scale_transfer(first: Model, second: Model, *, snooping_limit: float = 4.0) 
     Joint
     """
     a, b = common_points(first, second)
-    w_a, X_b = first.xyz[a] - first.base, second.xyz[b]
-    observed = np.log(np.linalg.norm(w_a, axis=1) / np.linalg.norm(X_b, axis=1))
-    sigma = np.sqrt(_variances(first, second, a, b))
-    J = np.concatenate(
-        [_latent(_from_right(first, a), first), _latent(_from_left(second, b), second), np.ones((len(a), 1))], axis=1
-    )
+    observed, sigma, J = log_scales(_rows(first, a), _rows(second, b))
     result, active = _adjusted(observed, sigma, J, snooping_limit)
     v = (J @ result.state - observed) / sigma
     r = _cofactor(J / sigma[:, None], result, active)
@@ -120,6 +115,15 @@ def scale_transfer(first: Model, second: Model, *, snooping_limit: float = 4.0) 
         log_scale=observed - result.state[-1], active=active,
         size=np.where(active, -v / r, -v) * sigma, size_sigma=sigma * np.where(active, r**-0.5, r**0.5),
         test=np.abs(v) / np.sqrt(r), spread=_spread(first, second, b[active]),
+    )  # fmt: skip
+
+
+def _rows(model: Model, rows: Int) -> ModelRows:
+    n = len(rows)
+    return ModelRows(
+        model.xyz[rows], model.covariance[rows],
+        np.broadcast_to(model.base, (n, 3)), np.broadcast_to(model.left_from_right, (n, 3, 3)),
+        np.broadcast_to(root_of(model.orientation_covariance), (n, 5, 5)),
     )  # fmt: skip
 
 
@@ -157,67 +161,6 @@ def _cofactor(J: Float, result: DenseResult[Float], active: Bool) -> Float:
     leverage = np.einsum("ni,ij,nj->n", J, result.covariance, J)
     r = np.where(active, 1.0 - leverage, 1.0 + leverage)
     return np.asarray(np.where(r > 1e-6, r, np.nan))
-
-
-def _variances(first: Model, second: Model, a: Int, b: Int) -> Float:
-    """Variance of log r_a - log r_b from the image coordinates, with the correlation through the common image."""
-    w_a, X_b = first.xyz[a] - first.base, second.xyz[b]
-    variance_a, variance_b = _log_variance(w_a, first.covariance[a]), _log_variance(X_b, second.covariance[b])
-    slope_a, other_a = _ray_slopes(w_a, first.xyz[a])
-    slope_b, other_b = _ray_slopes(X_b, X_b - second.base)
-    angle_a = variance_a / (slope_a**2 + other_a**2)
-    angle_b = variance_b / (slope_b**2 + other_b**2)
-    away_a = _across(-first.base, w_a) @ first.left_from_right
-    away_b = _across(second.base, X_b)
-    covariance = slope_a * slope_b * np.einsum("ni,ni->n", away_a, away_b) * np.sqrt(angle_a * angle_b)
-    return np.asarray(variance_a + variance_b - 2 * covariance)
-
-
-def _log_variance(ray: Float, covariance: Float) -> Float:
-    return np.asarray(np.einsum("ni,nij,nj->n", ray, covariance, ray) / np.einsum("ni,ni->n", ray, ray) ** 2)
-
-
-def _ray_slopes(ray: Float, other: Float) -> tuple[Float, Float]:
-    """Change of log |ray| by a turn of the ray itself and of the other image's ray, in their plane."""
-    sine = np.linalg.norm(np.cross(ray, other), axis=1)
-    return np.einsum("ni,ni->n", ray, other) / sine, np.einsum("ni,ni->n", other, other) / sine
-
-
-def _across(base: Float, ray: Float) -> Float:
-    """Direction in which a turn of the ray opens its angle with the base."""
-    along = unit(ray)
-    return -unit(base - along * (along @ base)[:, None])
-
-
-def _latent(derivatives: Float, model: Model) -> Float:
-    """Derivatives by the orientation, as unit-variance unknowns: times the root of the orientation's covariance."""
-    values, vectors = np.linalg.eigh(model.orientation_covariance)
-    return np.asarray(derivatives @ (vectors * np.sqrt(np.maximum(values, 0.0))))
-
-
-def _displacement(model: Model, rows: Int) -> tuple[Float, Float, Float]:
-    """Derivatives (n, 5) of the way a point moves along its left ray, by d and t; left direction; right ray."""
-    X = model.xyz[rows]
-    w = X - model.base
-    of_ray = np.concatenate([-skew(w), np.broadcast_to(tangents(model.base), (len(X), 3, 2))], axis=2)
-    across = np.cross(np.cross(X, w), w)
-    u = unit(X)
-    along = np.einsum("ni,nik->nk", across, of_ray) / np.einsum("ni,ni->n", across, u)[:, None]
-    return along, u, w
-
-
-def _from_left(model: Model, rows: Int) -> Float:
-    """Derivatives (n, 5) of the logarithm of the distance from the left projection centre."""
-    along, _, _ = _displacement(model, rows)
-    return np.asarray(along / np.linalg.norm(model.xyz[rows], axis=1)[:, None])
-
-
-def _from_right(model: Model, rows: Int) -> Float:
-    """Derivatives (n, 5) of the logarithm of the distance from the right projection centre."""
-    along, u, w = _displacement(model, rows)
-    moved = u[:, :, None] * along[:, None, :]
-    moved[:, :, 3:] -= tangents(model.base)
-    return np.asarray(np.einsum("ni,nik->nk", w, moved) / np.einsum("ni,ni->n", w, w)[:, None])
 
 
 def _spread(first: Model, second: Model, used: Int) -> float:

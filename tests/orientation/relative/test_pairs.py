@@ -8,6 +8,7 @@ import pytest
 import aatri.adjustment.threads as threads
 import aatri.orientation.relative.pairs as many
 from aatri.adjustment import dense
+from aatri.adjustment.kernels import snooping
 from aatri.adjustment.statistics import reliability
 from aatri.adjustment.stepping import damping
 from aatri.errors import GeometryError
@@ -17,7 +18,6 @@ from aatri.geometry.vectors import tangents
 from aatri.orientation.relative.dependent import relative_orientation
 from aatri.orientation.relative.kernels import model_points
 from aatri.orientation.relative.kernels import sampson as kernel
-from aatri.orientation.relative.kernels import snooping
 from tests.complex_step import complex_step
 from tests.orientation.relative.pairs import gruber_ground, rays_of, rotation, simulate
 

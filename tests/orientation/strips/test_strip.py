@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from aatri.orientation.relative.dependent import relative_orientation
-from aatri.orientation.strips.chain import form_strip
+from aatri.orientation.strips.chain import form_strips
+from aatri.orientation.strips.joints import scale_transfers
 from aatri.orientation.strips.scale_transfer import Model, scale_transfer
+from tests.orientation.strips.tables import table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from tests.orientation.relative.pairs import image_coordinates, rays_of, rotation
@@ -54,7 +56,9 @@ def test_an_error_free_strip_is_reproduced_exactly(kappa):
     X0, R, ground, xy = _strip(np.random.default_rng(1), 6, kappa=kappa)
     models = _models(X0, R, ground, xy)
     joints = [scale_transfer(a, b) for a, b in pairwise(models)]
-    strip = form_strip(models, joints)
+    table = table_of(models)
+    together = scale_transfers(table, np.arange(4), np.arange(1, 5))
+    strip = form_strips(table, together, [(range(5), range(4))])
     base = np.linalg.norm(X0[1] - X0[0])
     np.testing.assert_allclose(strip.position, (X0 - X0[0]) @ R[0] / base, atol=1e-11)
     np.testing.assert_allclose(strip.strip_from_image, [R[0].T @ r for r in R], atol=1e-11)
@@ -63,7 +67,7 @@ def test_an_error_free_strip_is_reproduced_exactly(kappa):
         lengths = np.linalg.norm(np.diff(X0, axis=0), axis=1)
         assert joint.scale == pytest.approx(lengths[k + 1] / lengths[k], abs=1e-12)
         assert joint.active.all()
-    assert all(np.abs(d).max() < 1e-10 for d in strip.discrepancy)
+    assert np.abs(strip.placed[together.first_row] - strip.placed[together.second_row]).max() < 1e-10
 
 
 def test_scale_and_discrepancies_have_the_spread_their_sigmas_say():
@@ -94,4 +98,7 @@ def test_a_connection_point_wrong_in_x_is_found_and_left_out():
     joint = joints[0]
     k = joint.point.tolist().index(wrong)
     assert joint.test[k] > 4
-    assert wrong not in form_strip(models, joints).point
+    table = table_of(models)
+    together = scale_transfers(table, np.arange(2), np.arange(1, 3))
+    assert wrong not in form_strips(table, together, [(range(3), range(2))]).point
+    assert wrong in form_strips(table, together, [([0], []), ([1, 2], [1])]).point  # where the joint is not used

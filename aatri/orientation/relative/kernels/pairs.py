@@ -12,7 +12,8 @@ from numba import njit
 from aatri.adjustment.kernels.small import OPTIONS, inverse, median
 from aatri.orientation.relative.kernels.model_points import intersect
 from aatri.orientation.relative.kernels.sampson import linearise
-from aatri.orientation.relative.kernels.snooping import count, snoop, statistics
+from aatri.adjustment.kernels.snooping import count
+from aatri.orientation.relative.kernels.snooping import snoop, statistics
 
 FITS = 6
 """Reweighted fits of the parallel start."""

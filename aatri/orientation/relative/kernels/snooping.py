@@ -9,26 +9,14 @@ import numpy as np
 from numba import njit
 
 from aatri.adjustment.kernels.small import OPTIONS, leverage
+from aatri.adjustment.kernels.snooping import UNCONTROLLED, count, worst_and_best
 from aatri.orientation.relative.kernels.sampson import adjust
-
-UNCONTROLLED = 1e-6
-"""Redundancy numbers below this count as zero."""
 
 MANY = 20
 """With more points, gross errors are first rejected several at a time."""
 
 ROUNDS = 10
 """Most rounds of that: points near the bound may come and go."""
-
-
-@njit("int64(boolean[::1])", **OPTIONS)
-def count(chosen):
-    """How many are chosen."""
-    n = 0
-    for k in range(len(chosen)):
-        if chosen[k]:
-            n += 1
-    return n
 
 
 @njit("void(float64[:,::1], float64[:,::1], boolean[::1])", **OPTIONS)
@@ -57,19 +45,6 @@ def clean_coarsely(inside, active, work, limit):
     for k in range(len(work)):
         active[k] = inside[k] and work[k, 6] <= bound
     return True
-
-
-@njit("UniTuple(int64, 2)(boolean[::1], boolean[::1], float64[:,::1], float64)", **OPTIONS)
-def worst_and_best(inside, active, work, limit):
-    """The active point with the largest test statistic, and the other one with the smallest below the limit; else -1."""
-    worst, best, largest, smallest = -1, -1, 0.0, limit
-    for k in range(len(work)):
-        test = work[k, 6]
-        if active[k] and largest < test < np.inf:
-            worst, largest = k, test
-        elif inside[k] and not active[k] and test < smallest:
-            best, smallest = k, test
-    return worst, best
 
 
 @njit("void(float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])", **OPTIONS)
@@ -121,7 +96,7 @@ def snoop(pose, rays, inside, active, limit, max_iterations, work, W):
             copy(pose_before, W_before, pose, W)
             break
         trial, iterations = -1, now
-        worst, best = worst_and_best(inside, active, work, limit)
+        worst, best = worst_and_best(inside, active, work, 6, limit)
         above = worst >= 0 and work[worst, 6] > limit
         if above and n - used < most:
             active[worst] = False

@@ -1,0 +1,217 @@
+"""Scale transfer at many joints: models with a common image, all at once.
+
+The observation equations are those of `log_scale`; a compiled loop over the joints, in threads, adjusts them with data
+snooping by the rules of `scale_transfer`, which takes the joints that are not clearly determined, one by one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.threads import in_threads, items_between
+from aatri.arrays import Bool, Float, Int
+from aatri.orientation.strips.kernels.joints import join
+from aatri.orientation.strips.log_scale import ModelRows, log_scales, root_of
+from aatri.orientation.strips.scale_transfer import Model, scale_transfer
+
+AT_ONCE = 250_000
+"""Common points worked on together; bounds the memory."""
+
+WORTH_A_THREAD = 2_000
+"""Common points for which a thread of their own pays."""
+
+
+@dataclass(frozen=True)
+class ModelTable:
+    """Models, each in the frame of its left image, base 1; see `scale_transfer.Model`.
+
+    Attributes
+    ----------
+    left_from_right, base, orientation_covariance : (m, 3, 3), (m, 3), (m, 5, 5) float64
+    start : (m + 1,) int64
+        First point of each model; the last is their number.
+    point : (n,) int
+        Ascending within a model.
+    xyz, covariance : (n, 3), (n, 3, 3) float64
+    """
+
+    left_from_right: Float
+    base: Float
+    orientation_covariance: Float
+    start: Int
+    point: Int
+    xyz: Float
+    covariance: Float
+
+    def model(self, k: int) -> Model:
+        """One of them."""
+        rows = slice(int(self.start[k]), int(self.start[k + 1]))
+        return Model(self.left_from_right[k], self.base[k], self.orientation_covariance[k], self.point[rows],
+                     self.xyz[rows], self.covariance[rows])  # fmt: skip
+
+    def of_row(self) -> Int:
+        """The model of each point."""
+        return np.repeat(np.arange(len(self.base)), np.diff(self.start))
+
+
+@dataclass(frozen=True)
+class JointTable:
+    """Scales of models in the unit of those before; see `scale_transfer.Joint`.
+
+    Attributes
+    ----------
+    first, second : (j,) int
+        The models.
+    scale, sigma, spread : (j,) float64
+        NaN without common points.
+    start : (j + 1,) int64
+        First common point of each joint; the last is their number.
+    first_row, second_row : (n,) int64
+        Rows of the common points among the points of the models.
+    active : (n,) bool
+    log_scale, size, size_sigma, test : (n,) float64
+    """
+
+    first: Int
+    second: Int
+    scale: Float
+    sigma: Float
+    spread: Float
+    start: Int
+    first_row: Int
+    second_row: Int
+    active: Bool
+    log_scale: Float
+    size: Float
+    size_sigma: Float
+    test: Float
+
+    def used(self) -> Int:
+        """Points used at each joint, (j,)."""
+        return np.bincount(self.of_row()[self.active], minlength=len(self.first))
+
+    def of_row(self) -> Int:
+        """The joint of each common point."""
+        return np.repeat(np.arange(len(self.first)), np.diff(self.start))
+
+    def largest_test(self) -> Float:
+        """Largest test statistic of the points used at each joint, (j,); 0 where none is controlled."""
+        largest = np.zeros(len(self.first))
+        np.maximum.at(largest, self.of_row()[self.active], np.nan_to_num(self.test[self.active]))
+        return largest
+
+
+def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_limit: float = 4.0) -> JointTable:
+    """Scales of models in the unit of others.
+
+    Parameters
+    ----------
+    models : ModelTable
+    first, second : (j,) int
+        The right image of the first model is the left one of the second.
+    snooping_limit : float
+        See `scale_transfer`.
+    """
+    start, first_row, second_row = _common(models, first, second)
+    n, j = len(first_row), len(first)
+    found = JointTable(
+        np.asarray(first), np.asarray(second), np.full(j, np.nan), np.full(j, np.nan), np.full(j, np.nan),
+        start, first_row, second_row, np.zeros(n, dtype=bool),
+        np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan),
+    )  # fmt: skip
+    roots, of_row = root_of(models.orientation_covariance), models.of_row()
+    pieces = max(round(n / AT_ONCE), 1)
+    bounds = np.searchsorted(start[:-1], np.linspace(0, n, pieces + 1)[1:-1])
+    edges = np.unique(np.concatenate([[0], bounds, [j]])).tolist()
+    done = np.zeros(j, dtype=bool)
+    for a, b in zip(edges[:-1], edges[1:]):
+        rows = slice(int(start[a]), int(start[b]))
+        sides = (_rows(models, roots, of_row, side[rows]) for side in (first_row, second_row))
+        done[a:b] = _joined(found, a, b, *log_scales(*sides), snooping_limit)
+    for k in np.flatnonzero(~done & (np.diff(start) > 0)).tolist():
+        _one_by_one(found, models, k, snooping_limit)
+    found.spread[:] = _spreads(models, found)
+    return found
+
+
+def _common(models: ModelTable, first: Int, second: Int) -> tuple[Int, Int, Int]:
+    """Common points of every joint: first of each joint, rows in either model, by point."""
+    span = int(models.point.max(initial=0)) + 1
+    key = models.of_row().astype(np.int64) * span + models.point
+    joint, row = _rows_of(models.start, first)
+    wanted = np.asarray(second, dtype=np.int64)[joint] * span + models.point[row]
+    there = np.minimum(np.searchsorted(key, wanted), max(len(key) - 1, 0))
+    common = key[there] == wanted if len(key) else np.zeros(0, dtype=bool)
+    start = np.concatenate([[0], np.cumsum(np.bincount(joint[common], minlength=len(first)))])
+    return start, row[common], there[common]
+
+
+def _rows_of(start: Int, chosen: Int) -> tuple[Int, Int]:
+    """Rows of the chosen items, one after the other: the item's place among the chosen, the row."""
+    count = np.diff(start)[chosen]
+    item = np.repeat(np.arange(len(chosen)), count)
+    row = np.arange(len(item)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(start[:-1][chosen], count)
+    return item, row
+
+
+def _rows(models: ModelTable, roots: Float, of_row: Int, rows: Int) -> ModelRows:
+    k = of_row[rows]
+    return ModelRows(models.xyz[rows], models.covariance[rows], models.base[k], models.left_from_right[k], roots[k])
+
+
+def _joined(found: JointTable, a: int, b: int, observed: Float, sigma: Float, J: Float, limit: float) -> Bool:
+    """The compiled loop over the joints a ... b - 1; returns which are done."""
+    start = np.ascontiguousarray(found.start[a : b + 1] - found.start[a], dtype=np.int64)
+    n, m = len(observed), b - a
+    A, y = np.ascontiguousarray(J / sigma[:, None]), np.ascontiguousarray(observed / sigma)
+    x, scale_sigma, done = np.full((m, 11), np.nan), np.full(m, np.nan), np.zeros(m, dtype=bool)
+    active, work = np.zeros(n, dtype=bool), np.full((n, 3), np.nan)
+
+    def part(first: int, last: int) -> None:
+        join(*items_between(start, first, last), start, A, y, limit, x, scale_sigma, done, active, work)
+
+    in_threads(n, part, worth=WORTH_A_THREAD)
+    rows, joint = slice(int(found.start[a]), int(found.start[b])), np.repeat(np.arange(m), np.diff(start))
+    v, r = work[:, 0], work[:, 1]
+    found.scale[a:b] = np.where(done, np.exp(x[:, -1]), np.nan)
+    found.sigma[a:b] = found.scale[a:b] * scale_sigma
+    found.active[rows], found.test[rows] = active, work[:, 2]
+    found.log_scale[rows] = observed - x[joint, -1]
+    found.size[rows] = np.where(active, -v / r, -v) * sigma
+    found.size_sigma[rows] = sigma * np.where(active, r**-0.5, r**0.5)
+    return done
+
+
+def _one_by_one(found: JointTable, models: ModelTable, k: int, limit: float) -> None:
+    one = scale_transfer(
+        models.model(int(found.first[k])), models.model(int(found.second[k])), snooping_limit=limit
+    )
+    rows = slice(int(found.start[k]), int(found.start[k + 1]))
+    found.scale[k], found.sigma[k] = one.scale, one.sigma
+    for name in ("active", "log_scale", "size", "size_sigma", "test"):
+        getattr(found, name)[rows] = getattr(one, name)
+
+
+def _spreads(models: ModelTable, found: JointTable) -> Float:
+    """Extent across the track of the points used at each joint over that of all, as seen from the common image."""
+    b = models.base[found.second]
+    across = np.column_stack([-b[:, 1], b[:, 0], np.zeros(len(b))])
+    joint_1, row_1 = _rows_of(models.start, found.first)
+    joint_2, row_2 = _rows_of(models.start, found.second)
+    from_right = models.xyz[row_1] - models.base[found.first][joint_1]
+    seen = np.concatenate([
+        (from_right[:, None, :] @ models.left_from_right[found.first][joint_1])[:, 0], models.xyz[row_2]
+    ])  # fmt: skip
+    of_all = _extents(seen, np.concatenate([joint_1, joint_2]), across)
+    of_used = _extents(models.xyz[found.second_row[found.active]], found.of_row()[found.active], across)
+    return np.where((of_all > 0) & (found.used() > 0), of_used / np.where(of_all > 0, of_all, 1.0), 0.0)
+
+
+def _extents(xyz: Float, joint: Int, across: Float) -> Float:
+    place = np.einsum("ni,ni->n", xyz, across[joint]) / np.abs(xyz[:, 2])
+    lowest, highest = np.full(len(across), np.inf), np.full(len(across), -np.inf)
+    np.minimum.at(lowest, joint, place)
+    np.maximum.at(highest, joint, place)
+    return np.where(highest >= lowest, highest - lowest, 0.0)

@@ -1,0 +1,1 @@
+"""Compiled joining of models."""
