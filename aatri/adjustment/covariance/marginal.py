@@ -22,11 +22,11 @@ from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction, reduce_covariances
 from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.chunks import linearised, predicted_side_by_side, single_poses
+from aatri.adjustment.elimination.chunks import linearised, of_one_part, predicted_side_by_side
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.elimination.schedule import blas_threads, share_out
+from aatri.adjustment.elimination.schedule import Stretch, blas_threads, of_node, share_out
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
-from aatri.adjustment.kernels.covariance_pose import pose_covariances
+from aatri.adjustment.kernels.covariance_sized import covariances
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
@@ -34,7 +34,7 @@ from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.threads import run_all, taken, thread_control
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float
+from aatri.arrays import Float, Int
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,7 @@ class _Down:
         self.kept = [(k, predicted_side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.boundary: dict[int, Float] = {}
+        self.pool: ThreadPoolExecutor | None = None
 
     def run(self) -> None:
         """Go down level by level, then each subtree on its own, depth first, so that few fronts are in memory."""
@@ -105,7 +106,8 @@ class _Down:
         subtrees, levels = share_out(problem)
         with thread_control().limit(limits=1, user_api="blas"):
             if not subtrees:
-                self._several(range(len(problem.tree.nodes)))
+                with ThreadPoolExecutor(problem.threads) as self.pool:
+                    self._several(range(len(problem.tree.nodes)))
                 return
             with ThreadPoolExecutor(problem.threads) as pool:
                 for level in reversed(levels):
@@ -138,13 +140,22 @@ class _Down:
             kept_covariances(self.problem, kept, jacobians, k, row_of, S, found)
         if self.fill is None:
             return
+        jobs = [partial(self._rays, some, S, row_of) for some in of_node(self.problem, k)]
+        if self.pool is None or len(jobs) < 2:
+            for job in jobs:
+                job()
+        else:
+            run_all(self.pool, jobs)
+
+    def _rays(self, some: Stretch, S: Float, row_of: Int) -> None:
         rays = self.problem.rays
         assert rays is not None
-        for p0, p1, _, A, B in linearised(self.problem, self.fill, k, node):
+        assert self.fill is not None
+        for p0, p1, _, A, B in linearised(self.problem, self.fill, some):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
             active = self.active[base:last]
-            if single_poses(rays.parts, A):
-                pose_covariances(p0, p1, base, rays.ray_start, active, A, B, rays.loc[base:last], S,
+            if of_one_part(rays.parts):
+                covariances(*A.shape[1:])(p0, p1, base, rays.ray_start, active, A, B, rays.loc[base:last], S,
                                  self.problem.block_free, self.factored.block_factor, self.block, self.ray)  # fmt: skip
                 continue
             row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]

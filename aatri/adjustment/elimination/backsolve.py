@@ -5,11 +5,13 @@ Back substitution linearises the rays once more instead of keeping their Jacobia
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
-from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
 from aatri.adjustment.kernels.eliminate import substitute
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
@@ -51,9 +53,9 @@ def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) 
     fill = problem.ray_lane(state)
     parts, column = rays.parts, problem.ray_columns
 
-    def one(nodes: list[int]) -> None:
-        for k in nodes:
-            for p0, p1, _, A, B in linearised(problem, fill, k, problem.tree.nodes[k]):
+    def one(some: Sequence[Stretch]) -> None:
+        for stretch in some:
+            for p0, p1, _, A, B in linearised(problem, fill, stretch):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 substitute(p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start, dx,
                            problem.block_free, factored.block_factor, factored.block_y, dy)  # fmt: skip
@@ -64,23 +66,23 @@ def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) 
 
 def cost_of(problem: Problem, state: State) -> float:
     """Cost of all active records: the sum of squares of the whitened residuals, unless there is a loss."""
-    total = np.zeros(len(problem.tree.nodes) + 1)
+    total, of_stretch = 0.0, np.zeros(len(stretches(problem)))
     for kept in problem.kept:
         v, _ = whitened(kept.records, state, kept.rows)
-        total[-1] += float((v**2).sum()) + excess(kept.records, v)
+        total += float((v**2).sum()) + excess(kept.records, v)
     for records, rows, _ in problem.direct:
         v, _ = whitened(records, state, rows)
-        total[-1] += float((v**2).sum()) + excess(records, v)
+        total += float((v**2).sum()) + excess(records, v)
     if problem.rays is not None:
         fill, ray_records = problem.ray_lane(state), problem.rays.records
 
-        def one(nodes: list[int]) -> None:
-            for k in nodes:
-                for _, _, v, _, _ in linearised(problem, fill, k, problem.tree.nodes[k]):
-                    total[k] += float((v**2).sum()) + excess(ray_records, v)
+        def one(some: Sequence[Stretch]) -> None:
+            for stretch in some:
+                for _, _, v, _, _ in linearised(problem, fill, stretch):
+                    of_stretch[stretch.number] += float((v**2).sum()) + excess(ray_records, v)
 
         in_parallel(problem, one)
-    return float(total.sum())
+    return total + float(of_stretch.sum())
 
 
 def predicted_decrease(problem: Problem, factored: Factored, found: dict[str, Float]) -> float:

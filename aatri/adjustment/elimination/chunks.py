@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from aatri.adjustment.elimination.schedule import Stretch
 from aatri.adjustment.records import Fill, predicted, whitened
 from aatri.adjustment.structure.index import KeptRecords, Parts, part_columns
 from aatri.adjustment.structure.indexed_problem import Problem
 from aatri.adjustment.structure.layout import Layout
-from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
@@ -20,20 +20,20 @@ CHUNK = 4096
 Chunk = tuple[int, int, Float, Float, Float]
 
 
-def single_poses(parts: Parts, A: Float) -> bool:
-    """Whether rays are those of the faster kernels: two residuals, and one part of six unknowns."""
-    return len(parts.size) == 1 and A.shape[1:] == (2, 6)
+def of_one_part(parts: Parts) -> bool:
+    """Whether rays meet one part each: then the faster kernels do."""
+    return len(parts.size) == 1
 
 
-def linearised(problem: Problem, fill: Fill, k: int, node: Node) -> Iterator[Chunk]:
-    """Linearised rays of the blocks of a node, in chunks: first and last block, v, A, B."""
+def linearised(problem: Problem, fill: Fill, some: Stretch) -> Iterator[Chunk]:
+    """Linearised rays of a stretch of blocks, in chunks: first and last block, v, A, B."""
     rays = problem.rays
     assert rays is not None
     records = rays.records
     widths = [next(u.size for u in problem.unknowns if u.name == g) for g, _ in records.touches]
     is_block = [g == problem.layout.eliminated for g, _ in records.touches]
-    any_held = bool(problem.layout.held[node.columns].any())
-    p0, end = int(rays.first[k]), int(rays.first[k + 1])
+    any_held = bool(problem.layout.held[problem.tree.nodes[some.node].columns].any())
+    p0, end = some.first, some.last
     while p0 < end:
         p1 = int(np.searchsorted(rays.ray_start, rays.ray_start[p0] + CHUNK, side="right")) - 1
         p1 = min(max(p1, p0 + 1), end)

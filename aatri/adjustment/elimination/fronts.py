@@ -19,12 +19,12 @@ from threading import Lock
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.chunks import linearised, side_by_side, single_poses
+from aatri.adjustment.elimination.chunks import linearised, of_one_part, side_by_side
 from aatri.adjustment.elimination.panels import panels_of
-from aatri.adjustment.elimination.schedule import blas_threads, share_out
+from aatri.adjustment.elimination.schedule import Stretch, blas_threads, of_node, share_out
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
-from aatri.adjustment.kernels.eliminate_pose import eliminate_pose
+from aatri.adjustment.kernels.eliminate_sized import eliminator
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.structure.tree import Node
@@ -51,8 +51,15 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
     work = Work(problem, state, damping)
     subtrees, levels = share_out(problem)
     if len(subtrees) < 2:
-        with thread_control().limit(limits=1, user_api="blas"):
-            work.run(range(len(problem.tree.nodes)))
+        with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+            work.pool = pool
+            for k in range(len(problem.tree.nodes)):
+                work.assemble(k)
+                if blas_threads(problem, [k]) > 1:
+                    with thread_control().limit(limits=problem.threads, user_api="blas"):
+                        work.finish(k)
+                else:
+                    work.finish(k)
         return work.result()
     few = [k for level in levels if len(level) < problem.threads for k in level]
     with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
@@ -65,6 +72,10 @@ def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
             with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
                 work.run(level)
     return work.result()
+
+
+LARGEST_COPY = 2e8
+"""Bytes of a front up to which threads may each have one of their own."""
 
 
 class _Room:
@@ -101,6 +112,7 @@ class Work:
 
     def __init__(self, problem: Problem, state: State, damping: float) -> None:
         self.problem, self.damping = problem, damping
+        self.pool: ThreadPoolExecutor | None = None
         n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
         self.panels = panels_of(problem.tree, problem.spill)
         self.y: list[Float] = [np.zeros(0)] * n_nodes
@@ -181,20 +193,41 @@ class Work:
         self.y[k] = g[:m].copy()
 
     def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float) -> None:
+        """Add the eliminated blocks of a node; those of one large front are shared out in fixed parts.
+
+        Each stretch is summed on its own, in any thread, and the sums are added in their order.
+        """
+        some = of_node(self.problem, k)
+        if len(some) < 2 or 8 * node.size**2 > LARGEST_COPY:
+            for stretch in some:
+                self.cost[k] += self._stretch(stretch, F, g, d)
+            return
+
+        def one(stretch: Stretch) -> tuple[float, Float, Float, Float]:
+            own = np.zeros((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
+            return self._stretch(stretch, *own), *own
+
+        for cost, *own in self.pool.map(one, some) if self.pool is not None else map(one, some):
+            self.cost[k] += cost
+            for total, part in zip((F, g, d), own):
+                total += part
+
+    def _stretch(self, some: Stretch, F: Float, g: Float, d: Float) -> float:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
         common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
                   self.block_factor, self.block_y, self.determined)  # fmt: skip
-        for p0, p1, v, A, B in linearised(self.problem, self.fill, k, node):
-            self.cost[k] += excess(rays.records, v)
+        cost, parts = 0.0, rays.parts
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, some):
+            cost += excess(rays.records, v)
             base = int(rays.ray_start[p0])
             loc = rays.loc[base : int(rays.ray_start[p1])]
-            if single_poses(rays.parts, A):
-                self.cost[k] += eliminate_pose(p0, p1, base, rays.ray_start, v, A, B, loc, *common)
+            if of_one_part(parts):
+                cost += eliminator(*A.shape[1:])(p0, p1, base, rays.ray_start, v, A, B, loc, *common)
             else:
-                parts = rays.parts
-                self.cost[k] += eliminate(p0, p1, base, rays.ray_start, v, A, B, loc, parts.size, parts.start, *common)
+                cost += eliminate(p0, p1, base, rays.ray_start, v, A, B, loc, parts.size, parts.start, *common)
+        return cost
 
     def result(self) -> Factored:
         """All that later steps need."""

@@ -11,14 +11,14 @@ The first step touches only blocks and fronts with a right-hand side below them;
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
-from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.kernels.eliminate import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
@@ -145,9 +145,9 @@ def _blocks_back(problem: Problem, factored: Factored, state: State, u: Sides, x
     fill, parts = problem.ray_lane(state), rays.parts
     first = np.where(parts.vertex >= 0, problem.layout.start[np.maximum(parts.vertex, 0)] + parts.shift, -1)
 
-    def one(nodes: list[int]) -> None:
-        for k in nodes:
-            for p0, p1, _, A, B in linearised(problem, fill, k, problem.tree.nodes[k]):
+    def one(some: Sequence[Stretch]) -> None:
+        for stretch in some:
+            for p0, p1, _, A, B in linearised(problem, fill, stretch):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 for j in range(m):
                     substitute(p0, p1, base, rays.ray_start, A, B, first[base:last], parts.size, parts.start,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +17,9 @@ THREADED_FLOPS = 5e8
 
 RAY_FLOPS = 10000.0
 """Work of one ray against that of the factorisation, for sharing out the subtrees."""
+
+STRETCH = 40_000
+"""Rays that one thread works on at a time."""
 
 PARALLEL_FLOPS = 1e9
 """Problems with less work than this run in one thread: others would mostly wait."""
@@ -51,19 +56,62 @@ def _subtree(nodes: Sequence[Node], k: int) -> list[int]:
     return sorted(found)
 
 
-def in_parallel(problem: Problem, work: Callable[[list[int]], None]) -> None:
-    """Work on all nodes, in any order, shared out among the threads."""
+@dataclass(frozen=True)
+class Stretch:
+    """Some blocks of one node, worked on by one thread at a time.
+
+    Attributes
+    ----------
+    number : int
+        In the order of the nodes and their blocks.
+    node, first, last : int
+        The blocks first ... last - 1 of a node.
+    """
+
+    number: int
+    node: int
+    first: int
+    last: int
+
+
+def stretches(problem: Problem) -> list[Stretch]:
+    """All blocks, in stretches of at most some `STRETCH` rays: the same for any number of threads."""
+    found: list[Stretch] = []
+    for k in range(len(problem.tree.nodes) if problem.rays is not None else 0):
+        found += of_node(problem, k, len(found))
+    return found
+
+
+def of_node(problem: Problem, k: int, number: int = 0) -> list[Stretch]:
+    """The stretches of one node, numbered from `number` on."""
     rays = problem.rays
     assert rays is not None
-    count = np.diff(rays.ray_start[rays.first])
-    share = (np.cumsum(count) - 1) * problem.threads // max(int(count.sum()), 1)
-    parts = [np.flatnonzero((share == t) & (count > 0)).tolist() for t in range(problem.threads)]
-    if problem.threads == 1 or RAY_FLOPS * count.sum() < PARALLEL_FLOPS:
-        for nodes in parts:
-            work(nodes)
-    else:
-        with ThreadPoolExecutor(problem.threads) as pool:
-            list(pool.map(work, parts))
+    p0, p1 = int(rays.first[k]), int(rays.first[k + 1])
+    if p0 == p1:
+        return []
+    start = rays.ray_start[p0 : p1 + 1]
+    count = int(start[-1] - start[0])
+    parts = -(-count // STRETCH)
+    if parts == 1:
+        return [Stretch(number, k, p0, p1)]
+    cuts = p0 + np.searchsorted(start, start[0] + count * np.arange(parts + 1) // parts)
+    cuts = np.unique(np.clip(cuts, p0, p1)).tolist()
+    return [Stretch(number + i, k, a, b) for i, (a, b) in enumerate(pairwise(cuts))]
+
+
+def in_parallel(problem: Problem, work: Callable[[Sequence[Stretch]], None]) -> None:
+    """Work on all blocks, in any order, shared out among the threads."""
+    rays = problem.rays
+    assert rays is not None
+    some = stretches(problem)
+    if problem.threads == 1 or RAY_FLOPS * len(rays.rows) < PARALLEL_FLOPS:
+        work(some)
+        return
+    ends = rays.ray_start[[s.last for s in some]]
+    share = (ends - 1) * problem.threads // max(int(ends[-1]), 1)
+    parts = [[s for s, t in zip(some, share) if t == thread] for thread in range(problem.threads)]
+    with ThreadPoolExecutor(problem.threads) as pool:
+        list(pool.map(work, parts))
 
 
 def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:

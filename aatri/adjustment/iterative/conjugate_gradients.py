@@ -21,7 +21,7 @@ Source: Hestenes & Stiefel 1952; Golub & Meurant 1997, Matrices, moments and qua
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -31,6 +31,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
+from aatri.adjustment.elimination.schedule import Stretch, stretches
 from aatri.adjustment.iterative.preconditioner import partly_factorised
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.kernels.implicit import along_rays, onto_kept
@@ -207,14 +208,14 @@ class _Reduced:
                 total += part
         return total
 
-    def _share(self, x: Float | None, nodes: list[int]) -> Float:
+    def _share(self, x: Float | None, some: Sequence[Stretch]) -> Float:
         problem, factored, total = self.problem, self.factored, np.zeros(len(self.free))
         rays, w = problem.rays, factored.block_y if x is None else np.empty_like(factored.block_y)
         assert rays is not None
         size, start = rays.parts.size, rays.parts.start
         assert self.fill is not None
-        for k in nodes:
-            for p0, p1, v, A, B in linearised(problem, self.fill, k, problem.tree.nodes[k]):
+        for stretch in some:
+            for p0, p1, v, A, B in linearised(problem, self.fill, stretch):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 place = (p0, p1, base, rays.ray_start, A, B, problem.ray_columns[base:last], size, start)
                 factors = (problem.block_free, factored.block_factor)
@@ -224,10 +225,10 @@ class _Reduced:
         return total
 
 
-def _shares(problem: Problem) -> list[list[int]]:
-    """Nodes with blocks of their own, in `SHARES` parts of about equally many rays."""
-    rays = problem.rays
+def _shares(problem: Problem) -> list[list[Stretch]]:
+    """All blocks, in `SHARES` parts of about equally many rays."""
+    rays, some = problem.rays, stretches(problem)
     assert rays is not None
-    count = np.diff(rays.ray_start[rays.first])
-    share = (np.cumsum(count) - 1) * SHARES // max(int(count.sum()), 1)
-    return [np.flatnonzero((share == t) & (count > 0)).tolist() for t in range(SHARES)]
+    ends = rays.ray_start[[s.last for s in some]]
+    share = (ends - 1) * SHARES // max(int(ends[-1]), 1)
+    return [[s for s, t in zip(some, share) if t == part] for part in range(SHARES)]

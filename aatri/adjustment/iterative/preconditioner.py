@@ -24,6 +24,7 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.fronts import Work
+from aatri.adjustment.elimination.schedule import of_node
 from aatri.adjustment.elimination.panels import Panels
 from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
@@ -155,7 +156,8 @@ class _Pieces:
             return
         p = rays.parts
         results = (work.block_factor, work.block_y, work.determined)
-        for p0, p1, v, A, B in linearised(self.problem, work.fill, k, self.problem.tree.nodes[k]):
+        chunks = (chunk for some in of_node(self.problem, k) for chunk in linearised(self.problem, work.fill, some))
+        for p0, p1, v, A, B in chunks:
             some = slice(int(rays.ray_start[p0]), int(rays.ray_start[p1]))
             work.cost[k] += float((v**2).sum()) + excess(rays.records, v)
             for loc, sums in self._one_after_the_other(p, some):

@@ -14,7 +14,7 @@ from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS
 from aatri.adjustment.kernels.eliminate_pose import group_of
 
 _LOCAL = "int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], int64[::1]"
-_SIGNATURE = (
+POSE = (
     "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], float64[::1,:], "
     "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
@@ -95,7 +95,7 @@ def ray_covariances(p, column, base, ray_start, A, B, loc, at, part, T, inverse,
         R[at_ray, 0, 0], R[at_ray, 1, 0], R[at_ray, 0, 1], R[at_ray, 1, 1] = r00, r10, r10, r11
 
 
-@njit(_SIGNATURE, **OPTIONS)
+@njit(POSE, **OPTIONS)
 def pose_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 

@@ -8,11 +8,13 @@ Source: Cepek, GNU Gama, the test of the linearisation.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.elimination.chunks import linearised
-from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
 from aatri.adjustment.kernels.linearity import largest_departure
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import Problem
@@ -62,13 +64,14 @@ def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -
     dy = np.ascontiguousarray(step[problem.layout.eliminated][rays.block])
     runaway = problem.hold[:, 0, 0] > 0
     before, after = problem.ray_lane(old), problem.ray_lane(new)
-    largest, cost = np.zeros(len(problem.tree.nodes)), np.zeros(len(problem.tree.nodes))
+    count = len(stretches(problem))
+    largest, cost = np.zeros(count), np.zeros(count)
 
-    def one(nodes: list[int]) -> None:
-        for k in nodes:
-            node = problem.tree.nodes[k]
+    def one(some: Sequence[Stretch]) -> None:
+        for stretch in some:
+            k = stretch.number
             for (p0, p1, v, A, B), (_, _, v_after, _, _) in zip(
-                linearised(problem, before, k, node), linearised(problem, after, k, node)
+                linearised(problem, before, stretch), linearised(problem, after, stretch)
             ):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 found = largest_departure(p0, p1, base, rays.ray_start, v, A, B, column[base:last], rays.parts.size,
@@ -77,4 +80,4 @@ def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -
                 cost[k] += float((v_after**2).sum())
 
     in_parallel(problem, one)
-    return float(largest.max()), float(cost.sum())
+    return float(largest.max(initial=0.0)), float(cost.sum())

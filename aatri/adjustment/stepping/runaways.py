@@ -11,14 +11,14 @@ each block with its own lambda; a step that raises the block's cost is refused. 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from aatri.adjustment.elimination.chunks import linearised
-from aatri.adjustment.elimination.schedule import in_parallel
+from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.indexed_problem import Problem
@@ -65,9 +65,9 @@ def rays_beyond(problem: Problem, state: State) -> Bool:
     loss, fill = rays.records.loss, problem.ray_lane(state)
     beyond = np.zeros(len(rays.rows), dtype=bool)
 
-    def one(nodes: list[int]) -> None:
-        for k in nodes:
-            for p0, p1, v, _, _ in linearised(problem, fill, k, problem.tree.nodes[k]):
+    def one(some: Sequence[Stretch]) -> None:
+        for stretch in some:
+            for p0, p1, v, _, _ in linearised(problem, fill, stretch):
                 beyond[rays.ray_start[p0] : rays.ray_start[p1]] = loss.beyond(v)
 
     in_parallel(problem, one)
