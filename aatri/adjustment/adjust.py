@@ -72,6 +72,8 @@ class Adjusted:
     down_weighted : int
         Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
         no covariances.
+    factored : Factored, optional
+        Of a linear problem: its only factor, which serves the covariances.
     """
 
     state: dict[str, Any]
@@ -83,6 +85,7 @@ class Adjusted:
     sigma0: float
     history: tuple[Step, ...]
     down_weighted: int = 0
+    factored: Factored | None = None
 
 
 HOLD = 1e-9
@@ -146,23 +149,27 @@ def adjust_large(
         from aatri.adjustment.iterative.conjugate_gradients import refuse_singular  # compiled only where it is needed
 
         refuse_singular(problem, state)
+    linear = problem.subtrees is None and all(r.linear and r.loss is None for r in problem.records)
     damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
-        factored.panels.clear()  # no later use; the next factorisation needs the room
+        if not linear:
+            factored.panels.clear()  # no later use; the next factorisation needs the room
         decrement = _decrement(problem, factored)
         history.append(Step(factored.cost, decrement, factored.damping))
         reporter.log(
             f"iteration {iteration}: cost {factored.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
         )
         trial = steadied(problem, retract_state(problem.unknowns, state, found), veto)
-        if factored.damping == 0.0 and decrement <= tolerance and settled(problem, state):
+        if factored.damping == 0.0 and (linear or decrement <= tolerance) and settled(problem, state):
             bent, cost = after_step(problem, state, trial, found)
             if bent <= LINEAR:
-                return _finished(problem, trial, cost, tuple(history))
+                done = _finished(problem, trial, cost, tuple(history))
+                return replace(done, factored=factored) if linear else done
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:
             break
+        factored.panels.clear()
         problem, state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
         problem, factored = _with_runaways_slowed(problem, state, factored, reporter)
         _check(problem, state, factored)

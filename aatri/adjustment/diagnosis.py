@@ -1,7 +1,8 @@
 """What the observations leave open, by name.
 
 A pivot that vanishes says that something is not determined, but not what: the null vectors of the normal matrix do.
-Problems of moderate size are analysed as a whole, by the eigenvectors of the reduced matrix scaled to unit diagonal;
+Problems of up to `WHOLE` kept unknowns are analysed as a whole, by the eigenvectors of the reduced matrix over the
+diagonal that it had before elimination;
 in larger ones the null vectors of the leading parts that end at vanishing pivots are found by back substitution.
 """
 
@@ -10,15 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.reference import reduced_matrix
 from aatri.adjustment.structure.indexed_problem import Factored, Problem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.errors import GeometryError
 
-WHOLE = 2e7
-"""Up to this many numbers of the dense Jacobian the whole matrix is analysed."""
+WHOLE = 2000
+"""Up to this many kept unknowns the whole matrix is analysed."""
 
 
 def refuse_undetermined(problem: Problem, state: State, factored: Factored) -> None:
@@ -51,15 +52,11 @@ def _refuse_blocks(problem: Problem, factored: Factored) -> None:
 def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[int, Float]:
     """Number of defects and null vectors in scaled unknowns, (n_kept, k)."""
     layout = problem.layout
-    observations = sum(r.observations for r in problem.records)
-    if observations * sum(int(u.free.sum()) for u in problem.unknowns) <= WHOLE:
-        N = reduced_matrix(problem.unknowns, problem.records, layout, state)
-        free = np.flatnonzero(~layout.held)
-        N = N[np.ix_(free, free)]
-        diagonal = np.diagonal(N).copy()
-        diagonal[~(diagonal > 0)] = 1.0
-        values, among_free = np.linalg.eigh(N / np.sqrt(np.outer(diagonal, diagonal)))
-        open_ = (values < RANK_TOLERANCE * len(values)) | (values <= values[0])
+    if layout.n_kept <= WHOLE:
+        normals, free = reduced_normals(problem, state), np.flatnonzero(~layout.held)
+        diagonal = np.where(normals.diagonal[free] > 0, normals.diagonal[free], 1.0)
+        values, among_free = np.linalg.eigh(normals.N[np.ix_(free, free)] / np.sqrt(np.outer(diagonal, diagonal)))
+        open_ = (values < RANK_TOLERANCE) | (values <= values[0])
         vectors = np.zeros((layout.n_kept, int(open_.sum())))
         vectors[free] = among_free[:, open_]
         return int(open_.sum()), vectors

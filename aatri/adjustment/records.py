@@ -47,6 +47,8 @@ class Records:
     compiled : callable, optional
     loss : Huber, optional
         What the cost of a record is if not its square.
+    linear : bool
+        The Jacobians do not depend on the state, and all unknowns touched are plain numbers.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Records:
     active: Bool
     compiled: Compiled | None = None
     loss: Huber | None = None
+    linear: bool = False
 
     @property
     def rows(self) -> int:
@@ -98,6 +101,7 @@ class Records:
             self.active[rows],
             None if compiled is None else lambda order: compiled(rows[order]),
             self.loss,
+            self.linear,
         )
 
     def residuals(self, state: State) -> Float:

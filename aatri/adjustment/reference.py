@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Float, Int
 
@@ -59,23 +58,3 @@ def free_columns(unknowns: Sequence[Unknowns]) -> dict[str, Int]:
         columns[u.name] = np.where(u.free, number, -1)
         first += int(u.free.sum())
     return columns
-
-
-def reduced_matrix(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout, state: State) -> Float:
-    """Normal matrix of the kept unknowns after elimination, in the layout's columns; held ones have zero rows."""
-    J, _ = dense_jacobian(unknowns, records, state)
-    columns = free_columns(unknowns)
-    kept, place, gone = [], [], []
-    for u in unknowns:
-        target = layout.columns(u.name, u.size)
-        free = columns[u.name] >= 0
-        stays = free & (target >= 0)
-        kept.append(columns[u.name][stays])
-        place.append(target[stays])
-        gone.append(columns[u.name][free & (target < 0)])
-    A, E = J[:, np.concatenate(kept)], J[:, np.concatenate(gone)]
-    projected = A - E @ np.linalg.lstsq(E, A, rcond=None)[0] if E.shape[1] else A
-    N = np.zeros((layout.n_kept, layout.n_kept))
-    target = np.concatenate(place)
-    N[np.ix_(target, target)] = projected.T @ projected
-    return N

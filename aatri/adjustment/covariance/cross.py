@@ -46,7 +46,7 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     """
     refuse_covariances(adjusted.down_weighted)
     problem = adjusted.problem
-    factored = factorise(problem, adjusted.state)
+    factored = adjusted.factored or factorise(problem, adjusted.state)
     W = covariance_reduction(problem, factored, adjusted.state)
     found = []
     for first, second in pairs:

@@ -68,7 +68,11 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     """
     refuse_covariances(adjusted.down_weighted)
     problem, state = adjusted.problem, adjusted.state
-    factored = factorise(problem, state)
+    return covariances_at(problem, state, adjusted.factored or factorise(problem, state), blocks=blocks)
+
+
+def covariances_at(problem: Problem, state: State, factored: Factored, *, blocks: bool = True) -> Covariances:
+    """Covariances of all unknowns at a state, from the factor of the linearisation there."""
     reduction = covariance_reduction(problem, factored, state)
     down = _Down(problem, state, factored, blocks)
     down.run()

@@ -1,0 +1,52 @@
+"""The reduced normal equations of the kept unknowns as one dense matrix, before any factorisation.
+
+What the eliminated blocks leave, N = A'A - sum Y Y' and g, in the layout's columns: for problems of few kept unknowns,
+to look at as a whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.elimination.fronts import Work
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float
+
+
+@dataclass(frozen=True)
+class ReducedNormals:
+    """Normal equations N dx + g = 0 of the kept unknowns at a state.
+
+    Attributes
+    ----------
+    N : (n_kept, n_kept) float64
+        Zero rows and columns where held.
+    g : (n_kept,) float64
+        Half the gradient of the cost.
+    diagonal : (n_kept,) float64
+        Diagonal of A'A, before elimination.
+    """
+
+    N: Float
+    g: Float
+    diagonal: Float
+
+
+def reduced_normals(problem: Problem, state: State) -> ReducedNormals:
+    """Linearise at a state, eliminate the blocks, and add up what they leave."""
+    work, n = Work(problem, state, 0.0), problem.layout.n_kept
+    N, g, diagonal = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    for k, node in enumerate(problem.tree.nodes):
+        work.assemble(k)
+        front = work.fronts[k]
+        assert front is not None
+        F, part, d = front
+        N[np.ix_(node.columns, node.columns)] += np.tril(F) + np.tril(F, -1).T
+        g[node.columns] += part
+        diagonal[node.columns] += d
+        work.room.give(F)
+        work.fronts[k] = None
+    return ReducedNormals(N, g, diagonal)

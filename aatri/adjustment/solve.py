@@ -1,0 +1,120 @@
+"""One step of a linear or linearised problem, whose factor is kept for all that follows from it.
+
+    index = prepare(unknowns, records)              all records, active or not, once
+    solved = solve(index, state, weights)           one linearisation, one factorisation
+    solved.state, solved.covariances(), solved.tests()
+
+For a linear problem the state after the step is the solution, and the factor that of any state. For one that is only
+linearised, covariances and tests are those of the linearisation; `departure` says how far it is from being linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.covariance.marginal import Covariances, covariances_at
+from aatri.adjustment.diagnosis import refuse_undetermined
+from aatri.adjustment.elimination.backsolve import steps
+from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
+from aatri.adjustment.statistics.record_tests import RecordTests, tests_of_records
+from aatri.adjustment.stepping.linearity import after_step
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.weights import Weights, with_weights
+from aatri.adjustment.unknowns import State, retract_state
+from aatri.errors import ConvergenceError
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A solved problem with its factor.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the weights it was solved with.
+    state : dict
+        After the step.
+    factored : Factored
+    cost : float
+        v'v at the state.
+    departure : float
+        Largest difference of a residual from the linear model, in its standard deviations.
+    observations, n_unknowns, redundancy : int
+    sigma0 : float
+        sqrt(v'v / redundancy); NaN without redundancy.
+    """
+
+    problem: Problem
+    state: dict[str, Any]
+    factored: Factored
+    cost: float
+    departure: float
+    observations: int
+    n_unknowns: int
+    redundancy: int
+    sigma0: float
+
+    @cached_property
+    def _covariances(self) -> Covariances:
+        return covariances_at(self.problem, self.state, self.factored)
+
+    def covariances(self, *, blocks: bool = True) -> Covariances:
+        """Marginal covariances, a priori; without `blocks` those of the kept unknowns alone."""
+        return self._covariances if blocks else covariances_at(self.problem, self.state, self.factored, blocks=False)
+
+    def tests(self) -> dict[str, RecordTests]:
+        """Tests of all records by name of their type, predicted where not active; constraints are not tested."""
+        observed = self.problem.records[: len(self.problem.records) - len(self.problem.constraints)]
+        known = self._covariances.records
+        return {r.name: tests_of_records(r, self.state, c) for r, c in zip(observed, known)}
+
+    def reduced_normals(self) -> ReducedNormals:
+        """Normal equations of the kept unknowns at the state, blocks eliminated, before Cholesky."""
+        return reduced_normals(self.problem, self.state)
+
+
+def solve(problem: Problem, state: State, weights: Mapping[str, Weights] | None = None) -> Solved:
+    """Take one undamped step from a state.
+
+    Parameters
+    ----------
+    problem : Problem
+        Made by `prepare`.
+    state : mapping
+        Where to linearise; for a linear problem any.
+    weights : mapping, optional
+        Other weights of some observation types.
+
+    Raises
+    ------
+    GeometryError
+        If unknowns are not determined; the message names them.
+    ConvergenceError
+        If residuals are not finite.
+    """
+    problem = with_weights(problem, weights) if weights else problem
+    factored = factorise_constrained(problem, state)
+    if not np.isfinite(factored.cost):
+        raise ConvergenceError("residuals are not finite", remedy="check the observations and the initial values")
+    if factored.weak or (factored.determined == 0).any():
+        refuse_undetermined(problem, state, factored)
+    step = steps(problem, factored, state)
+    after = retract_state(problem.unknowns, state, step)
+    departure, cost = after_step(problem, state, after, step)
+    observations, n_unknowns, redundancy = counts(problem)
+    sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 else float("nan")
+    return Solved(problem, after, factored, cost, departure, observations, n_unknowns, redundancy, sigma0)
+
+
+def counts(problem: Problem) -> tuple[int, int, int]:
+    """Observations, unknowns, and redundancy, which counts the constraints."""
+    conditions = sum(r.observations for r in problem.constraints)
+    observations = sum(r.observations for r in problem.records) - conditions
+    n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
+    return observations, n_unknowns, observations + conditions - n_unknowns

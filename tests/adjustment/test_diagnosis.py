@@ -1,0 +1,42 @@
+"""What is open is counted and named, all of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.records import Records
+from aatri.adjustment.structure import index_problem as preparation
+from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.errors import GeometryError
+
+
+def trilateration(n: int):
+    """Distances between all neighbours of a spatial grid of n^3 points, and no datum: six directions are open."""
+    xyz = np.stack(np.meshgrid(*[np.arange(n, dtype=float)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    xyz += 0.1 * np.random.default_rng(0).normal(size=xyz.shape)
+    near = np.linalg.norm(xyz[:, None] - xyz[None], axis=2) < 1.9
+    a, b = np.nonzero(np.triu(near, 1))
+    a, b = a.astype(np.int32), b.astype(np.int32)
+    wanted = np.linalg.norm(xyz[a] - xyz[b], axis=1)
+
+    def evaluate(state, rows):
+        d = state["point"][a[rows]] - state["point"][b[rows]]
+        length = np.linalg.norm(d, axis=1)
+        J = (d / length[:, None])[:, None, :]
+        return (length - wanted[rows])[:, None], (J, -J)
+
+    records = Records("distance", (("point", a), ("point", b)), evaluate, np.full((len(a), 1), 100.0),
+                      np.ones(len(a), bool))  # fmt: skip
+    ids = [f"p{k}" for k in range(len(xyz))]
+    unknowns = Unknowns("point", np.ones((len(xyz), 3), bool), ("X", "Y", "Z"), ids, add_step, position=xyz)
+    return [unknowns], [records], {"point": xyz}
+
+
+@pytest.mark.parametrize("n", [3, 6])
+def test_all_open_directions_of_a_network_without_datum_are_counted(monkeypatch: pytest.MonkeyPatch, n: int) -> None:
+    """Three shifts and three rotations; the observations times the unknowns of the larger one were too many before."""
+    monkeypatch.setattr(preparation, "DENSE_VERTICES", 20)
+    with pytest.raises(GeometryError, match=r"leave 6 unknown\(s\) open: .*of point p"):
+        adjust_large(*trilateration(n))
