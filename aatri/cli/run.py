@@ -72,9 +72,11 @@ def run(
     if json:
         say_json({"run": str(opened.spec.run), "report": str(report), "stages": records})
         return
+    from aatri.cli.calibration import say_calibration
     from aatri.cli.figures import say_result
 
     say_result(records)
+    say_calibration(opened.spec.run, records)
     say()
     say(f"run     {opened.spec.run}")
     say(f"report  {report}" if report else "report  not written, see the warning above")

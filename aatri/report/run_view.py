@@ -7,12 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from aatri.artifacts.block import Block
-from aatri.artifacts.evaluation import Evaluation
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.models import Models
-from aatri.artifacts.solution import Solution
-from aatri.artifacts.strips import Strips
+from aatri.artifacts.kinds import KINDS
 from aatri.errors import AatriError, ArtifactError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
@@ -20,7 +15,6 @@ from aatri.tables.schema import Artifact
 
 A = TypeVar("A", bound=Artifact)
 
-KINDS: dict[str, type[Artifact]] = {k.kind: k for k in (Block, ImagePoints, Models, Strips, Solution, Evaluation)}
 LOG_LINES = 30
 """So many last lines of a failed stage's log are shown."""
 

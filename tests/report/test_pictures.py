@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from aatri.adjustment.statistics.global_test import sigma0_interval
 from aatri.report.drawing import svg
 from aatri.report.drawing.charts import residual_histogram, sigma0_chart
-from aatri.report.drawing.plan import footprints
+from aatri.report.drawing.labels import Labels
+from aatri.report.drawing.plan import block_plan, footprints
 from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors
-from aatri.report.drawing.scales import Axis, length_text, log_axis, plan_of, round_below, thinned
+from aatri.report.drawing.scales import Axis, length_text, log_axis, near, plan_of, round_below, thinned
 from aatri.report.numbers import metres, number
 from aatri.report.sections.tables import by_axis, without_axis
 from tests.made_solutions import made_block, made_solution
@@ -112,9 +115,36 @@ def test_figures_of_the_three_axes_stand_side_by_side():
     assert without_axis(metrics) == {"check_points": 4}
 
 
-def test_labels_at_the_right_edge_lie_left_of_their_points():
-    drawn = svg.labels(np.array([[100.0, 50.0], [690.0, 50.0]]), ["A", "B"], 720.0)
-    assert [part.split(">")[0] for part in drawn.split("<text ")[1:]] == [
-        'x="107.0" y="53.0" class="small" text-anchor="start"',
-        'x="683.0" y="53.0" class="small" text-anchor="end"',
-    ]
+def test_a_label_takes_the_first_free_place_and_is_left_out_where_there_is_none():
+    labels = Labels(720.0, 400.0)
+    marks, left = labels.around(np.array([[100.0, 50.0], [690.0, 50.0]]), ["A", "BBBBBB"])
+    assert left == 0
+    assert 'x="108.0"' in marks[0]  # right of its point
+    assert 'text-anchor="end"' in marks[1]  # the right edge would cut it off
+    crowd, left = Labels(720.0, 400.0).around(np.tile([[300.0, 200.0]], (10, 1)), [f"GCP{k}" for k in range(10)])
+    assert (len(crowd), left) == (4, 6)
+
+
+def test_a_point_far_off_does_not_set_the_scale():
+    rng = np.random.default_rng(2)
+    xy = rng.uniform(0, 1000, (50, 2))
+    xy[7] = [90_000, 40_000]
+    assert np.flatnonzero(~near(xy)).tolist() == [7]
+    assert near(rng.uniform(0, 1000, (5000, 2))).all()
+    assert near(np.array([[0.0, 0.0], [1e6, 0.0]])).all()  # two points have no main part
+
+
+def test_the_plan_names_control_and_what_it_leaves_out():
+    block = made_block()
+    far = block.ground_points.xyz_m.copy()
+    far[0, :2] += [90_000.0, 50_000.0]
+    solution = made_solution(block)
+    xyz = solution.points.xyz_m.copy()
+    first = block.ground_points.point[0]
+    xyz[first] = far[0]
+    solution = replace(solution, points=replace(solution.points, xyz_m=xyz))
+    drawn, caption = block_plan(replace(block, ground_points=replace(block.ground_points, xyz_m=far)), solution)
+    names = block.points.id[block.ground_points.point]
+    assert f"not {names[0]}, which lie far off" in caption
+    assert f">{names[1]}</text>" in drawn
+    assert "200 m</text>" in drawn  # the scale bar of a block of some 800 m

@@ -13,11 +13,13 @@ from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.report.drawing import svg
-from aatri.report.drawing.scales import Plan, length_text, plan_of, round_below, thinned
+from aatri.ids import shown as shown_ids
+from aatri.report.drawing.labels import Labels
+from aatri.report.drawing.scales import Plan, length_text, near, plan_of, round_below, thinned
 
 MOST_FOOTPRINTS = 400
-MOST_STRIP_LABELS = 60
-MOST_POINT_LABELS = 30
+MOST_POINT_LABELS = 300
+MOST_FAR = 5
 
 
 def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | None:
@@ -35,15 +37,24 @@ def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | 
     known = np.concatenate([x[np.isfinite(x[:, :2]).all(axis=1), :2] for x in (centres, ground, feet.reshape(-1, 2))])
     if not len(known):
         return None
-    plan = plan_of(known)
+    main = near(known)
+    plan = plan_of(known[main])
+    low, high = known[main].min(axis=0), known[main].max(axis=0)
+    centres, ground = _within(centres, low, high), _within(ground, low, high)
     feet = feet[np.isfinite(feet).all(axis=(1, 2))]
+    feet = feet[((feet >= low) & (feet <= high)).all(axis=(1, 2))]
     shown = feet[thinned(len(feet), MOST_FOOTPRINTS)]
-    points, notes = _points(block, ground, plan)
+    labels = Labels(plan.width_px, plan.height_px)
+    lines = _flight_lines(block, centres, plan, labels)
+    points, notes = _points(block, ground, plan, labels)
+    far = _far_off(block, solution, ground)
+    if far:
+        notes.append(f"not {shown_ids(far, MOST_FAR)}, which lie far off")
     if len(shown) < len(feet):
         notes.append(f"{len(shown)} of {len(feet)} footprints")
     marks = [
         *(svg.area(plan.px(corners), "footprint") for corners in shown),
-        *_flight_lines(block, centres, plan),
+        *lines,
         *points,
         *furniture(plan),
     ]
@@ -55,6 +66,19 @@ def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | 
     if notes:
         caption += f" Drawn: {', '.join(notes)}."
     return svg.drawing(plan.width_px, plan.height_px + 34, "Block plan", *marks), caption
+
+
+def _within(xyz: Float, low: Float, high: Float) -> Float:
+    """The points with NaN for those outside of a box."""
+    inside = np.asarray(((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1))
+    return np.where(inside[:, None], xyz, np.nan)
+
+
+def _far_off(block: Block, solution: Solution | None, drawn: Float) -> list[str]:
+    """Points with a role that are not drawn because they lie far off."""
+    known = np.isfinite(ground_positions(block, solution)[:, :2]).all(axis=1)
+    lost = known & ~np.isfinite(drawn[:, :2]).all(axis=1)
+    return [str(name) for name in block.points.id[lost]]
 
 
 def image_positions(block: Block, solution: Solution | None) -> Float:
@@ -131,7 +155,7 @@ def _terrain_height(block: Block, solution: Solution) -> float:
     return float(np.median(z[np.isfinite(z)])) if np.isfinite(z).any() else np.nan
 
 
-def _flight_lines(block: Block, centres: Float, plan: Plan) -> list[Markup]:
+def _flight_lines(block: Block, centres: Float, plan: Plan, labels: Labels) -> list[Markup]:
     known = np.asarray(np.isfinite(centres[:, :2]).all(axis=1))
     order = np.lexsort((np.arange(len(centres)), np.nan_to_num(block.images.sequence), block.images.strip))
     order = order[known[order]]
@@ -143,24 +167,27 @@ def _flight_lines(block: Block, centres: Float, plan: Plan) -> list[Markup]:
     flown = [part for part in parts if strip[part[0]] >= 0]
     marks = [svg.line(px[part], "flight") for part in flown if len(part) > 1]
     marks.append(svg.dots(px[thinned(len(px))], "centre"))
-    if len(flown) <= MOST_STRIP_LABELS:
-        marks += [_strip_label(str(block.strips.id[strip[part[0]]]), px[part]) for part in flown]
+    for part in flown:
+        marks += _strip_label(str(block.strips.id[strip[part[0]]]), px[part], labels)
     return marks
 
 
-def _strip_label(name: str, px: Float) -> Markup:
+def _strip_label(name: str, px: Float, labels: Labels) -> list[Markup]:
     """Ahead of the first image, away from the second."""
     away = px[0] - px[1] if len(px) > 1 else np.array([-1.0, 0.0])
     x, y = px[0] + 12 * away / max(float(np.hypot(*away)), 1e-9)
-    return svg.text(x, y + 3, name, "small strong", "end" if away[0] < 0 else "start")
+    return labels.at(float(x), float(y) + 3, name, "end" if away[0] < 0 else "start", "small strong label")
 
 
-def _points(block: Block, ground: Float, plan: Plan) -> tuple[list[Markup], list[str]]:
+def _points(block: Block, ground: Float, plan: Plan, labels: Labels) -> tuple[list[Markup], list[str]]:
     known = np.isfinite(ground[:, :2]).all(axis=1)
     role = np.zeros(len(ground), int)
     role[block.ground_points.point[(block.ground_points.role == CHECK).any(axis=1)]] = CHECK
     role[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = CONTROL
-    marks, notes = [], []
+    marks: list[Markup] = []
+    notes = []
+    written: list[Markup] = []
+    labels.keep_free(plan.px(ground[known & (role == CONTROL)])[:MOST_POINT_LABELS], 4.0)
     for kind, name, draw in ((0, "new", svg.dots), (CHECK, "check", svg.circles), (CONTROL, "control", svg.triangles)):
         rows = np.flatnonzero(known & (role == kind))
         shown = rows[thinned(len(rows))]
@@ -168,6 +195,10 @@ def _points(block: Block, ground: Float, plan: Plan) -> tuple[list[Markup], list
         marks.append(draw(px, name))
         if len(shown) < len(rows):
             notes.append(f"{len(shown)} of {len(rows)} {name} points")
-        if kind and len(rows) <= MOST_POINT_LABELS:
-            marks.append(svg.labels(px, block.points.id[shown], plan.width_px))
-    return marks, notes
+    for kind, name in ((CONTROL, "control"), (CHECK, "check")):
+        rows = np.flatnonzero(known & (role == kind))[:MOST_POINT_LABELS]
+        found, left = labels.around(plan.px(ground[rows]), block.points.id[rows].tolist())
+        written += found
+        if left:
+            notes.append(f"names of {len(rows) - left} of {int((known & (role == kind)).sum())} {name} points")
+    return [*marks, *written], notes

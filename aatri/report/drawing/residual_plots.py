@@ -16,7 +16,7 @@ from aatri.arrays import Float
 from aatri.artifacts.solution import ErrorFields
 from aatri.report.drawing import svg
 from aatri.report.drawing.plan import furniture
-from aatri.report.drawing.scales import Plan, length_text, plan_of, round_below, thinned
+from aatri.report.drawing.scales import Plan, length_text, near, plan_of, round_below, thinned
 
 MOST_VECTORS = 1500
 MOST_FIELDS = 4
@@ -120,6 +120,13 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
     places = np.concatenate([xyz for xyz, _ in drawn.values()])
     if not len(places):
         return None
+    largest = max((float(np.hypot(*vector_of(d).T).max()) for _, d in drawn.values() if len(d)), default=0.0)  # type: ignore[operator]
+    main = near(places)
+    far = int((~main).sum())
+    low, high = places[main, :2].min(axis=0), places[main, :2].max(axis=0)
+    inside = {name: ((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1) for name, (xyz, _) in drawn.items()}
+    drawn = {name: (xyz[inside[name]], d[inside[name]]) for name, (xyz, d) in drawn.items()}
+    places = places[main]
     vectors = {name: vector_of(d) for name, (_, d) in drawn.items()}  # type: ignore[operator]
     lengths = np.concatenate([np.hypot(*v.T) for v in vectors.values()])
     plan = plan_of(places[:, :2], width=540.0, margin=52.0, most_height=560.0)
@@ -138,8 +145,9 @@ def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: objec
     marks += [*furniture(plan), *_key(plan, px_per_m)]
     caption = (
         f"{title}, solution minus given, at {', '.join(notes)}; "
-        f"the largest is {length_text(float(lengths.max()))}. Exaggerated {_times(exaggeration)}."
+        f"the largest is {length_text(largest)}. Exaggerated {_times(exaggeration)}."
     )
+    caption += f" Not drawn: {far} points that lie far off." if far else ""
     return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
 
 

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 
 MOST_MARKS = 5000
 """At most this many marks of one kind are drawn."""
+
+FAR_EXTENTS = 5.0
+LEAST_FOR_MAIN_PART = 5
 
 
 def round_below(value: float) -> float:
@@ -27,6 +30,23 @@ def thinned(n: int, most: int = MOST_MARKS) -> Int:
     (min(n, most),) int64
     """
     return np.arange(n) if n <= most else np.linspace(0, n - 1, most).astype(np.int64)
+
+
+def near(xy_m: Float) -> Bool:
+    """Points that belong to the main part: not farther from the middle 80 % than five times its extent.
+
+    One point far off would make the rest a dot and the scale bar as long as its distance.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    if len(xy_m) < LEAST_FOR_MAIN_PART:
+        return np.ones(len(xy_m), dtype=bool)
+    low = np.quantile(xy_m[:, :2], 0.1, axis=0, method="higher")
+    high = np.quantile(xy_m[:, :2], 0.9, axis=0, method="lower")
+    reach = FAR_EXTENTS * float((high - low).max())
+    return np.asarray(((xy_m[:, :2] >= low - reach) & (xy_m[:, :2] <= high + reach)).all(axis=1))
 
 
 def length_text(length_m: float) -> str:

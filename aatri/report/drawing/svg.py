@@ -104,24 +104,6 @@ def text(x: float, y: float, content: str, class_: str = "", anchor: str = "star
     return element("text", content, x=f"{x:.1f}", y=f"{y:.1f}", class_=class_, text_anchor=anchor)
 
 
-def labels(xy: Float, contents: Iterable[str], width: float, class_: str = "small") -> Markup:
-    """Texts right of points; left of them in the outer sixth of the picture, which would cut them off.
-
-    Parameters
-    ----------
-    xy : (n, 2) float64, px
-    contents : (n,) str
-    width : float, px
-        Width of the picture.
-    class_ : str
-    """
-    outer = 5 / 6 * width
-    return Markup("").join(
-        text(x - 7, y + 3, content, class_, "end") if x > outer else text(x + 7, y + 3, content, class_)
-        for (x, y), content in zip(xy, contents)
-    )
-
-
 def _attribute(key: str) -> str:
     return key.rstrip("_").replace("_", "-")
 

@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.artifacts.block import Rejects
-from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects
 from aatri.report.numbers import DASH, metres, number
 
 MOST_ROWS = 20
+"""Rows of what is told by its worst only."""
+
+LONG = 15
+"""Tables of more rows are folded."""
+
+MOST_FOLDED = 500
+"""More rows are left to the export, and the caption says so."""
+
+_SMALLER = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
+"""Unit in which residuals are told, and the factor to it."""
+
 _AXIS = re.compile(r"_([xyz])(_|$)")
+
+
+Cells = dict[str, Callable[[int], str]]
+"""Head of a column to the cell of a row."""
 
 
 @dataclass(frozen=True)
@@ -52,40 +66,35 @@ def without_axis(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if not _AXIS.search(name)}
 
 
-def suspects_table(suspects: Suspects) -> PageTable | None:
-    """The worst suspects, largest test statistic first."""
-    if not len(suspects):
-        return None
-    order = np.argsort(-np.abs(np.nan_to_num(suspects.test)), kind="stable")[:MOST_ROWS]
-    rows = [
-        (
-            str(suspects.kind[k]), str(suspects.image[k]) or DASH, str(suspects.point[k]) or DASH,
-            str(suspects.verdict[k]), str(suspects.stage[k]), str(suspects.unit[k]),
-            number(float(suspects.size[k])), number(float(suspects.sigma[k])), number(float(suspects.test[k])),
-        )
-        for k in order
-    ]  # fmt: skip
-    heads = ("observation", "image", "point", "verdict", "tested by", "unit", "size", "sigma", "test")
-    return PageTable(f"Suspects{_of(len(rows), len(suspects), 'worst')}", heads, rows, text_columns=6)
-
-
 def rejects_table(rejects: Rejects) -> PageTable | None:
     """What was set aside on import."""
     if not len(rejects):
         return None
-    rows = [
-        (str(rejects.kind[k]), str(rejects.id[k]), str(rejects.reason[k])) for k in range(min(MOST_ROWS, len(rejects)))
-    ]
-    return PageTable(f"Set aside on import{_of(len(rows), len(rejects), 'first')}", ("what", "id", "why"), rows, 3)
+    columns: Cells = {
+        "what": lambda k: str(rejects.kind[k]),
+        "id": lambda k: str(rejects.id[k]),
+        "why": lambda k: str(rejects.reason[k]),
+    }
+    return all_rows("Set aside on import", rejects, columns, 3)
 
 
-def first_rows(caption: str, table: Any, columns: Mapping[str, Callable[[int], str]], texts: int) -> PageTable | None:
-    """The first rows of any table; `columns` maps a head to the cell of a row."""
+def all_rows(caption: str, table: Sized, columns: Cells, texts: int) -> PageTable | None:
+    """All rows of a table up to `MOST_FOLDED`; folded where they are many. `columns` maps a head to the cell of a row."""
     if not len(table):
         return None
-    shown = min(MOST_ROWS, len(table))
+    shown = min(MOST_FOLDED, len(table))
     rows = [tuple(cell(k) for cell in columns.values()) for k in range(shown)]
-    return PageTable(f"{caption}{_of(shown, len(table), 'first')}", tuple(columns), rows, texts)
+    return folded(PageTable(f"{caption}{_of(shown, len(table), 'first')}", tuple(columns), rows, texts))
+
+
+def formatted(values: Float, form: Callable[[float], str]) -> Callable[[int], str]:
+    """The cells of a column of numbers."""
+    return lambda k: form(float(values[k]))
+
+
+def folded(table: PageTable | None) -> PageTable | None:
+    """A long table shows only its caption until it is opened."""
+    return replace(table, folded=True) if table is not None and len(table.rows) > LONG else table
 
 
 def residual_classes(solution: Solution) -> PageTable | None:
@@ -97,7 +106,7 @@ def residual_classes(solution: Solution) -> PageTable | None:
         if not len(used):
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
-        factor, unit = (1e3, "um") if kind == "image_point" else (1e3, "mm")
+        factor, unit = _SMALLER.get(str(residuals.unit[used[0]]), (1.0, str(residuals.unit[used[0]])))
         known = np.isfinite(v)
         weighted = known & (np.nan_to_num(sigma) > 0)
         size = np.where(known, np.abs(v), -1.0).max(axis=1)
@@ -138,31 +147,6 @@ def accuracy_table(evaluations: Mapping[str, Mapping[str, Any]]) -> PageTable | 
                 rows.append((stage, what, "no check points", DASH, DASH, DASH, DASH))
     heads = ("evaluation", "against", "figure", "points", "X m", "Y m", "Z m")
     return PageTable("Accuracy", heads, rows, 3) if rows else None
-
-
-def point_tables(evaluation: Evaluation) -> list[PageTable]:
-    """Differences at single control and check points, the largest first."""
-    tables = []
-    differences = evaluation.differences
-    for kind in ("control", "check"):
-        rows = np.flatnonzero(differences.kind == kind)
-        if not len(rows):
-            continue
-        size = np.nan_to_num(np.abs(differences.difference_m[rows])).max(axis=1)
-        worst = rows[np.argsort(-size, kind="stable")[:MOST_ROWS]]
-        cells = [
-            (
-                str(differences.point[k]),
-                *(metres(float(d)) for d in differences.difference_m[k]),
-                *(metres(float(s)) for s in differences.sigma_m[k]),
-                number(int(differences.rays[k])),
-            )
-            for k in worst
-        ]
-        heads = ("point", "dX m", "dY m", "dZ m", "sX m", "sY m", "sZ m", "rays")
-        what = f"Differences at {kind} points{_of(len(cells), len(rows), 'largest')}"
-        tables.append(PageTable(what, heads, cells))
-    return tables
 
 
 def _of(shown: int, total: int, which: str) -> str:

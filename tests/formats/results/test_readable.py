@@ -19,7 +19,7 @@ from aatri.formats.results.solution_tables import write_solution_tables
 from tests.made_solutions import made_block, made_solution
 
 
-def _solution():
+def full_solution():
     nan = np.nan
     residuals = Residuals(
         kind=["image_point", "image_point", "control"], row=[0, 1, 0], image=["1-0", "1-1", ""],
@@ -49,7 +49,7 @@ def _solution():
 
 
 def test_the_worst_comes_first_by_id_and_with_its_unit() -> None:
-    solution = _solution()
+    solution = full_solution()
     assert [r["image"] for r in as_records(readable(solution, "suspects"))] == ["1-1", ""]
     assert "row" not in readable(solution, "suspects").head
     residuals = as_records(readable(solution, "residuals"))
@@ -62,13 +62,13 @@ def test_the_worst_comes_first_by_id_and_with_its_unit() -> None:
 
 
 def test_parameters_of_cameras_come_before_film_and_have_units() -> None:
-    rows = as_records(readable(_solution(), "parameters"))
+    rows = as_records(readable(full_solution(), "parameters"))
     assert [(r["name"], r["unit"]) for r in rows] == [
         ("k1", "mm^-2"), ("k2", "mm^-4"), ("p1", "mm^-1"), ("film correction d0", "mm")]  # fmt: skip
 
 
 def test_what_is_left_off_is_counted() -> None:
-    found = readable(_solution(), "residuals", most=1)
+    found = readable(full_solution(), "residuals", most=1)
     assert (len(found.rows()), found.left_off) == (1, 2)
 
 
@@ -84,9 +84,9 @@ def test_rows_of_other_tables_are_shown_by_id_and_rotations_as_angles() -> None:
 
 def test_an_unknown_table_and_one_without_values_say_what_there_is() -> None:
     with pytest.raises(SpecError, match=r"did you mean 'suspects'"):
-        readable(_solution(), "suspect")
+        readable(full_solution(), "suspect")
     with pytest.raises(SpecError, match=r"reliability: true"):
-        readable(replace(_solution(), tests=None), "tests")
+        readable(replace(full_solution(), tests=None), "tests")
 
 
 def test_every_kind_of_artifact_is_known_by_name() -> None:
@@ -101,7 +101,7 @@ def _read(path: Path) -> list[dict[str, str]]:
 def test_an_export_has_suspects_tests_correlations_and_empty_cells_for_what_was_removed(tmp_path: Path) -> None:
     block = made_block()
     block = replace(block, frames=replace(block.frames, crs=["EPSG:32650"], vertical=["EPSG:5773"], axes=["north,east,up"]))
-    write_solution_tables(_solution(), block, tmp_path)
+    write_solution_tables(full_solution(), block, tmp_path)
     suspects = _read(tmp_path / "suspects.csv")
     assert [(r["kind"], r["image"], r["w"], r["size"], r["unit"], r["verdict"]) for r in suspects] == [
         ("control", "", "4.0", "0.1", "m", "rejected"), ("image_point", "1-1", "-8.5", "0.06", "mm", "rejected")]  # fmt: skip

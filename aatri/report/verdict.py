@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from aatri.adjustment.statistics.global_test import global_test
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
@@ -93,9 +95,13 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
     title = "Suspects"
     if stage is None or solution is None:
         return Light(title, NONE, "no solution")
-    rejected = int((solution.suspects.verdict == "rejected").sum())
-    others = len(solution.suspects) - rejected
+    # ties of models and strips are no observations of a bundle
+    adjusted = np.isin(solution.suspects.kind, np.unique(solution.residuals.kind))
+    refused = solution.suspects.verdict == "rejected"
+    rejected, others = int((refused & adjusted).sum()), int((~refused & adjusted).sum())
     words = f"{stage.name}: {number(rejected)} rejected" + (f", {number(others)} kept or readmitted" if others else "")
+    if not adjusted.all():
+        words += f"; {number(int((~adjusted).sum()))} of observations it does not adjust"
     if not rejected:
         return Light(title, GOOD, words)
     return Light(title, LOOK if rejected <= 0.01 * solution.observations else BAD, f"{words}; listed below")

@@ -1,0 +1,70 @@
+"""What a run has estimated of its cameras, at its end on the terminal: values, standard deviations, correlations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aatri.cli.console import narrate, say, say_table
+
+if TYPE_CHECKING:
+    from aatri.artifacts.solution import Solution
+
+MOST_ROWS = 40
+STRONG = 0.9
+"""Correlations from here on are told."""
+
+
+def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
+    """Print the parameters of cameras and sets of the last Solution that has any; those of film images are counted."""
+    solutions = [r["stage"] for r in records if r.get("output", {}).get("kind") == "Solution"]
+    if not solutions:
+        return
+    from aatri.artifacts.solution import Solution
+    from aatri.errors import AatriError
+    from aatri.pipeline.store import run_folder as store
+
+    try:
+        solution = store.load(run, solutions[-1], Solution)
+    except AatriError as error:
+        narrate(f"warning: {error}")
+        return
+    say_parameters(solutions[-1], solution)
+
+
+def say_parameters(stage: str, solution: Solution) -> None:
+    """The table of parameters, and pairs that the data hardly separate."""
+    from aatri.cli.figures import number
+    from aatri.formats.results.parameter_units import parameter_units
+    from aatri.formats.results.solution_tables import removed_parameters
+
+    p, units, removed = solution.parameters, parameter_units(solution), removed_parameters(solution.parameters)
+    rows = [k for k in range(len(p)) if p.group[k] != "film"]
+    if not rows:
+        return
+    cells = [
+        [f"{p.object[k]} {p.name[k]}", *(("removed", "") if removed[k] else (f"{p.value[k]:.6g}", number(float(p.sigma[k])))),
+         units[k]] for k in rows[:MOST_ROWS]
+    ]  # fmt: skip
+    say()
+    say_table((f"{stage}: parameters", "value", "sigma", "unit"), cells, ("value", "sigma"))
+    if len(rows) > MOST_ROWS:
+        say(f"{len(rows) - MOST_ROWS} more: aatri show RUN:{stage} parameters --all")
+    for text in _strong(solution):
+        say(text)
+
+
+def _strong(solution: Solution) -> list[str]:
+    import numpy as np
+
+    p, c = solution.parameters, solution.parameter_covariances
+    if c is None or not len(c):
+        return []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
+    pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
+    return [
+        f"{p.object[c.first[k]]}: {p.name[c.first[k]]} and {p.name[c.second[k]]} correlate by {r[k]:.3f}"
+        for k in pairs[np.argsort(-np.abs(r[pairs]), kind="stable")].tolist()
+    ]

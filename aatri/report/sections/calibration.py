@@ -1,0 +1,82 @@
+"""What was estimated of the cameras: values, standard deviations, whether they are significant, correlations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.artifacts.solution import Solution
+from aatri.formats.results.parameter_units import parameter_units
+from aatri.formats.results.solution_tables import removed_parameters
+from aatri.report.numbers import DASH, number
+from aatri.report.sections import tables
+from aatri.report.sections.parts import present
+from aatri.report.sections.tables import Cells, PageTable
+
+FILM = "film"
+MOST_CORRELATIONS = 30
+STRONG = 0.5
+"""Correlations below this are left out."""
+
+
+def parameter_tables(solution: Solution) -> list[PageTable]:
+    """Parameters but those of single film images, their correlations, and film in figures."""
+    p = solution.parameters
+    rows = np.flatnonzero(p.group != FILM)
+    units, removed = parameter_units(solution), removed_parameters(p)
+
+    def sigma(k: int) -> float:
+        return float(p.sigma[rows[k]])
+
+    def value(k: int) -> float:
+        return float(p.value[rows[k]])
+
+    columns: Cells = {
+        "group": lambda k: str(p.group[rows[k]]),
+        "of": lambda k: str(p.object[rows[k]]),
+        "parameter": lambda k: str(p.name[rows[k]]),
+        "unit": lambda k: units[rows[k]],
+        "value": lambda k: "removed" if removed[rows[k]] else f"{value(k):.6g}",
+        "sigma": lambda k: DASH if removed[rows[k]] else number(sigma(k)),
+        "value / sigma": lambda k: number(abs(value(k)) / sigma(k)) if sigma(k) > 0 else DASH,
+    }
+    return present(
+        tables.all_rows("Calibration and other parameters", rows, columns, 4), _correlations(solution), _film(solution)
+    )
+
+
+def _correlations(solution: Solution) -> PageTable | None:
+    """The strongest correlations of the additional parameters."""
+    p, c = solution.parameters, solution.parameter_covariances
+    if c is None or not len(c):
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
+    pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
+    pairs = pairs[np.argsort(-np.abs(r[pairs]), kind="stable")]
+    if not len(pairs):
+        return None
+    columns: Cells = {
+        "of": lambda k: str(p.object[c.first[pairs[k]]]),
+        "parameter": lambda k: str(p.name[c.first[pairs[k]]]),
+        "with": lambda k: str(p.name[c.second[pairs[k]]]),
+        "correlation": lambda k: f"{r[pairs[k]]:.3f}",
+    }
+    return tables.all_rows(f"Correlations of {STRONG} or more, the strongest first", pairs, columns, 3)
+
+
+def _film(solution: Solution) -> PageTable | None:
+    """The corrections of single film images: how many, how large; the values are in the export."""
+    p = solution.parameters
+    film = p.group == FILM
+    if not film.any():
+        return None
+    units = np.array(parameter_units(solution))
+    rows = []
+    for name in np.unique(p.name[film]):
+        mine = np.flatnonzero(film & (p.name == name))
+        worst = mine[int(np.argmax(np.abs(p.value[mine])))]
+        rows.append((str(name), str(units[worst]), str(p.object[worst]), number(len(mine)),
+                     number(float(np.sqrt((p.value[mine] ** 2).mean()))), number(float(np.sqrt(np.nanmean(p.sigma[mine] ** 2)))),
+                     number(float(np.abs(p.value[worst])))))  # fmt: skip
+    heads = ("film correction", "unit", "largest in", "images", "RMS", "RMS sigma", "largest")
+    return PageTable("Film corrections per image, in figures", heads, rows, 3)

@@ -1,0 +1,58 @@
+"""Accuracy: the verdict, every control and check point, and pictures of the differences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.artifacts.evaluation import Evaluation
+from aatri.ids import rows_of
+from aatri.report.drawing.plan import ground_positions
+from aatri.report.drawing.residual_plots import height_bars, plan_vectors
+from aatri.report.numbers import DASH, metres, number
+from aatri.report.sections import tables
+from aatri.report.sections.parts import Picture, Section, Surroundings, present
+from aatri.report.sections.tables import PageTable
+
+
+def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
+    """Add verdict, points and pictures."""
+    made.notes.append(evaluation.verdict)
+    made.tables.extend(point_tables(evaluation))
+    made.pictures.extend(difference_pictures(evaluation, around, ("control", "check")))
+    made.pictures.extend(difference_pictures(evaluation, around, ("truth",)))
+
+
+def point_tables(evaluation: Evaluation) -> list[PageTable]:
+    """Differences at all control and check points, the largest first, with the largest share of its sigma."""
+    found = []
+    differences = evaluation.differences
+    for kind in ("control", "check"):
+        rows = np.flatnonzero(differences.kind == kind)
+        if not len(rows):
+            continue
+        d, s = differences.difference_m[rows], differences.sigma_m[rows]
+        order = np.argsort(-np.nan_to_num(np.abs(d)).max(axis=1), kind="stable")
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.fmax.reduce(np.where(s > 0, np.abs(d) / s, np.nan), axis=1)
+        columns: tables.Cells = {
+            "point": lambda k: str(differences.point[rows[order[k]]]),
+            **{f"d{a} m": tables.formatted(d[order, i], metres) for i, a in enumerate("XYZ")},
+            **{f"s{a} m": tables.formatted(s[order, i], metres) for i, a in enumerate("XYZ")},
+            "largest d / s": lambda k: number(float(ratio[order[k]])) if np.isfinite(ratio[order[k]]) else DASH,
+            "rays": lambda k: number(int(differences.rays[rows[order[k]]])),
+        }
+        found += present(tables.all_rows(f"Differences at {kind} points, the largest first", rows, columns, 1))
+    return found
+
+
+def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:
+    """Differences at points of the given kinds, in plan and height."""
+    if around.block is None:
+        return []
+    differences, ground = evaluation.differences, ground_positions(around.block, around.solution)
+    groups = {}
+    for kind in kinds:
+        of_kind = differences.kind == kind
+        rows = rows_of(differences.point[of_kind], around.block.points.id)
+        groups[kind] = (ground[rows[rows >= 0]], differences.difference_m[of_kind][rows >= 0])
+    return present(plan_vectors(groups), height_bars(groups))

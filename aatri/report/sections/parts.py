@@ -1,0 +1,42 @@
+"""What a section of the page is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from markupsafe import Markup
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.report.run_view import StageView
+from aatri.report.sections.tables import PageTable
+
+Picture = tuple[Markup, str]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Section:
+    """What the page tells of one stage."""
+
+    stage: StageView
+    seconds: str
+    notes: list[str] = field(default_factory=list)
+    tables: list[PageTable] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What sections draw from besides their own artifact."""
+
+    block: Block | None
+    image_points: ImagePoints | None
+    solution: Solution | None
+
+
+def present(*items: T | None) -> list[T]:
+    """Those that are there."""
+    return [item for item in items if item is not None]

@@ -1,0 +1,49 @@
+"""One section of the page per stage: what it made, in tables and pictures. Each kind of artifact has a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.strips import Strips
+from aatri.errors import AatriError
+from aatri.report.numbers import seconds
+from aatri.report.run_view import RunView, StageView
+from aatri.report.sections import block, evaluation, image_points, models, solution, strips, tables
+from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.suspects import suspects_tables
+
+_SHOW: dict[type, Callable[[Section, Any, Surroundings], None]] = {
+    Block: block.show,
+    ImagePoints: image_points.show,
+    Models: models.show,
+    Strips: strips.show,
+    Solution: solution.show,
+    Evaluation: evaluation.show,
+}
+
+
+def section(run: RunView, stage: StageView, around: Surroundings) -> Section:
+    """The section of a stage, also of one that failed or whose artifact cannot be read."""
+    record = stage.record or {}
+    made = Section(stage, seconds(record.get("seconds")))
+    single, by_axis = tables.without_axis(stage.metrics), tables.by_axis("Metrics by axis", stage.metrics)
+    made.tables.extend(present(tables.pairs("Metrics", single), by_axis))
+    options = (stage.failure or record).get("options", {})
+    made.tables.extend(present(tables.folded(tables.pairs("Options", options))))
+    if stage.status != "done":
+        return made
+    try:
+        artifact = run.artifact(stage)
+    except AatriError as error:
+        made.notes.append(f"The artifact cannot be shown: {error}")
+        return made
+    _SHOW[type(artifact)](made, artifact, around)
+    if hasattr(artifact, "suspects"):
+        made.tables.extend(suspects_tables(artifact.suspects))
+    return made

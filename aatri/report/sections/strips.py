@@ -1,0 +1,19 @@
+"""Strips: gaps, and why."""
+
+from __future__ import annotations
+
+from aatri.artifacts.strips import Strips
+from aatri.report.sections import tables
+from aatri.report.sections.parts import Section, Surroundings, present
+
+
+def show(made: Section, strips: Strips, _around: Surroundings) -> None:
+    """Add gaps."""
+    gaps = strips.gaps
+    columns = {
+        "strip": lambda k: str(gaps.strip[k]),
+        "before the gap": lambda k: str(gaps.left[k]),
+        "after": lambda k: str(gaps.right[k]),
+        "why": lambda k: str(gaps.reason[k]),
+    }
+    made.tables.extend(present(tables.all_rows("Gaps", gaps, columns, 4)))

@@ -1,0 +1,28 @@
+"""The terminal tells what was estimated of the cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from aatri.cli.calibration import say_parameters
+from tests.formats.results.test_readable import full_solution
+
+
+def test_values_sigmas_and_units_are_printed_and_film_is_not(capsys: pytest.CaptureFixture[str]) -> None:
+    say_parameters("bundle", full_solution())
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["cam", "k1", "3e-08", "2e-09", "mm^-2"] in lines
+    assert ["cam", "k2", "removed", "mm^-4"] in lines
+    assert not any("film" in line for line in lines)
+
+
+def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    solution = full_solution()
+    c = solution.parameter_covariances
+    assert c is not None
+    strong = c.covariance.copy()
+    strong[2] = -1.94e-15  # of sigmas 2e-9 and 1e-6
+    say_parameters("bundle", replace(solution, parameter_covariances=replace(c, covariance=strong)))
+    assert "cam: k1 and p1 correlate by -0.970" in capsys.readouterr().out

@@ -1,0 +1,68 @@
+"""What was asked for stands on the page: calibration, reliability, suspects, orientations, all control and check points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from aatri.evaluation.accuracy import evaluate
+from aatri.report.sections.calibration import parameter_tables
+from aatri.report.sections.evaluation import point_tables
+from aatri.report.sections.parts import Section, Surroundings
+from aatri.report.sections.reliability import reliability_tables
+from aatri.report.sections.solution import show
+from aatri.report.sections.suspects import suspects_tables
+from aatri.report.sections.tables import residual_classes
+from tests.formats.results.test_readable import full_solution
+from tests.made_solutions import made_block, made_solution
+
+
+def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_figures_only():
+    values, correlations, film = parameter_tables(full_solution())
+    assert [row[2] for row in values.rows] == ["k1", "k2", "p1"]
+    assert values.rows[0] == ("additional", "cam", "k1", "mm^-2", "3e-08", "2e-09", "15")
+    assert values.rows[1][4:] == ("removed", "–", "–")
+    assert correlations.rows == [("cam", "k1", "p1", "-0.500")]
+    assert film.rows[0][:4] == ("film correction d0", "mm", "1-0", "1")
+
+
+def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use():
+    by_kind, largest = reliability_tables(full_solution())
+    kinds = {row[0]: row for row in by_kind.rows}
+    # the rejected image point takes no part: redundancy 0.6 and 0.7
+    assert kinds["image_point"][1:6] == ("mm", "2", "0.65", "0.6", "0")
+    assert kinds["control"][8] == "0.9"
+    assert [(row[0], row[2], row[5]) for row in largest.rows] == [("control", "p00", "-0.90"), ("image_point", "p00", "-0.48")]
+    assert reliability_tables(made_solution(made_block())) == []
+
+
+def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id():
+    summary, listed = suspects_tables(full_solution().suspects)
+    assert summary.rows == [
+        ("absolute_orientation", "control", "rejected", "1"), ("bundle_adjustment", "image_point", "rejected", "1")]  # fmt: skip
+    assert listed.rows[0][:5] == ("bundle_adjustment", "image_point", "1-1", "p10", "rejected")
+
+
+def test_all_control_and_check_points_are_there_the_largest_first():
+    block = made_block(columns=40, rows=10)
+    block = replace(block, ground_points=replace(block.ground_points))
+    evaluation = evaluate(block, made_solution(block, shift_m=[0.0, 0.0, 0.05]))
+    tables = point_tables(evaluation)
+    listed = sum(len(table.rows) for table in tables)
+    assert listed == int((evaluation.differences.kind != "truth").sum())
+    assert tables[0].rows[0][3] == "0.0500"
+
+
+def test_every_image_has_its_orientation_in_the_table():
+    block = made_block()
+    made = Section(None, "")
+    show(made, made_solution(block), Surroundings(block, None, None))
+    table = next(t for t in made.tables if t.caption.startswith("Orientations"))
+    assert [row[0] for row in table.rows] == block.images.id.tolist()
+    assert table.rows[0][3] == "400.000"
+
+
+def test_residuals_are_told_in_their_own_unit():
+    rows = {row[0]: row for row in residual_classes(full_solution()).rows}
+    assert rows["image_point"][1] == "um"
+    assert rows["control"][1] == "mm"
+    assert rows["control"][7] == "20"
