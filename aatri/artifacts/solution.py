@@ -146,6 +146,14 @@ class Orderings(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class DatumCarriers(Table):
+    """What a free datum rests on; coordinates and covariances are of this datum, and of none outside the block."""
+
+    kind: Text = column("str", doc="point or image: inner constraints over it; held: scalars of images are held")
+    id: Text = column("str", doc="id of the point or image, empty if held")
+
+
+@dataclass(frozen=True, eq=False)
 class Iterations(Table):
     """History of the adjustment."""
 
@@ -181,6 +189,7 @@ class Solution(Artifact):
     parameter_covariances: ParameterCovariances | None = table(default=None)
     error_fields: ErrorFields | None = table(default=None)
     orderings: Orderings | None = table(default=None)
+    datum: DatumCarriers | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""

@@ -7,6 +7,9 @@ Three things are kept apart and never merged into one "accuracy":
 - truth: solution minus truth at new points of a simulated block, beside the theoretical standard deviation
   m_i = sqrt(Q_ii) (a priori, sigma0 = 1). Both RMS are over the same points, and their ratio should be near 1.
 
+A solution with a free datum is first fitted to what it is compared with, within what is open (`alignment`); that is
+said, and where the fit is not over what carries the datum, errors are not divided by theoretical standard deviations.
+
 The bias (mean) is given apart from the RMSE. The normalised squared error d' C^-1 d / 3, averaged over the points,
 tests whole covariances: its expectation is 1. Definitions of all figures: docs/methods/accuracy.md.
 Sources: ASPRS Positional Accuracy Standards, Edition 2 (30 check points); Foerstner and Wrobel 2016, 4.6.8.
@@ -16,11 +19,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.adjustment.statistics.global_test import global_test
 from aatri.arrays import Bool, Float
-from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.artifacts.solution import Solution
+from aatri.evaluation.alignment import Alignment, aligned
 from aatri.evaluation.differences import (
+    NO_DIFFERENCES,
     PointDifferences,
     check_differences,
     control_differences,
@@ -46,23 +52,56 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
     enough : int
         From how many check points on the check figures are taken without reserve.
     """
+    at_check, at_truth = _aligned_to_check(block, solution), _aligned_to_truth(block, solution)
     control = control_differences(block, solution)
-    check = check_differences(block, solution)
-    truth = truth_differences(block, solution)
+    check = check_differences(block, at_check.solution) if at_check else NO_DIFFERENCES
+    truth = truth_differences(block, at_truth.solution) if at_truth else NO_DIFFERENCES
     rejected = np.isin(control.point, rejected_control(block, solution))
     figures = {
         **_control_figures(control.take(~rejected), int(rejected.sum())),
         **_check_figures(check, _extrapolated(block, solution, check), confidence),
         **_truth_figures(truth, solution, _theory_points(block, solution, truth)),
-        **observed_position_figures(block, solution),
-        **true_orientation_figures(block, solution),
+        **(observed_position_figures(block, solution) if _positions_count(solution) else {}),
+        **(true_orientation_figures(block, at_truth.solution) if at_truth else {}),
+        **_datum_figures(block, solution, at_check, at_truth),
     }
-    known = {name: value for name, value in figures.items() if not np.isnan(value)}
+    without_theory = {name for name, of in (("check_theory", at_check), ("truth_over", at_truth), ("truth_nees", at_truth))
+                      if of is None or not of.over_datum}  # fmt: skip
+    known = {name: value for name, value in figures.items()
+             if not np.isnan(value) and not name.startswith(tuple(without_theory))}  # fmt: skip
     return Evaluation(
-        verdict=verdict(known, control_is_exact=_is_exact(block), enough=enough),
+        verdict=verdict(known, control_is_exact=_is_exact(block), enough=enough,
+                        sigma0=global_test(solution.sigma0, solution.redundancy)),
         figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),
         differences=_table(block, solution, {"control": control, "check": check, "truth": truth}),
     )
+
+
+def _aligned_to_check(block: Block, solution: Solution) -> Alignment | None:
+    ground = block.ground_points
+    return aligned(block, solution, ground.point, np.where(ground.role == CHECK, ground.xyz_m, np.nan))
+
+
+def _aligned_to_truth(block: Block, solution: Solution) -> Alignment | None:
+    if block.true_points is None:
+        return Alignment(solution, 0, True)
+    return aligned(block, solution, block.true_points.point, block.true_points.xyz_m)
+
+
+def _positions_count(solution: Solution) -> bool:
+    """Whether a comparison with observed positions says anything: the datum is given, or rests on them too."""
+    return solution.datum is None or bool((solution.residuals.active & (solution.residuals.kind == "position")).any())
+
+
+def _datum_figures(
+    block: Block, solution: Solution, at_check: Alignment | None, at_truth: Alignment | None
+) -> dict[str, float]:
+    """How many components of the datum were fitted before comparing; -1 where they could not be."""
+    if solution.datum is None:
+        return {}
+    asked = {"check_aligned_components": (at_check, bool((block.ground_points.role == CHECK).any())),
+             "truth_aligned_components": (at_truth, block.true_points is not None)}  # fmt: skip
+    return {name: float(of.components if of else -1) for name, (of, wanted) in asked.items() if wanted}
 
 
 def _control_figures(control: PointDifferences, rejected: int) -> dict[str, float]:

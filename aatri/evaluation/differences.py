@@ -42,6 +42,9 @@ class PointDifferences:
         return PointDifferences(self.point[rows], self.difference_m[rows], self.sigma_m[rows])
 
 
+NO_DIFFERENCES = PointDifferences(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
 def control_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at control coordinates, the rejected ones included."""
     given = block.ground_points
@@ -60,7 +63,7 @@ def check_differences(block: Block, solution: Solution) -> PointDifferences:
 def truth_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus truth at new points with all three coordinates; empty without truth."""
     if block.true_points is None:
-        return PointDifferences(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))
+        return NO_DIFFERENCES
     point = block.true_points.point
     difference = solution.points.xyz_m[point] - block.true_points.xyz_m
     rows = is_new(block)[point] & np.isfinite(difference).all(axis=1)

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from aatri.adjustment.statistics.global_test import GlobalTest
 
-def verdict(figures: Mapping[str, float], *, control_is_exact: bool, enough: int) -> str:
+
+def verdict(
+    figures: Mapping[str, float], *, control_is_exact: bool, enough: int, sigma0: GlobalTest | None = None
+) -> str:
     """What is known of the accuracy.
 
     Parameters
@@ -16,22 +20,38 @@ def verdict(figures: Mapping[str, float], *, control_is_exact: bool, enough: int
         All control coordinates have standard deviation 0.
     enough : int
         From how many check points on there is no reserve.
+    sigma0 : GlobalTest, optional
+        Of the adjustment: where it does not fit, theoretical standard deviations are as wrong.
     """
-    parts = [_check(figures, enough), _control(figures, control_is_exact), _truth(figures)]
+    parts = [_check(figures, enough), _control(figures, control_is_exact), _truth(figures), _sigma0(sigma0)]
     return " ".join(part for part in parts if part)
 
 
 def _check(figures: Mapping[str, float], enough: int) -> str:
     n = int(figures.get("check_points", 0))
+    if figures.get("check_aligned_components") == -1:
+        return "No independent check: the datum is free, and the check points cannot carry what is open of it."
     if not n:
         return "No independent check: no check point is determined."
     text = f"Check: {_xyz(figures, 'check_rmse_{}_m')} m RMSE at {_count(n, 'check point')}"
-    reserves = []
+    reserves = [*_fitted(figures, "check")]
     if n < enough:
         reserves.append(f"fewer than {enough}, see the intervals")
     if outside := int(figures.get("check_outside_points", 0)):
         reserves.append(f"{outside} outside the control, extrapolated")
     return text + (f" ({'; '.join(reserves)})." if reserves else ".")
+
+
+def _fitted(figures: Mapping[str, float], what: str) -> list[str]:
+    n = int(figures.get(f"{what}_aligned_components", 0))
+    return [f"datum free: fitted to them first in {n} of 7 components of a similarity"] if n > 0 else []
+
+
+def _sigma0(test: GlobalTest | None) -> str:
+    if test is None or test.verdict not in ("warned", "far"):
+        return ""
+    return (f"sigma0 is {test.sigma0:.2f}, expected {test.low:.2f} to {test.high:.2f}: theoretical standard deviations "
+            "are as wrong.")  # fmt: skip
 
 
 def _control(figures: Mapping[str, float], exact: bool) -> str:
@@ -46,12 +66,15 @@ def _control(figures: Mapping[str, float], exact: bool) -> str:
 
 def _truth(figures: Mapping[str, float]) -> str:
     n = int(figures.get("truth_points", 0))
+    if figures.get("truth_aligned_components") == -1:
+        return "Not compared with the truth: the datum is free, and too few points carry what is open of it."
     if not n:
         return ""
     theory = ""
     if "theory_rmse_x_m" in figures:
         theory = f", {_xyz(figures, 'theory_rmse_{}_m')} m in theory"
-    return f"Truth (simulated): {_xyz(figures, 'truth_rmse_{}_m')} m RMSE at {_count(n, 'new point')}{theory}."
+    fitted = "".join(f" ({text})" for text in _fitted(figures, "truth"))
+    return f"Truth (simulated): {_xyz(figures, 'truth_rmse_{}_m')} m RMSE at {_count(n, 'new point')}{fitted}{theory}."
 
 
 def _xyz(figures: Mapping[str, float], name: str) -> str:

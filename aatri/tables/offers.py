@@ -8,7 +8,7 @@ and refuses it, without knowing what they mean.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
 Nature = Literal["observation", "standard deviation", "constraint", "correction", "reduction", "check", "grouping"]
@@ -46,7 +46,7 @@ class Offer:
 
 def offer_from_plain(value: Mapping[str, Any]) -> Offer:
     """The offer that `Offer.plain` gave."""
-    return Offer(**value)
+    return Offer(*(str(value[field.name]) for field in fields(Offer)))
 
 
 def is_known(name: str, names: frozenset[str]) -> bool:

@@ -35,6 +35,7 @@ from pydantic import field_validator, model_validator
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle_input import bundle_input, with_parameters, with_readmitted
 from aatri.adapters.bundle_solution import bundle_solution
+from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
 from aatri.adapters.suspects import with_gross_errors
 from aatri.adjustment.forecast import Solver
@@ -166,7 +167,8 @@ def bundle(
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.huber_rejects is not None:
         suspects = with_gross_errors(result, suspects, options.huber_rejects)
-    return bundle_solution(block, given, result, suspects, tables, calibrated, orderings, tests=options.reliability)
+    made = bundle_solution(block, given, result, suspects, tables, calibrated, orderings, tests=options.reliability)
+    return with_datum(block, made, options.datum, options.datum_over)
 
 
 def _adjusted_with_readmission(

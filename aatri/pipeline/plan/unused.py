@@ -56,7 +56,7 @@ def unused(
         kinds = {node.method.kind for node in nodes if node.name in below}
         used = {name for node in takers for name in node.uses or ()}
         silent = sorted({node.method.name for node in takers if node.uses is None})
-        for offer in map(offer_from_plain, record.get("offers", ())):
+        for offer in map(offer_from_plain, record.get("offers") or ()):
             if offer.name in used or offer.bears_on not in kinds:
                 continue
             ignored = any(covers(name, offer.name) for name in ignore)

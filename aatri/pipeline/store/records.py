@@ -196,13 +196,14 @@ _RECORD: dict[str, Check] = {
     "inputs": _by_name(_with(stage=is_stage_name, key=_key, content_digest=_text)), "parts": _PARTS,
     "metrics": _by_name(_optional(_number)), "warnings": _list_of(_text), "started": _time, "ended": _time,
     "seconds": _number, "environment": _by_name(_text),
+    "offers": _optional(_list_of(_with(name=_text, nature=_text, what=_text, where=_text, bears_on=_text))),
     "output": _with(kind=_text, file=lambda name: name == ARTIFACT, sha256=_text, size=_number, content_digest=_text),
 }  # fmt: skip
 _REQUEST = _with(pipeline=_text, into=_text, variant=_text, set_=_list_of(_text), use=_list_of(_text))
 _OVERVIEW: dict[str, Check] = {
     "stages": _list_of(_with(stage=is_stage_name, use=_text, kind=_text, **{"from": _by_name(is_stage_name)})),
     "request": _optional(lambda value: value == {} or _REQUEST(value)), "status": _text, "pipeline": _text,
-    "started": _optional(_text),
+    "started": _optional(_text), "warnings": _optional(_list_of(_with(stage=_text, message=_text))),
 }  # fmt: skip
 _FAILURE: dict[str, Check] = {
     "what": _text, "where": _text, "remedy": _text, "exit_code": _number, "ended": _text, "key": _optional(_text),
