@@ -9,12 +9,14 @@ beyond 0.5 to 2, else to be looked at: with many observations the test is very s
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test
+from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.report.numbers import metres, number
@@ -95,16 +97,24 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
     title = "Suspects"
     if stage is None or solution is None:
         return Light(title, NONE, "no solution")
-    # ties of models and strips are no observations of a bundle
-    adjusted = np.isin(solution.suspects.kind, np.unique(solution.residuals.kind))
-    refused = solution.suspects.verdict == "rejected"
-    rejected, others = int((refused & adjusted).sum()), int((~refused & adjusted).sum())
-    words = f"{stage.name}: {number(rejected)} rejected" + (f", {number(others)} kept or readmitted" if others else "")
-    if not adjusted.all():
-        words += f"; {number(int((~adjusted).sum()))} of observations it does not adjust"
-    if not rejected:
+    rejected = solution.suspects.verdict == "rejected"
+    others = int((~rejected).sum())
+    own = rejected & np.isin(solution.suspects.kind, np.unique(solution.residuals.kind))
+    words = f"{stage.name}: {_by_kind(solution, own)} rejected"
+    words += f", {number(others)} kept or readmitted" if others else ""
+    if (rejected & ~own).any():
+        words += f"; in stages before it {_by_kind(solution, rejected & ~own)}"
+    if not rejected.any():
         return Light(title, GOOD, words)
-    return Light(title, LOOK if rejected <= 0.01 * solution.observations else BAD, f"{words}; listed below")
+    share = own.sum() / max(solution.observations, 1)
+    return Light(title, LOOK if share <= 0.01 else BAD, f"{words}; listed below")
+
+
+def _by_kind(solution: Solution, rows: Bool) -> str:
+    """Counts of suspects by kind, and by the stage that tested them: `3 image_point (bundle_adjustment)`."""
+    pairs = zip(solution.suspects.kind[rows].tolist(), solution.suspects.stage[rows].tolist())
+    counts = sorted(Counter(pairs).items(), key=lambda item: (-item[1], item[0]))
+    return ", ".join(f"{number(n)} {kind} ({stage})" for (kind, stage), n in counts) or "none"
 
 
 def _check(figures: Mapping[str, float | int | None]) -> Light:

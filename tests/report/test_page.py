@@ -14,6 +14,8 @@ from aatri.errors import ArtifactError
 from aatri.evaluation.accuracy import evaluate
 from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
+from aatri.report.run_view import view
+from aatri.report.verdict import internal_lights
 from tests.made_solutions import made_block, made_solution
 from tests.pipeline.made_runs import bare_record
 
@@ -204,10 +206,27 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "words"), [("rejected", "1 rejected; listed"), ("readmitted", "0 rejected, 1 kept")]
+    ("verdict", "words"), [
+        ("rejected", "1 image_point (bundle_adjustment) rejected; listed"),
+        ("readmitted", "none rejected, 1 kept"),
+    ],
 )
 def test_only_rejected_suspects_turn_the_light(tmp_path, verdict, words):
     suspects = Suspects(kind=["image_point"], row=[0], image=["1-0"], point=["p00"], stage=["bundle_adjustment"],
                         size=[0.03], unit=["mm"], sigma=[0.006], test=[5.0], verdict=[verdict])  # fmt: skip
     text = Elements(write_report(make_run(tmp_path / "run", made_artifacts(suspects=suspects))).read_text("utf-8")).text
     assert f"bundle: {words}" in text
+
+
+def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_path):
+    n = 100
+    kind = ["strip_tie"] * (n - 2) + ["model_tie", "control"]
+    stage = ["strip_formation"] * (n - 1) + ["bundle_adjustment"]
+    suspects = Suspects(kind=kind, row=[-1] * n, image=["s"] * n, point=["p00"] * n, stage=stage, size=[1.0] * n,
+                        unit=["m"] * n, sigma=[0.1] * n, test=[10.0] * n, verdict=["rejected"] * n)  # fmt: skip
+    run = make_run(tmp_path / "run", made_artifacts(suspects=suspects))
+    text = Elements(write_report(run).read_text("utf-8")).text
+    assert "bundle: 1 control (bundle_adjustment) rejected" in text
+    assert "in stages before it 98 strip_tie (strip_formation), 1 model_tie (strip_formation)" in text
+    lights = internal_lights(view(run), made_solution(made_block(), suspects=suspects))
+    assert next(one for one in lights if one.title == "Suspects").state == "look"

@@ -1,9 +1,10 @@
 """DBAT's camera models 1 and 3: corrections on the measured side that are not linear in their parameters.
 
-With (u, v) the measured pixel coordinates, v down, s the pixel size:
+With (u, v) the measured pixel coordinates, v down, s the pixel height: pixels count as square, and what they are wider
+is the aspect `as` of model 3, which model 1 leaves out (DBAT's prob2dbatstruct.m):
 
-    model 1   x = s_x u - px,            y = py - s_y v
-    model 3   x = (1 + as) s u - px',    y = py - s v           s the pixel height: pixels made square
+    model 1   x = s u - px,              y = py - s v
+    model 3   x = (1 + as) s u - px',    y = py - s v
     both      xy_corr = (x, y) + (x, y)(K1 r^2 + K2 r^4 + K3 r^6)
                         + (P1 (r^2 + 2 x^2) + 2 P2 x y,  2 P1 x y + P2 (r^2 + 2 y^2)),     r^2 = x^2 + y^2
 
@@ -44,7 +45,7 @@ def dbat1(xy_px: Array, parameters: Array, pixel_mm: npt.ArrayLike) -> tuple[Arr
     parameters : (7,) float64
         px, py (mm), K1 (mm^-2), K2, K3, P1 (mm^-1), P2.
     pixel_mm : (2,) float64, mm
-        Pixel width and height.
+        Pixel in x and y; DBAT takes its height for both where it reads an export.
 
     Returns
     -------

@@ -4,25 +4,28 @@ The form of the files is that of `dbat_files`. DBAT's model, in the notation of 
 
 - R = Rx(omega) Ry(phi) Rz(kappa), so its angles are the international ones; the export lists them kappa phi omega.
 - A pixel coordinate u (right), v (down) stands at u and v times the pixel size from the upper left corner of the
-  format: the origin is top-left-corner, without half a pixel.
+  format: the origin is top-left-corner, without half a pixel. Pixels are taken as square, of their height; what they
+  are wider is the aspect `as`, which model 1 does not have.
 - The principal point px, py is counted from that corner; here x0 = px - width/2, y0 = height/2 - py.
 
 The measured coordinate is corrected and then compared with the central projection (`backward` models), Brown with x
 and y from the principal point, mm:
 
     model 1, `brown`:   x = x_photo - x0,            y = y_photo - y0
-    model 3, `dbat3`:   x = (1 + as)(x_photo - x0),  y = y_photo - y0,    pixels square: height / rows
+    model 3, `dbat3`:   x = (1 + as)(x_photo - x0),  y = y_photo - y0
+    both                pixels square: height / rows
     corrected: x + x (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y
                y + y (k1 r^2 + k2 r^4 + k3 r^6) + p2 (r^2 + 2 y^2) + 2 p1 x y
 
-Residuals are those of the corrected coordinates; in model 3 both are divided by the square pixel. DBAT scales x before
+Residuals are those of the corrected coordinates, both divided by the square pixel. DBAT scales x before
 it subtracts px (1 + as), and its reports print px: the same as above.
 
 Coordinates of the export are reduced by a constant. They are start values only; here they are shifted so that their
 control points lie, in the mean, on those of the control file, whose frame is that of the Block.
 
 Source: Börlin & Grussenmeyer 2016, External verification of the bundle adjustment in photogrammetric software using
-the Damped Bundle Adjustment Toolbox; checked against the reports of DBAT 0.9.2.
+the Damped Bundle Adjustment Toolbox; checked against the reports of DBAT 0.9.2, pixels and aspect against its
+prob2dbatstruct.m ("use y as the pixel size, store diff as aspect").
 """
 
 from __future__ import annotations
@@ -60,6 +63,9 @@ EXPORT, CONTROL_FILE = 0, 1
 
 NOT_GIVEN_SIGMA_PX = 1.0
 """Standard deviation of marks that have none; sigma0 tells what it should have been."""
+
+LARGEST_ASPECT_PX = 0.1
+"""Pixels that are not square by more than this, at the edge of the format, are warned of where they count as square."""
 
 CameraModel = Literal["brown", "dbat3"]
 
@@ -106,7 +112,8 @@ def read_dbat(
     image_ids = canonical(p.name for p in photos)
     point_ids = canonical([*(m.point for m in source.marks), *source.points, *given])
     names, lines = [p.name for p in photos], [p.record.line for p in photos]
-    pixel_mm = _pixel_mm(source.camera, camera_model)
+    pixel_mm = _pixel_mm(source.camera)
+    _warn_of_aspect(export, source.camera, camera_model, reporter)
     block = plain_block(
         name=export.stem,
         files=[export] if control is None else [export, control],
@@ -177,19 +184,31 @@ def _shift(source: Export, given: dict[str, Given], control: Path | None, report
     return shift
 
 
-def _pixel_mm(camera: DefaultCamera, model: CameraModel) -> Float:
-    size = np.array(camera.format_mm) / np.array(camera.size_px)
-    return size if model == "brown" else np.full(2, size[1])
+def _pixel_mm(camera: DefaultCamera) -> Float:
+    """Square pixels of the height given, mm, (2,)."""
+    return np.full(2, camera.format_mm[1] / camera.size_px[1])
+
+
+def _wider(camera: DefaultCamera) -> float:
+    """Pixel width over height, minus 1."""
+    width, height = np.array(camera.format_mm) / np.array(camera.size_px)
+    return float(width / height - 1.0)
 
 
 def _aspect(camera: DefaultCamera, model: CameraModel) -> float:
-    """Start value of `as`: pixel width over height, minus 1."""
-    width, height = np.array(camera.format_mm) / np.array(camera.size_px)
-    return 0.0 if model == "brown" else float(width / height - 1.0)
+    """Start value of `as`; model 1 has none."""
+    return 0.0 if model == "brown" else _wider(camera)
+
+
+def _warn_of_aspect(export: Path, camera: DefaultCamera, model: CameraModel, reporter: Reporter) -> None:
+    edge_px = abs(_wider(camera)) * camera.size_px[0] / 2
+    if model == "brown" and edge_px > LARGEST_ASPECT_PX:
+        reporter.warn(f"{export}: pixels are {100 * _wider(camera):+.3f} % wider than high, {edge_px:.2f} px at the edge;"
+                      " DBAT's model 1 (camera_model: brown) takes them as square, of their height: dbat3 has the aspect")  # fmt: skip
 
 
 def _cameras(camera: DefaultCamera, model: CameraModel) -> Cameras:
-    pixel, size = _pixel_mm(camera, model), np.array(camera.size_px)
+    pixel, size = _pixel_mm(camera), np.array(camera.size_px)
     px, py = camera.principal_point_mm
     px = px / (1.0 + _aspect(camera, model))
     return pixel_cameras(

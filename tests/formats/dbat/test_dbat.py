@@ -20,7 +20,9 @@ from aatri.geometry.rotations import (
     exp_rotation,
     rotation_from_angles,
 )
+from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.formats.dbat.dbat_report import SXB_OFFSET_M, DbatReport, read_report
+from tests.stages.film_blocks import Told
 
 DBAT = "dbat"
 
@@ -90,6 +92,24 @@ def test_the_residuals_at_the_printed_solution_give_the_printed_sigma0(shared_da
     assert sigma0 == pytest.approx(report.sigma0, abs=1e-6 if case != "f-op0" else 5e-5)  # half a digit, or little more
     # DBAT prints the RMS length of the residual vectors
     assert np.sqrt((residual**2).sum(axis=1).mean()) == pytest.approx(report.residual_rms_px, abs=6e-4)
+
+
+def test_model_1_takes_pixels_as_square_and_says_so(shared_data: Path) -> None:
+    """DBAT's prob2dbatstruct.m: `use y as the pixel size, store diff as aspect`; its model 1 has no aspect."""
+    folder, told = shared_data / DBAT / "camcal", Told()
+    block = read_dbat(folder / "camcal-pmexport.txt", folder / "camcal-fixed.txt", camera_model="brown", reporter=told)
+    height = 5.43764 / 1704
+    u, v = block.image_points.xy.T
+    expected = np.stack([height * u - 3.6173, 2.6128 - height * v], axis=1)
+    np.testing.assert_allclose(calibrated(block).measurements.xy_mm, expected, rtol=0, atol=1e-12)
+    assert (block.image_points.sigma_mm == block.image_points.sigma_mm[:, :1]).all()
+    assert any("+0.041 % wider than high, 0.47 px at the edge" in text for text in told.warnings)
+
+
+def test_square_pixels_are_not_warned_of(shared_data: Path) -> None:
+    folder, told = shared_data / DBAT / "sxb", Told()
+    read_dbat(folder / "f-op0-no-orient-pmexport.txt", folder / "ctrlpts-fixed.txt", reporter=told)
+    assert not [text for text in told.warnings if "wider" in text]
 
 
 def test_counts_roles_and_standard_deviations_are_those_of_the_reports(shared_data: Path) -> None:
