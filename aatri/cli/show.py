@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,6 +36,7 @@ def show(
         return
     record = _record(path)
     if json:
+        header["attributes"] = {name: _finite(value) for name, value in header["attributes"].items()}
         say_json({"file": str(path), **header, "record": record})
         return
     say(f"{header['kind']}  {path}")
@@ -88,6 +90,11 @@ def _say_warnings(path: Path) -> None:
 
     for text in read_warnings(path):
         say(f"warning  {text}")
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN: what is not given is null."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _shape(shape: Any) -> str:

@@ -3,8 +3,8 @@
 Every dataset carries `units` and `description`, row numbers also `refers`, so that the file reads without aatri.
 The group `notes`, of any kind of artifact, holds what its stage warned of; it is no part of the content.
 `write` puts a whole file on disk and reads it back; making it appear atomically is the store's work.
-Files of others are read defensively: hard links only, no external storage, known filters and dtypes, and exactly the
-declared names.
+Files are read through the guard (`hdf5_guard`): hard links only, nothing in other files, known filters and dtypes, a
+bounded size; and with exactly the declared names.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from aatri.arrays import Text
 from aatri.errors import ArtifactError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.tables.digest import content_digest
+from aatri.tables.hdf5_guard import guarded, scalar_of
 from aatri.tables.schema import (
     DTYPES,
     Artifact,
@@ -110,15 +111,8 @@ def read(path: Path, cls: type[A]) -> A:
     ArtifactError
         If the file is missing, no artifact, of another kind or not of the declared schema.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(file, cls, str(path))
-    except FileNotFoundError as error:
-        raise ArtifactError("no such artifact", where=str(path), remedy="run the stage that makes it") from error
-    except OSError as error:
-        if isinstance(error, ArtifactError):
-            raise
-        raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path), remedy="run it again") from error
+    with guarded(path) as file:
+        return _read(file, cls, str(path))
 
 
 def read_warnings(path: Path) -> tuple[str, ...]:
@@ -129,34 +123,42 @@ def read_warnings(path: Path) -> tuple[str, ...]:
     ArtifactError
         If the file is missing or no HDF5 file, or its notes are not of their schema.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if NOTES not in file:
-                return ()
-            notes = _read_table(_hard(file, NOTES, str(path)), Notes, f"{path}:{NOTES}")
-    except OSError as error:
-        if isinstance(error, ArtifactError):
-            raise
-        raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path)) from error
+    with guarded(path) as file:
+        if NOTES not in file:
+            return ()
+        notes = _read_table(file[NOTES], Notes, f"{path}:{NOTES}")
     assert isinstance(notes, Notes)
     return tuple(str(text) for text in notes.text)
 
 
 def read_header(path: Path) -> dict[str, Any]:
-    """Kind, attributes and row counts of an artifact, without its data: `{"kind", "attributes", "tables"}`."""
-    try:
-        with h5py.File(path, "r") as file:
-            if "aatri_kind" not in file.attrs:
-                raise ArtifactError("an HDF5 file, but no aatri artifact", where=str(path))
-            attributes = {k: _scalar(v) for k, v in file.attrs.items() if not k.endswith(".description")}
-            tables = {name: _describe(file[name]) for name in file}
-    except FileNotFoundError as error:
-        raise ArtifactError("no such file", where=str(path)) from error
-    except OSError as error:
-        if isinstance(error, ArtifactError):
-            raise
-        raise ArtifactError(f"not a readable HDF5 file: {error}", where=str(path)) from error
-    return {"kind": attributes.pop("aatri_kind"), "attributes": attributes, "tables": tables}
+    """Kind, attributes and row counts of an artifact, without its data: `{"kind", "attributes", "tables"}`.
+
+    Raises
+    ------
+    ArtifactError
+        As `read`.
+    """
+    with guarded(path) as file:
+        if "aatri_kind" not in file.attrs:
+            raise ArtifactError("an HDF5 file, but no aatri artifact", where=str(path))
+        attributes = {k: scalar_of(v) for k, v in file.attrs.items() if not k.endswith(".description")}
+        tables = {name: _describe(file[name]) for name in file}
+    return {"kind": str(attributes.pop("aatri_kind")), "attributes": attributes, "tables": tables}
+
+
+def read_plain(path: Path) -> dict[str, npt.NDArray[Any]]:
+    """All scalars by name and columns by `table/column`, whatever the kind; text as bytes.
+
+    Raises
+    ------
+    ArtifactError
+        As `read`.
+    """
+    with guarded(path) as file:
+        scalars = {name: np.asarray(value) for name, value in file.attrs.items() if name != "content_digest"}
+        columns = {f"{table}/{name}": column[()] for table, group in file.items() for name, column in group.items()}
+    return scalars | columns
 
 
 def _size(artifact: Artifact) -> int:
@@ -169,10 +171,10 @@ def _size(artifact: Artifact) -> int:
 def _describe(group: h5py.Group) -> dict[str, Any]:
     columns = {}
     for name, dataset in group.items():
-        columns[name] = {"shape": dataset.shape, "units": _scalar(dataset.attrs.get("units", "")),
-                         "description": _scalar(dataset.attrs.get("description", ""))}  # fmt: skip
+        columns[name] = {"shape": dataset.shape, "units": scalar_of(dataset.attrs.get("units", "")),
+                         "description": scalar_of(dataset.attrs.get("description", ""))}  # fmt: skip
     rows = next(iter(columns.values()))["shape"][0] if columns else 0
-    return {"rows": int(rows), "description": _scalar(group.attrs.get("description", "")), "columns": columns}
+    return {"rows": int(rows), "description": scalar_of(group.attrs.get("description", "")), "columns": columns}
 
 
 def _write_table(group: h5py.Group, rows: Table) -> None:
@@ -199,11 +201,11 @@ def _encoded(texts: Text) -> npt.NDArray[Any]:
 
 
 def _read(file: h5py.File, cls: type[A], path: str) -> A:
-    kind = _scalar(file.attrs.get("aatri_kind", ""))
+    kind = scalar_of(file.attrs.get("aatri_kind", ""))
     if kind != cls.kind:
         what = f"an artifact of kind {kind}" if kind else "no aatri artifact"
         raise ArtifactError(f"{what}, where {cls.kind} is wanted", where=path, remedy="check `from` in pipeline.yaml")
-    version = int(file.attrs["schema_version"])
+    version = scalar_of(file.attrs.get("schema_version", 0))
     if version != cls.schema_version:
         raise ArtifactError(
             f"{kind} of schema version {version}; this aatri reads version {cls.schema_version}",
@@ -214,14 +216,14 @@ def _read(file: h5py.File, cls: type[A], path: str) -> A:
     for name in attributes_of(cls):
         if name not in file.attrs:
             raise ArtifactError(f"{kind} without attribute {name}", where=path)
-        fields[name] = _scalar(file.attrs[name])
+        fields[name] = scalar_of(file.attrs[name])
     declared = tables_of(cls)
     for name in file:
         if name not in declared and name != NOTES:
             raise ArtifactError(f"{kind} has an unknown table {name!r}{did_you_mean(name, declared)}", where=path)
     for name, table_cls in declared.items():
         if name in file:
-            fields[name] = _read_table(_hard(file, name, path), table_cls, f"{path}:{name}")
+            fields[name] = _read_table(file[name], table_cls, f"{path}:{name}")
         elif not is_optional(cls, name):
             raise ArtifactError(f"{kind} without table {name}", where=path)
     return cls(**fields)
@@ -235,13 +237,10 @@ def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
     missing = [name for name in declared if name not in group]
     if missing:
         raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
-    return cls(**{name: _read_column(_hard(group, name, where), c, f"{where}/{name}") for name, c in declared.items()})
+    return cls(**{name: _read_column(group[name], c, f"{where}/{name}") for name, c in declared.items()})
 
 
 def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDArray[Any]:
-    creation = dataset.id.get_create_plist()
-    if not isinstance(dataset, h5py.Dataset) or creation.get_external_count() or dataset.is_virtual:
-        raise ArtifactError("not a plain dataset", where=where)
     values = dataset[()]
     if declared.dtype == "str":
         text = h5py.check_string_dtype(dataset.dtype)
@@ -251,15 +250,3 @@ def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDA
     if values.dtype != np.dtype(DTYPES[declared.dtype]):
         raise ArtifactError(f"holds {values.dtype}, not {declared.dtype}", where=where)
     return np.asarray(values)
-
-
-def _hard(group: h5py.Group, name: str, where: str) -> Any:
-    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-        raise ArtifactError(f"{name!r} is a link to elsewhere", where=where)
-    return group[name]
-
-
-def _scalar(value: Any) -> Any:
-    if isinstance(value, bytes):
-        return value.decode()
-    return value.item() if isinstance(value, np.generic) else value

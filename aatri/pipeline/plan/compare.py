@@ -122,7 +122,9 @@ def largest_difference(one: Path, other: Path) -> float:
     """
     import numpy as np
 
-    a, b = _columns(one), _columns(other)
+    from aatri.tables.hdf5 import read_plain
+
+    a, b = read_plain(one), read_plain(other)
     if a.keys() != b.keys():
         return float("inf")
     worst = 0.0
@@ -139,17 +141,6 @@ def largest_difference(one: Path, other: Path) -> float:
         gap = np.nanmax(np.abs(values - b[name]), initial=0.0)
         worst = max(worst, float(gap / scale) if scale > 0 else float("inf") if gap > 0 else 0.0)
     return worst
-
-
-def _columns(path: Path) -> dict[str, Any]:
-    """All columns of an artifact by table and name, and its scalars."""
-    import h5py
-    import numpy as np
-
-    with h5py.File(path, "r") as file:
-        scalars = {name: np.asarray(value) for name, value in file.attrs.items() if name != "content_digest"}
-        columns = {f"{table}/{name}": column[()] for table, group in file.items() for name, column in group.items()}
-    return scalars | columns
 
 
 def _stages(runs: Sequence[Compared]) -> list[str]:
