@@ -14,6 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
+LONGEST = 10_000
+"""Longest part of a message, in characters."""
+
+
 class AatriError(Exception):
     """Base of all errors that are reported without a traceback.
 
@@ -30,14 +34,19 @@ class AatriError(Exception):
     exit_code = 1
 
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
-        super().__init__(what)
-        self.what = what
-        self.where = where
-        self.remedy = remedy
+        self.what, self.where, self.remedy = map(_bounded, (what, where, remedy))
+        super().__init__(self.what)
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.what}" if self.where else self.what
         return f"{text}\n    fix: {self.remedy}" if self.remedy else text
+
+
+def _bounded(text: str) -> str:
+    """The text as UTF-8 has it, and not longer than anybody reads: what is echoed of a file may have any size."""
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]} ... ({len(text) - LONGEST} characters left out) ... {text[-LONGEST // 2 :]}"
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 class SpecError(AatriError, ValueError):

@@ -63,7 +63,7 @@ def utf8(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def clipped(text: str, most: int = 60) -> str:
+def clipped(text: str, most: int = 100) -> str:
     """The text for a message, control characters escaped, cut to its first characters."""
     shown = printable(text[: most + 1])
     return shown if len(text) <= most else f"{shown[:most]}... ({len(text)} characters)"

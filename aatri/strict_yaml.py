@@ -18,12 +18,14 @@ from typing import Any, NoReturn
 import yaml
 
 from aatri.errors import AatriError, SpecError
-from aatri.ids import clipped, did_you_mean, printable
+from aatri.ids import clipped, did_you_mean
 from aatri.regular_file import leads_nowhere, open_regular
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
 MAX_DIGITS = 300
+LARGEST = 1e100
+"""No quantity is as large; squares and products of what is smaller are still numbers."""
 
 _PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -232,11 +234,10 @@ def _scalar(node: _Node, source: _Source) -> Any:
         return text
     if len(text) > MAX_DIGITS:
         source.fail(f"a number of {len(text)} digits", node.line, node.column, remedy="put a text in quotes")
-    if _INT.fullmatch(text):
-        return int(text)
-    number = float(text)
-    if number in (float("inf"), float("-inf")):
-        source.fail(f"{text} is too large for a number", node.line, node.column, remedy="put a text in quotes")
+    number = int(text) if _INT.fullmatch(text) else float(text)
+    if abs(number) > LARGEST:
+        source.fail(f"{clipped(text)} is too large for a quantity", node.line, node.column,
+                    remedy="put a text in quotes")  # fmt: skip
     return number
 
 
@@ -264,7 +265,7 @@ def _raise_readable(failure: yaml.MarkedYAMLError, text: str, name: str, error: 
     else:
         context = f" {failure.context}" if failure.context else ""
         what, remedy = f"not YAML:{context} {failure.problem or ''}".rstrip(), "check brackets, quotes and indentation"
-    raise error(printable(what), where=_place(name, line, column), remedy=remedy) from failure
+    raise error(clipped(what, 500), where=_place(name, line, column), remedy=remedy) from failure
 
 
 def _nearest(path: Path) -> str:

@@ -33,7 +33,7 @@ from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
-from aatri.ids import canonical, printable, rows_of
+from aatri.ids import canonical, clipped, rows_of
 from aatri.progress import SILENT, Reporter
 
 PIXEL_MM = 0.001
@@ -125,7 +125,7 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
     words = [word for row in rows for word in row]
     values, bad = numbers_of(words)
     if bad:
-        what = f"{printable(words[bad[0]])!r} is no number"
+        what = f"{clipped(words[bad[0]])!r} is no number"
         raise InputError(what, where=f"{path}:{line[bad[0]]}", remedy="the file holds numbers only")
     head = values[:3]
     if len(head) < 3 or (head < 1).any() or (head != np.floor(head)).any():

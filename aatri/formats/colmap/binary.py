@@ -20,8 +20,10 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
-from aatri.formats.text.text_file import missing
+from aatri.formats.text.text_file import read_bytes
 
+MAX_ID = 2**63 - 1
+TRACK = np.dtype([("image", "<u4"), ("index", "<u4")])
 OBSERVATION = np.dtype([("x", "<f8"), ("y", "<f8"), ("point", "<i8")])
 
 
@@ -68,9 +70,7 @@ class _Bytes:
     """A binary file being read."""
 
     def __init__(self, path: Path) -> None:
-        if not path.is_file():
-            raise missing(path)
-        self.path, self.data, self.at = path, path.read_bytes(), 0
+        self.path, self.data, self.at = path, read_bytes(path), 0
 
     def take(self, form: str) -> tuple[Any, ...]:
         """The next values, by a format of struct, little-endian."""
@@ -131,8 +131,10 @@ def _points(data: _Bytes) -> tuple[Int, Float, Int]:
     ids, xyz = [], []
     for _ in range(data.take("Q")[0]):
         number, x, y, z, _, _, _, _, track = data.take("Q3d3BdQ")
+        if number > MAX_ID:
+            raise InputError(f"point {number}: an id beyond {MAX_ID}", where=str(data.path), remedy="number anew")
         ids.append(number)
         xyz.append((x, y, z))
-        data.take(f"{2 * track}I")
+        data.array(TRACK, track)
     n = len(ids)
     return np.array(ids, dtype=np.int64), np.array(xyz, dtype=np.float64).reshape(n, 3), np.zeros(n, dtype=np.int32)

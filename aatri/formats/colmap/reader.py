@@ -46,7 +46,7 @@ from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.ids import canonical, is_valid, printable, rows_of
+from aatri.ids import canonical, is_valid, clipped, rows_of
 from aatri.progress import SILENT, Reporter
 
 PIXEL_MM = 0.001
@@ -154,7 +154,7 @@ def _check(model: ColmapModel) -> None:
         if not any(image.quaternion):
             problems.append(InputError(f"image {image.name} has no rotation: its quaternion is 0", where=where))
         if not is_valid(image.name):
-            problems.append(InputError(f"{printable(image.name)!r} is no name of an image", where=where))
+            problems.append(InputError(f"{clipped(image.name)!r} is no name of an image", where=where))
         if seen.setdefault(image.name, image.id) != image.id:
             problems.append(InputError(f"images {seen[image.name]} and {image.id} have one name", where=where))
         unknown = np.setdiff1d(image.point[image.point != NO_POINT], model.points)

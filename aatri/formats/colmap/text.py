@@ -19,9 +19,9 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
-from aatri.formats.text.number_text import number_of, numbers_of
+from aatri.formats.text.number_text import numbers_of, whole_number_of
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import did_you_mean, printable
+from aatri.ids import did_you_mean, clipped
 from aatri.progress import SILENT, Reporter
 
 
@@ -81,17 +81,14 @@ class _Row:
         words = self.words[start:stop]
         values, bad = numbers_of(words)
         if bad:
-            raise self.error(f"{printable(words[bad[0]])!r} is no number", "write it like -1234.5")
+            raise self.error(f"{clipped(words[bad[0]])!r} is no number", "write it like -1234.5")
         return values
 
     def integer(self, k: int) -> int:
         try:
-            value = number_of(self.words[k])
+            return whole_number_of(self.words[k])
         except ValueError as error:
-            raise self.error(f"{printable(self.words[k])!r}: {error}", "it is a whole number") from error
-        if value != int(value):
-            raise self.error(f"{printable(self.words[k])!r} is no whole number", "mend the number")
-        return int(self.words[k])
+            raise self.error(f"{clipped(self.words[k])!r}: {error}", "write digits only, like 17") from error
 
     def at_least(self, width: int, what: str) -> None:
         if len(self.words) < width:
@@ -107,7 +104,7 @@ def _camera(row: _Row) -> ColmapCamera:
     row.at_least(5, "id model width height params")
     model = row.words[1]
     if model not in MODELS:
-        raise row.error(f"camera model {printable(model)!r} is unknown{did_you_mean(model, MODELS)}", "convert it")
+        raise row.error(f"camera model {clipped(model)!r} is unknown{did_you_mean(model, MODELS)}", "convert it")
     if len(row.words) != 4 + MODELS[model]:
         what = f"{len(row.words) - 4} parameters of a {model}"
         raise row.error(what, f"it has {MODELS[model]}")
@@ -138,13 +135,13 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
     if len(features.words) % 3:
         what = f"{len(features.words)} words where `x y point3D` should repeat"
         raise features.error(what, "each image has two lines, the second may be empty")
-    values = features.numbers(0).reshape(-1, 3)
-    if (values[:, 2] != np.floor(values[:, 2])).any():
-        raise features.error("the number of a point3D is no whole number", "the line is `x y point3D x y point3D ...`")
+    words = features.words
+    xy = np.stack([_Row(words[k::3], features.path, features.line).numbers(0) for k in (0, 1)], axis=1)
+    ids = _Row(words[2::3], features.path, features.line)
+    point = np.array([ids.integer(k) for k in range(len(ids.words))], dtype=np.int64)
     pose = head.numbers(1, 8).tolist()
     return ColmapImage(
-        head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), values[:, :2],
-        values[:, 2].astype(np.int64), head.line,
+        head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), xy, point, head.line,
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from pathlib import Path, PureWindowsPath
 from aatri.errors import InputError, raise_all
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.wucaps.files import Record
-from aatri.ids import is_valid, printable
+from aatri.ids import is_valid, clipped
 from aatri.progress import SILENT, Reporter
 
 ROUNDING_MM = 6e-4
@@ -181,10 +181,10 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
     """The six lines of a photo, the fourth of them blank."""
     head = source.next(0, "a photo")
     if len(head.words) < 2 or head.words[0] != str(row):
-        raise head.error(f"{printable(head.words[0])!r} where photo {row} should begin", "photos count from 0")
+        raise head.error(f"{clipped(head.words[0])!r} where photo {row} should begin", "photos count from 0")
     name = PureWindowsPath(" ".join(head.words[1:])).name
     if not is_valid(name):
-        raise head.error(f"{printable(name)!r} is no name of an image")
+        raise head.error(f"{clipped(name)!r} is no name of an image")
     orientation = source.next(7, "photo X Y Z kappa phi omega")
     source.next(7, "their standard deviations")
     source.skip_blank()
@@ -237,10 +237,10 @@ def _control_point(record: Record) -> Given:
 def _add(points: dict[str, Given], point: Given, record: Record) -> None:
     name = record.words[0]
     if not is_valid(name):
-        raise record.error(f"{printable(name)!r} is no id")
+        raise record.error(f"{clipped(name)!r} is no id")
     if name in points:
         earlier = points[name].record.line
-        raise record.error(f"point {printable(name)} twice, first in line {earlier}", "remove one")
+        raise record.error(f"point {clipped(name)} twice, first in line {earlier}", "remove one")
     points[name] = point
 
 

@@ -10,7 +10,7 @@ from aatri.artifacts.block import CameraParameters, Cameras, DistortionTable, Fi
 from aatri.errors import InputError
 from aatri.formats.tables.settings.camera import VECTORS, CameraSettings
 from aatri.formats.tables.source import Source, ask_for_angle_unit, plain_angle_rad, texts
-from aatri.ids import canonical, is_valid, printable
+from aatri.ids import canonical, is_valid, clipped
 
 
 class CameraTables(NamedTuple):
@@ -98,7 +98,7 @@ def _fiducials(source: Source, ids: list[str], cameras: list[CameraSettings]) ->
         for mark in canonical(settings.fiducials):
             if not is_valid(mark):
                 where = source.document.where_key("cameras", ids[k], "fiducials", mark)
-                source.problems.append(InputError(f"fiducial {printable(mark)!r} is no id", where=where))
+                source.problems.append(InputError(f"fiducial {clipped(mark)!r} is no id", where=where))
             camera.append(k)
             name.append(mark)
             xy.append(settings.fiducials[mark])

@@ -24,7 +24,7 @@ from aatri.formats.tables.positions import (
 )
 from aatri.formats.tables.source import Source, no_repeats, not_negative, yes_no
 from aatri.formats.text.csv_table import Column, CsvTable
-from aatri.ids import did_you_mean, printable, rows_of
+from aatri.ids import did_you_mean, clipped, rows_of
 
 ID, TEXT, NEEDED = Column("id", "cell"), Column("text"), Column("number", "column")
 
@@ -98,7 +98,7 @@ def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> 
     for a, b in sorted(near):
         gap = float(np.linalg.norm(rows.xyz_m[full[a]] - rows.xyz_m[full[b]]))
         if gap <= SAME_PLACE_SIGMAS * float(np.hypot(sigma[a], sigma[b])):
-            names = [printable(table.text["point"][full[k]]) for k in (a, b)]
+            names = [clipped(table.text["point"][full[k]]) for k in (a, b)]
             where = table.where(int(full[b]))
             source.reporter.warn(f"{where}: control points {names[0]} and {names[1]} are {gap:.3g} m apart: one place?")
 

@@ -13,7 +13,7 @@ from aatri.errors import InputError
 from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative, texts, yes_no
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable
-from aatri.ids import canonical, did_you_mean, printable
+from aatri.ids import canonical, did_you_mean, clipped
 
 ID, TEXT, NUMBER, NEEDED = Column("id", "cell"), Column("text"), Column("number"), Column("number", "cell")
 
@@ -120,7 +120,7 @@ def fiducial_point_table(source: Source, images: ImageTables, cameras: Cameras, 
     for k in unknown[:MOST_PER_COLUMN]:
         camera = int(camera_of[image[k]])
         mark = table.text["fiducial"][k]
-        what = f"camera {cameras.id[camera]} has no fiducial {printable(mark)!r}"
+        what = f"camera {cameras.id[camera]} has no fiducial {clipped(mark)!r}"
         what += did_you_mean(mark, marks.get(camera, {}))
         table.problems.append(InputError(what, where=table.where(k, "fiducial"), remedy="add it to the camera"))
     sigma = _sigma_mm(source, table, image, images, cameras, "fiducial")
@@ -169,5 +169,5 @@ def _near_duplicates(source: Source, table: CsvTable) -> None:
         other = first.setdefault(name.casefold(), name)
         if other != name:
             source.reporter.warn(
-                f"{table.path}: images {printable(other)!r} and {printable(name)!r} differ in case only"
+                f"{table.path}: images {clipped(other)!r} and {clipped(name)!r} differ in case only"
             )

@@ -18,7 +18,7 @@ from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.errors import InputError
 from aatri.formats.tables.geodetic import right_handed_axis
 from aatri.formats.tables.source import FILES, Source, texts
-from aatri.ids import did_you_mean, printable
+from aatri.ids import did_you_mean, clipped
 from aatri.strict_yaml import Document, load
 from aatri.units import ANGLE_RAD
 
@@ -134,7 +134,7 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
 
     if not isinstance(item, dict) or item.get("type") not in FORMS:
         kind = str(item.get("type", "")) if isinstance(item, dict) else ""
-        fault(f"unknown condition {printable(kind)!r}{did_you_mean(kind, FORMS)}", "type",
+        fault(f"unknown condition {clipped(kind)!r}{did_you_mean(kind, FORMS)}", "type",
               remedy=f"types are {', '.join(FORMS)}")  # fmt: skip
         return None
     item = {key: value for key, value in item.items() if not key.startswith("x_")}
@@ -142,7 +142,7 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
     form = FORMS[kind]
     for key in item:
         if key not in KEYS:
-            fault(f"unknown key {printable(key)!r}{did_you_mean(key, KEYS)}", key, remedy="your own start with x_")
+            fault(f"unknown key {clipped(key)!r}{did_you_mean(key, KEYS)}", key, remedy="your own start with x_")
         elif key in ("points", "images", "pairs", "at", "between") and key not in form.members:
             fault(f"{kind} does not take `{key}`", key, remedy=f"it takes {' or '.join(form.members)}")
     members = _members(document, k, item, form)
@@ -158,7 +158,7 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
     for part, name in members:
         where = "images" if part == "images" else "points"
         if name not in known[where]:
-            fault(f"{where[:-1]} {printable(name)!r} is unknown{did_you_mean(name, known[where])}", part,
+            fault(f"{where[:-1]} {clipped(name)!r} is unknown{did_you_mean(name, known[where])}", part,
                   remedy="mend the id; points must be measured or in ground_points.csv")  # fmt: skip
     value, sigma = _figures(source, item, kind, form, fault)
     axis = str(item.get("axis") or "")

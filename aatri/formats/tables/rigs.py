@@ -11,7 +11,7 @@ from aatri.artifacts.block import RigMembers
 from aatri.errors import InputError
 from aatri.formats.tables.source import Source, ask_for_angle_unit, look_up, plain_angle_rad, texts
 from aatri.formats.text.csv_table import CsvTable
-from aatri.ids import canonical, did_you_mean, printable
+from aatri.ids import canonical, did_you_mean, clipped
 
 
 def rig_member_table(source: Source) -> RigMembers:
@@ -50,7 +50,7 @@ def check_rigs_of_images(source: Source, table: CsvTable) -> None:
     for k, name in enumerate(member):
         members = rigs.get(rig[k], {})
         if name and members and name not in members:
-            what = f"rig {printable(rig[k])} has no member {printable(name)!r}{did_you_mean(name, members)}"
+            what = f"rig {clipped(rig[k])} has no member {clipped(name)!r}{did_you_mean(name, members)}"
             error = InputError(what, where=table.where(k, "member"), remedy="add it to the rig in block.yaml")
             table.problems.append(error)
     first: dict[tuple[str, str, object], int] = {}
@@ -64,7 +64,7 @@ def check_rigs_of_images(source: Source, table: CsvTable) -> None:
             continue
         earlier = first.setdefault((name, member[k], exposure), k)
         if earlier != k:
-            what = f"member {printable(member[k])} of rig {printable(name)} twice in one exposure, first in line"
+            what = f"member {clipped(member[k])} of rig {clipped(name)} twice in one exposure, first in line"
             table.complain([k], "member", f"{what} {table.line[earlier]}", "mend time, strip or sequence")
 
 

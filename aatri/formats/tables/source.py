@@ -15,7 +15,7 @@ from aatri.errors import AatriError, Errors, InputError
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
 from aatri.formats.text.number_text import number_of
-from aatri.ids import did_you_mean, printable
+from aatri.ids import did_you_mean, clipped
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
 from aatri.units import ANGLE_RAD, rad_from_dms
@@ -71,7 +71,7 @@ def look_up(table: CsvTable, column: str, known: Mapping[str, int], what: str, r
             first[cells[k]] = (start, count + 1)
     for name, (k, count) in list(first.items())[:MOST_PER_COLUMN]:
         often = f", in {count} rows" if count > 1 else ""
-        message = f"{what} {printable(name)!r} is unknown{often}{did_you_mean(name, known)}"
+        message = f"{what} {clipped(name)!r} is unknown{often}{did_you_mean(name, known)}"
         table.problems.append(InputError(message, where=table.where(k, column), remedy=remedy))
     if len(first) > MOST_PER_COLUMN:
         more = f"{len(first) - MOST_PER_COLUMN} more unknown ids in column {column}"
@@ -105,7 +105,7 @@ def no_repeats(table: CsvTable, columns: Sequence[str], what: str) -> None:
     for k, key in enumerate(zip(*(table.text[name] for name in columns))):
         earlier = first.setdefault(key, k)
         if earlier != k and all(key):
-            name = printable("/".join(key))
+            name = clipped("/".join(key))
             message = f"{what} {name!r} twice, first in line {table.line[earlier]}"
             error = InputError(message, where=table.where(k, columns[0]), remedy="remove or rename one")
             table.problems.append(error)

@@ -22,7 +22,7 @@ from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import did_you_mean, is_valid, printable
+from aatri.ids import clipped, did_you_mean, is_valid
 from aatri.progress import SILENT, Reporter
 
 MOST_PER_COLUMN = 20
@@ -64,7 +64,7 @@ class CsvTable:
         """Add an error for each of the rows; `{}` in `what` stands for the cell."""
         found = np.asarray(rows, dtype=np.intp)
         for row in found[:MOST_PER_COLUMN]:
-            cell = repr(printable(self.cell(int(row), column)))
+            cell = repr(clipped(self.cell(int(row), column)))
             self.problems.append(
                 InputError(what.replace("{}", cell), where=self.where(int(row), column), remedy=remedy)
             )
@@ -141,9 +141,9 @@ def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, 
     for k, name in enumerate(header):
         where = f"{path}:{line}:{start_of_cell(text, k)}"
         if name in header[:k]:
-            faults.append(InputError(f"column {printable(name)!r} twice", where=where, remedy="remove one"))
+            faults.append(InputError(f"column {clipped(name)!r} twice", where=where, remedy="remove one"))
         elif name not in columns and not name.startswith("x_"):
-            what = f"unknown column {printable(name)!r}{did_you_mean(name, columns)}"
+            what = f"unknown column {clipped(name)!r}{did_you_mean(name, columns)}"
             remedy = f"columns are {', '.join(columns)}; your own start with x_"
             faults.append(InputError(what, where=where, remedy=remedy))
     absent = [name for name, declared in columns.items() if declared.must and name not in header]

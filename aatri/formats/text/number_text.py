@@ -13,7 +13,14 @@ import numpy as np
 
 from aatri.arrays import Float
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+TOO_LARGE = "too large for a quantity"
+MAX_LENGTH = 400
+"""Longest text of a number: the smallest double takes some 330 digits."""
+LARGEST = 1e100
+"""No quantity is as large; squares and products of what is smaller are still numbers."""
+
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_WHOLE = re.compile(r"[+-]?[0-9]+")
 _FOREIGN = re.compile(r"[^0-9+\-.eE\n]")
 
 
@@ -25,11 +32,26 @@ def number_of(text: str) -> float:
     ValueError
         If it is none by the rules above.
     """
-    if not _NUMBER.fullmatch(text):
+    if len(text) > MAX_LENGTH or not _NUMBER.fullmatch(text):
         raise ValueError(what_is_wrong(text))
     value = float(text)
-    if not np.isfinite(value):
-        raise ValueError("too large for a number")
+    if not abs(value) <= LARGEST:
+        raise ValueError(TOO_LARGE)
+    return value
+
+
+def whole_number_of(text: str, largest: int = 2**63 - 1) -> int:
+    """The whole number a text holds: digits with a sign, no point and no exponent.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or beyond +-`largest`.
+    """
+    if len(text) > MAX_LENGTH or not _WHOLE.fullmatch(text):
+        raise ValueError("not a whole number")
+    if abs(value := int(text)) > largest:
+        raise ValueError(f"beyond {largest}")
     return value
 
 
@@ -37,11 +59,11 @@ def numbers_of(cells: Sequence[str]) -> tuple[Float, list[int]]:
     """Values of a column, NaN where a cell is empty, and which cells are no numbers."""
     if not any(cells):
         return np.full(len(cells), np.nan), []
-    if not _FOREIGN.search("\n".join(cells)):
+    if max(map(len, cells)) <= MAX_LENGTH and not _FOREIGN.search("\n".join(cells)):
         try:
             filled = cells if all(cells) else [cell or "nan" for cell in cells]
             values = np.fromiter(map(float, filled), dtype=np.float64, count=len(cells))
-            if not np.isinf(values).any():
+            if not (np.abs(values) > LARGEST).any():
                 return values, []
         except ValueError:
             pass
@@ -58,8 +80,10 @@ def numbers_of(cells: Sequence[str]) -> tuple[Float, list[int]]:
 
 def what_is_wrong(cell: str) -> str:
     """Why a text is no number, in words."""
+    if len(cell) > MAX_LENGTH:
+        return f"a text of {len(cell)} characters"
     if _NUMBER.fullmatch(cell):
-        return "too large for a number"
+        return TOO_LARGE
     if re.fullmatch(r"[+-]?(nan|inf|infinity)", cell, re.IGNORECASE) or cell.startswith(("#", "1.#")):
         return "not a finite number"
     if any(sign in cell for sign in "\u2212\u2013\uff0d"):

@@ -21,7 +21,7 @@ from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
 from aatri.formats.text.number_text import number_of
 from aatri.formats.text.text_file import missing, read_lines
-from aatri.ids import did_you_mean, is_valid, printable
+from aatri.ids import did_you_mean, is_valid, clipped
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
@@ -46,12 +46,12 @@ class Record:
         try:
             return number_of(self.words[k])
         except ValueError as error:
-            raise self.error(f"{printable(self.words[k])!r}: {error}", "write it like -1234.5") from error
+            raise self.error(f"{clipped(self.words[k])!r}: {error}", "write it like -1234.5") from error
 
     def count(self, k: int) -> int:
         """The word as a whole number, not negative."""
         if not (self.words[k].isascii() and self.words[k].isdigit() and len(self.words[k]) < 9):
-            raise self.error(f"{printable(self.words[k])!r} is no count", "write a whole number")
+            raise self.error(f"{clipped(self.words[k])!r} is no count", "write a whole number")
         return int(self.words[k])
 
 
@@ -224,7 +224,7 @@ def _image_coordinates(records: list[Record]) -> tuple[list[str], list[Photo], l
 
 def _add_photo(photos: dict[str, Photo], name: str, strip: int, record: Record) -> None:
     if not is_valid(name):
-        raise record.error(f"{printable(name)!r} is no photo number")
+        raise record.error(f"{clipped(name)!r} is no photo number")
     if name in photos:
         earlier = photos[name].record.line
         raise record.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
@@ -243,7 +243,7 @@ def _ground(records: list[Record], path: Path) -> dict[str, GroundPoint]:
             name = _id(row, 0)
             if name in ground:
                 raise row.error(
-                    f"point {printable(name)} twice, first in line {ground[name].record.line}", "remove one"
+                    f"point {clipped(name)} twice, first in line {ground[name].record.line}", "remove one"
                 )
             ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), record)
         except InputError as error:
@@ -266,10 +266,10 @@ def _roles(records: list[Record], path: Path, ground: dict[str, GroundPoint]) ->
     for k, record in enumerate(named):
         name = record.words[0]
         if name not in ground:
-            what = f"point {printable(name)!r} is not in the ground point file{did_you_mean(name, ground)}"
+            what = f"point {clipped(name)!r} is not in the ground point file{did_you_mean(name, ground)}"
             problems.append(record.error(what, "add it to PRECKI, or mend the id"))
         elif name in roles:
-            problems.append(record.error(f"point {printable(name)} has two roles", "a point is control or check"))
+            problems.append(record.error(f"point {clipped(name)} has two roles", "a point is control or check"))
         elif k < full:
             roles[name] = [CONTROL] * 3
         elif k < full + plan:
@@ -296,5 +296,5 @@ def _ends(record: Record) -> bool:
 
 def _id(record: Record, k: int) -> str:
     if not is_valid(record.words[k]):
-        raise record.error(f"{printable(record.words[k])!r} is no id")
+        raise record.error(f"{clipped(record.words[k])!r} is no id")
     return record.words[k]

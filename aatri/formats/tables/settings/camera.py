@@ -15,7 +15,7 @@ from aatri.formats.tables.settings.sections import (
     Two,
     TwoPositive,
 )
-from aatri.ids import did_you_mean, printable
+from aatri.ids import did_you_mean, clipped
 
 PARAMETERS = {
     "none": (),
@@ -96,7 +96,7 @@ class CameraSettings(Section):
         known = ["principal_distance", *VECTORS, *PARAMETERS[self.distortion.model]]
         for name, sigma in self.sigmas.items():
             if name not in known:
-                raise ValueError(f"sigmas: unknown parameter {printable(name)!r}{did_you_mean(name, known)}")
+                raise ValueError(f"sigmas: unknown parameter {clipped(name)!r}{did_you_mean(name, known)}")
             if isinstance(sigma, list) and len(sigma) != len(VECTORS.get(name, "x")):
                 raise ValueError(f"sigmas: {name} takes {len(VECTORS.get(name, 'x'))} values, not {len(sigma)}")
         return self
@@ -129,7 +129,7 @@ def check_rig(rig: dict[str, RigMemberSettings]) -> dict[str, RigMemberSettings]
         raise ValueError("a rig needs members: {nadir: {}, oblique: {position: ..., angles: ...}}")
     first, settings = next(iter(rig.items()))
     if settings != RigMemberSettings():
-        raise ValueError(f"the first member, {printable(first)}, is the frame of the rig: it takes no position, angles")
+        raise ValueError(f"the first member, {clipped(first)}, is the frame of the rig: it takes no position, angles")
     return rig
 
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from aatri.errors import InputError, raise_all
 from aatri.formats.tables.settings.block import DefaultSigmas, FrameSettings, Settings, Units
 from aatri.formats.tables.settings.camera import PARAMETERS, CameraSettings, Pixel, RigMemberSettings, RigMemberSigmas
-from aatri.ids import did_you_mean, is_valid, printable
+from aatri.ids import did_you_mean, is_valid, clipped
 from aatri.strict_yaml import Document, load
 
 
@@ -36,7 +36,7 @@ def read_settings(path: Path) -> tuple[Settings, Document]:
     named += [("rigs", name) for name in settings.rigs]
     for keys in [*named, *(("rigs", rig, member) for rig, members in settings.rigs.items() for member in members)]:
         if not is_valid(keys[-1]):
-            problems.append(InputError(f"{printable(keys[-1])!r} is no id", where=document.where_key(*keys)))
+            problems.append(InputError(f"{clipped(keys[-1])!r} is no id", where=document.where_key(*keys)))
     raise_all(problems)
     return settings, document
 
@@ -47,7 +47,7 @@ def _fault(document: Document, item: dict[str, Any]) -> InputError:
     path = ".".join(str(key) for key in keys) or "block.yaml"
     if item["type"] == "extra_forbidden":
         known = _known_keys(keys[:-1])
-        what = f"unknown key {printable(str(keys[-1]))!r} in {'.'.join(map(str, keys[:-1])) or 'block.yaml'}"
+        what = f"unknown key {clipped(str(keys[-1]))!r} in {'.'.join(map(str, keys[:-1])) or 'block.yaml'}"
         remedy = f"keys are {', '.join(known)}; your own start with x_" if known else "remove it"
         return InputError(what + did_you_mean(str(keys[-1]), known), where=document.where_key(*keys), remedy=remedy)
     if item["type"] == "missing":
@@ -58,7 +58,7 @@ def _fault(document: Document, item: dict[str, Any]) -> InputError:
     if not message.startswith("Input should be "):
         return InputError(f"{path}: {message}", where=document.where(*keys), remedy="write as many values as it takes")
     message = message.removeprefix("Input should be ")
-    shown = printable(repr(value)) if not isinstance(value, dict | list) else "a list or mapping"
+    shown = clipped(repr(value)) if not isinstance(value, dict | list) else "a list or mapping"
     near = did_you_mean(value, message.replace("'", " ").split()) if isinstance(value, str) else ""
     return InputError(f"{path} is {shown}{near}", where=document.where(*keys), remedy=f"it must be {message}")
 
