@@ -63,7 +63,8 @@ class SimulateOptions(Options):
             return given
         switch = given.get("noise")
         given = {**given, "noise": {"factor": float(switch)}} if isinstance(switch, bool) else given
-        return settings.over_preset(settings.PRESETS.get(given.get("preset") or "", {}), given)
+        preset = given.get("preset")
+        return settings.over_preset(settings.PRESETS.get(preset, {}) if isinstance(preset, str) else {}, given)
 
 
 @stage(version=1, uses=())

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,7 +36,7 @@ from aatri.artifacts.block import (
     ImagePoints,
 )
 from aatri.camera.models.forward_models import PARAMETERS
-from aatri.errors import InputError, raise_all
+from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.colmap.binary import binary_paths, read_binary
 from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
@@ -44,6 +45,7 @@ from aatri.formats.plain_block import approximate_exterior, image_table, pixel_c
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
+from aatri.formats.text.number_text import LARGEST
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import canonical, is_valid, clipped, rows_of
@@ -132,8 +134,8 @@ def _read(folder: Path, reporter: Reporter) -> ColmapModel:
 
 
 def _check(model: ColmapModel) -> None:
-    """References, names and camera models."""
-    problems = []
+    """Numbers, references, names and camera models."""
+    problems = _numbers_of_model(model)
     known = {c.id for c in model.cameras}
     for camera in model.cameras:
         where = _place(model, CAMERAS, camera.line)
@@ -164,6 +166,19 @@ def _check(model: ColmapModel) -> None:
     if len(np.unique(model.points)) < len(model.points):
         problems.append(InputError("a point stands twice", where=str(model.paths[POINTS]), remedy="remove one"))
     raise_all(problems)
+
+
+def _numbers_of_model(model: ColmapModel) -> list[AatriError]:
+    """Faults for what is not finite, or too large for a quantity, which binary files may hold."""
+    parts: list[tuple[int, str, int, Any]] = [(CAMERAS, f"camera {c.id}", c.line, [*c.parameters, c.width, c.height]) for c in model.cameras]
+    parts += [(IMAGES, f"image {i.id}", i.line, [*i.quaternion, *i.translation]) for i in model.images]
+    parts += [(IMAGES, f"a feature of image {i.id}", i.line, i.xy_px.ravel()) for i in model.images]
+    parts += [(POINTS, "a point", 0, model.xyz.ravel())]
+    return [
+        InputError(f"{what} has a number that is not finite or too large", where=_place(model, file, line),
+                   remedy="export the model again")
+        for file, what, line, values in parts if not (np.abs(np.asarray(values, dtype=np.float64)) <= LARGEST).all()
+    ]  # fmt: skip
 
 
 def _place(model: ColmapModel, file: int, line: int) -> str:

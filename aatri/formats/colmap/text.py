@@ -25,6 +25,10 @@ from aatri.ids import did_you_mean, clipped
 from aatri.progress import SILENT, Reporter
 
 
+FEW_DIGITS = 18
+"""Digits that any number of 64 bits can have."""
+
+
 def text_paths(folder: Path) -> list[Path]:
     """The three files."""
     return [folder / f"{name}.txt" for name in NAMES]
@@ -90,6 +94,16 @@ class _Row:
         except ValueError as error:
             raise self.error(f"{clipped(self.words[k])!r}: {error}", "write digits only, like 17") from error
 
+    def integers(self) -> Int:
+        """All words as whole numbers."""
+        whole = "".join(self.words).replace("-", "")
+        if self.words and whole.isascii() and whole.isdigit() and max(map(len, self.words)) <= FEW_DIGITS:
+            try:
+                return np.array(list(map(int, self.words)), dtype=np.int64)
+            except ValueError:
+                pass  # a minus sign within: which word it is, is told below
+        return np.array([self.integer(k) for k in range(len(self.words))], dtype=np.int64)
+
     def at_least(self, width: int, what: str) -> None:
         if len(self.words) < width:
             raise self.error(f"{len(self.words)} words where {what} should stand", f"write at least {width}")
@@ -138,7 +152,7 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
     words = features.words
     xy = np.stack([_Row(words[k::3], features.path, features.line).numbers(0) for k in (0, 1)], axis=1)
     ids = _Row(words[2::3], features.path, features.line)
-    point = np.array([ids.integer(k) for k in range(len(ids.words))], dtype=np.int64)
+    point = ids.integers()
     pose = head.numbers(1, 8).tolist()
     return ColmapImage(
         head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), xy, point, head.line,

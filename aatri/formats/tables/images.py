@@ -105,6 +105,8 @@ def fiducial_point_table(source: Source, images: ImageTables, cameras: Cameras, 
     if table is None:
         return FiducialPoints.empty()
     no_repeats(table, ["image", "fiducial"], "fiducial")
+    if not len(cameras):
+        return FiducialPoints.empty()  # every image names a camera that is not there, which is told already
     image = look_up(table, "image", images.row, "image", "add it to images.csv, or mend the id")
     marks: dict[int, dict[str, int]] = {}
     for k, (camera, mark) in enumerate(zip(fiducials.camera.tolist(), fiducials.id.tolist())):
