@@ -15,7 +15,8 @@ from typing import Any, ParamSpec, TypeVar
 
 import typer
 
-from aatri.errors import AatriError, Errors, ResourceError
+from aatri.errors import AatriError, Errors, ResourceError, SpecError
+from aatri.ids import clipped
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -45,6 +46,13 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
         except Exception as error:
             if kwargs.get("debug"):
                 narrate(traceback.format_exc())
+            if isinstance(error, MemoryError):
+                report_error(ResourceError("out of memory", remedy="a machine with more memory, or a smaller block"))
+                raise typer.Exit(ResourceError.exit_code) from None
+            if isinstance(error, OSError) and error.errno in (errno.ENAMETOOLONG, errno.EINVAL):
+                report_error(SpecError(f"no file can have this name: {error.strerror}",
+                                       where=clipped(str(error.filename or ""))))  # fmt: skip
+                raise typer.Exit(SpecError.exit_code) from None
             if isinstance(error, OSError) and error.errno in _LACKS:
                 report_error(ResourceError(str(error.strerror), where=str(error.filename or "")))
                 raise typer.Exit(ResourceError.exit_code) from None
@@ -72,7 +80,9 @@ def narrate(text: str) -> None:
 
 def say_json(value: Any) -> None:
     """Print data as JSON."""
-    typer.echo(json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)
+    # what drives a terminal is escaped as JSON does it: the value stays the same
+    typer.echo("".join(sign if sign.isprintable() or sign == "\n" else json.dumps(sign)[1:-1] for sign in text))
 
 
 def say_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str] = ()) -> None:

@@ -29,6 +29,7 @@ def exec_(
     """Make one stage whose inputs are up to date, beside other jobs on other stages of the run."""
     del debug  # for reports_errors
     from aatri.cli.narrator import Narrator
+    from aatri.cli.locate import in_folder
     from aatri.cli.planning import Request, open_request, open_run
     from aatri.pipeline.plan.plan import Selection, select
     from aatri.pipeline.run.runner import How
@@ -36,6 +37,7 @@ def exec_(
     from aatri.pipeline.run.workers import share_cores
 
     share_cores(1)
+    run = in_folder(run)
     given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     opened = open_run(run, local_plugins=local_plugins) if run.is_dir() else open_request(given)
     select(opened.nodes, only=[stage])

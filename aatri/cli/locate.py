@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,7 +54,7 @@ def find_run(given: Path | None) -> Run:
 
     if given is None and not DEFAULT.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
-    path = given or DEFAULT
+    path = in_folder(given or DEFAULT)
     if path.is_dir():
         overview = store.read_overview(path)
         if overview is None:
@@ -65,6 +66,13 @@ def find_run(given: Path | None) -> Run:
 
     spec = load_spec(path)
     return Run(spec.run, _stages(spec), store.read_overview(spec.run) or {})
+
+
+def in_folder(path: Path) -> Path:
+    """The pipeline file of a project's folder; any other path as it is, so also the folder of a run."""
+    if path.is_dir() and not os.path.lexists(path / "run.json") and (path / DEFAULT).is_file():
+        return path / DEFAULT
+    return path
 
 
 def split_stage(text: str | None) -> tuple[Path | None, str | None]:

@@ -20,6 +20,9 @@ class Source(StrEnum):
     simulate = "simulate"
     tables = "tables"
     wucaps = "wucaps"
+    dbat = "dbat"
+    bal = "bal"
+    colmap = "colmap"
 
 
 _HEAD = {
@@ -31,7 +34,34 @@ _HEAD = {
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
 # this file. Refraction and earth curvature are off: such image coordinates usually are corrected already.
 """,
+    Source.dbat: """\
+# A PhotoModeler export and its control points, as DBAT takes them: put export.txt and control.txt beside this file.
+# It has start values of all photos, so that interior orientation and bundle are enough.
+""",
+    Source.bal: """\
+# A problem of Bundle Adjustment in the Large: put the unpacked file problem.txt beside this file. It has no datum.
+""",
+    Source.colmap: """\
+# A sparse model of COLMAP: put cameras, images and points3D (.txt or .bin) into the folder `sparse` beside this file.
+# It has no datum; with `control: ground_points.csv` at the block, leave out `datum` of the bundle.
+""",
 }
+_BUNDLE_ONLY = """\
+run: runs/block
+seed: 1
+stages:
+  block:    {block}
+  interior: {{use: interior_orientation/calibrated, from: {{block}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{datum}}}
+  accuracy: {{use: accuracy/evaluation, from: {{block, solution: bundle}}}}
+"""
+_MINIMAL = ", with: {datum: minimal}"
+_WITH_START = {
+    Source.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", ""),
+    Source.bal: ("{use: block/bal, with: {path: problem.txt}}", _MINIMAL),
+    Source.colmap: ("{use: block/colmap, with: {path: sparse}}", _MINIMAL),
+}
+"""Blocks with start values of all images: how they are read, and the datum."""
 _LINES = {
     Source.tables: {"block": "{use: block/tables, with: {path: block}}"},
     Source.wucaps: {
@@ -82,6 +112,9 @@ def _text(block: Source) -> str:
     demo = _demo().read_text(encoding="utf-8")
     if block is Source.simulate:
         return demo
+    if block in _WITH_START:
+        read, datum = _WITH_START[block]
+        return _HEAD[block] + _BUNDLE_ONLY.format(block=read, datum=datum)
     body = demo[demo.index("run:") :].replace("runs/demo", "runs/block")
     for stage, value in _LINES[block].items():
         body = re.sub(rf"^(  {stage}: +).*$", rf"\g<1>{value}", body, flags=re.MULTILINE)

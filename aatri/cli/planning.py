@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aatri.cli.console import narrate
+from aatri.cli.locate import in_folder
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
@@ -103,19 +104,21 @@ def open_request(request: Request) -> Opened:
     return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins))
 
 
-def open_run(given: Path | None, *, local_plugins: bool = False) -> Opened:
+def open_run(
+    given: Path | None, *, local_plugins: bool = False, set_: tuple[str, ...] = (), use: tuple[str, ...] = ()
+) -> Opened:  # fmt: skip
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
 
     That a run was made with --local-plugins does not permit to execute code of the project again: a run folder may
-    come from anyone.
+    come from anyone. `set_` and `use` are added to what was asked for then.
     """
     from aatri.pipeline.store.run_folder import read_overview
 
-    path = given or DEFAULT
+    path = in_folder(given or DEFAULT)
     if given is None and not path.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
     if not path.is_dir():
-        return open_request(Request(str(path), local_plugins=local_plugins))
+        return open_request(Request(str(path), set_=set_, use=use, local_plugins=local_plugins))
     overview = read_overview(path)
     if overview is None:
         raise ArtifactError("not the folder of a run: no run.json in it", where=str(path),
@@ -128,6 +131,6 @@ def open_run(given: Path | None, *, local_plugins: bool = False) -> Opened:
         raise SpecError("was run with --local-plugins: planning it executes code of the project", where=str(path),
                         remedy="--local-plugins, if you trust the project")  # fmt: skip
     into = "" if kept["variant"] else str(path)
-    request = Request(kept["pipeline"], kept["into"] or into, tuple(kept["set_"]), tuple(kept["use"]), kept["variant"],
+    request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use), kept["variant"],
                       local_plugins)  # fmt: skip
     return open_request(request)

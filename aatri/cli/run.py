@@ -24,7 +24,9 @@ Several = list[str] | None
 
 @reports_errors
 def run(
-    pipeline: Annotated[Path, typer.Argument(help="The pipeline file.")] = Path("pipeline.yaml"),
+    pipeline: Annotated[
+        Path, typer.Argument(help="The pipeline file; or the folder of a run, which is made again as it was.")
+    ] = Path("pipeline.yaml"),
     into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
     set_: Annotated[
         Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
@@ -52,14 +54,23 @@ def run(
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
     """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
-    from aatri.cli.planning import Request, open_request
+    from aatri.cli.locate import in_folder
+    from aatri.cli.planning import Request, open_request, open_run
+    from aatri.errors import SpecError
     from aatri.pipeline.plan.plan import select
     from aatri.pipeline.run.workers import share_cores
 
     signal.signal(signal.SIGTERM, _terminate)
     share_cores(jobs)
-    request = Request(str(pipeline), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-    opened = open_request(request)
+    pipeline = in_folder(pipeline)
+    if pipeline.is_dir():
+        if into is not None or variant:
+            raise SpecError("a run has its folder and its variant", where=str(pipeline),
+                            remedy="give the pipeline file with --into or --variant")  # fmt: skip
+        opened = open_run(pipeline, local_plugins=local_plugins, set_=tuple(set_ or ()), use=tuple(use or ()))
+    else:
+        given = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+        opened = open_request(Request(str(pipeline), *given))
     selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())
     if dry_run:
         from aatri.cli.plan_table import plain_plan, say_plan

@@ -6,6 +6,9 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from aatri.ids import printable
+from aatri.pipeline.run.command import arguments_of
+
 if TYPE_CHECKING:
     from aatri.cli.planning import Opened
 
@@ -26,8 +29,9 @@ options=("$@")
 
 def script(opened: Opened) -> str:
     """The text of the script; its last job makes the results current and writes the report."""
-    arguments = _arguments(opened)
-    lines = [_HEAD.format(pipeline=opened.spec.path, name="SCRIPT", folder=shlex.quote(str(Path.cwd())))]
+    arguments = arguments_of(opened.request.plain() | {"into": opened.request.into})
+    # within a comment a name must not begin a line of its own
+    lines = [_HEAD.format(pipeline=printable(str(opened.spec.path)), name="SCRIPT", folder=shlex.quote(str(Path.cwd())))]
     for node in opened.nodes:
         after = ":".join(f"$job_{source}" for source in dict.fromkeys(node.inputs.values()))
         command = shlex.join(["aatri", "exec", opened.request.pipeline, node.name, *arguments])
@@ -38,12 +42,3 @@ def script(opened: Opened) -> str:
     lines.append('echo "$job_report"\n')
     return "".join(lines)
 
-
-def _arguments(opened: Opened) -> list[str]:
-    """The arguments that make the same pipeline again."""
-    request = opened.request
-    given = ["--into", request.into] if request.into else []
-    given += [part for text in request.set_ for part in ("--set", text)]
-    given += [part for text in request.use for part in ("--use", text)]
-    given += ["--variant", request.variant] if request.variant else []
-    return [*given, *(["--local-plugins"] if request.local_plugins else [])]

@@ -16,6 +16,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.pipeline.run.command import command_of
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.durable import on_disk
 from aatri.report.drawing.charts import sigma0_chart
@@ -68,6 +69,7 @@ def render(run: RunView) -> str:
     return environment.get_template("report.html").render(
         name=around.block.name if around.block else run.folder.resolve().name,
         run=run,
+        command=command_of(run.overview),
         started=run.overview.get("started", ""),
         total=seconds(sum(float(s.record.get("seconds") or 0.0) for s in run.stages if s.record)),
         internal=internal_lights(run, around.solution),

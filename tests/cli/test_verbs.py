@@ -160,7 +160,7 @@ def test_stages_lists_roles_and_describes_variants() -> None:
     assert aatri("stages", "sauce").exit_code == 9
 
 
-@pytest.mark.parametrize("block", ["simulate", "tables", "wucaps"])
+@pytest.mark.parametrize("block", ["simulate", "tables", "wucaps", "dbat", "bal", "colmap"])
 def test_new_writes_a_pipeline_once(tmp_path: Path, block: str) -> None:
     assert aatri("new", "p", "--block", block).exit_code == 0
     stages = load(tmp_path / "p" / "pipeline.yaml").value["stages"]

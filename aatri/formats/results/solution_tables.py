@@ -25,6 +25,7 @@ from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
 from aatri.formats.results.parameter_units import parameter_units
+from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
 from aatri.geometry.rotations import AngleSystem, angle_covariance, angles_from_rotation
 from aatri.observations.poses import ADDITIONAL
@@ -237,9 +238,5 @@ def _cells(values: npt.NDArray[Any]) -> list[str]:
     if values.dtype.kind == "f":
         return ["" if value != value else repr(value) for value in values.tolist()]
     if values.dtype.kind == "U":
-        return [_harmless(text) for text in values.tolist()]
+        return [shielded(text) for text in values.tolist()]
     return [str(value) for value in values.tolist()]
-
-
-def _harmless(text: str) -> str:
-    return "'" + text if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text

@@ -114,9 +114,9 @@ def _check_files(source: Source) -> None:
     folder = source.folder
     here = {entry.name for entry in folder.iterdir()}
     if "images.csv" not in here and (not here & NETWORK or here & OF_IMAGES or source.settings.cameras):
-        source.problems.append(missing(folder / "images.csv"))
+        source.problems.append(missing(folder / "images.csv", FILES))
     if "images.csv" in here and "image_points.csv" not in here:
-        source.problems.append(missing(folder / "image_points.csv"))
+        source.problems.append(missing(folder / "image_points.csv", FILES))
     for name in sorted(here - set(FILES)):
         if name.endswith((".csv", ".yaml")) and not name.startswith("x_"):
             source.reporter.warn(f"{folder / name}: not a table of a block, not read{did_you_mean(name, FILES)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
@@ -39,7 +40,7 @@ class Source:
     def table(self, name: str, columns: Mapping[str, Column]) -> CsvTable | None:
         """A table of the folder; None if it is not there or its header is wrong (then the fault is kept)."""
         path = self.folder / name
-        if not path.exists():
+        if not os.path.lexists(path):
             return None
         try:
             return read_csv(path, columns, self.problems, self.reporter)

@@ -28,6 +28,7 @@ from aatri.artifacts.block import (
     Block,
 )
 from aatri.errors import ResourceError
+from aatri.formats.text.csv_cells import shielded
 from aatri.formats.tables.geodetic import reject_name
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
@@ -106,6 +107,7 @@ def _text(values: Iterable[Any]) -> Cells:
 
 
 def _quoted(text: str) -> str:
+    text = shielded(text)
     if text.startswith("#") or any(sign in text for sign in ',"'):
         return '"' + text.replace('"', '""') + '"'
     return text

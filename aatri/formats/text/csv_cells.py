@@ -8,6 +8,10 @@ from itertools import repeat
 from typing import NamedTuple
 
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What a cell begins with that spreadsheets compute or run."""
+
+
 class Malformed(NamedTuple):
     """A line that is no row."""
 
@@ -30,15 +34,28 @@ def cells_of(text: str) -> list[str]:
     return [cell.strip(" \t") for cell in next(csv.reader([text], strict=True, skipinitialspace=True))]
 
 
+def shielded(text: str) -> str:
+    """A text as a cell that no spreadsheet takes for a formula: `=1+1` becomes `'=1+1`.
+
+    `unshielded` gives it back; a text that begins with such a sign after apostrophes gets one more.
+    """
+    return f"'{text}" if text.lstrip("'").startswith(FORMULA) else text
+
+
+def unshielded(cell: str) -> str:
+    """The text of a cell as spreadsheets show it: without the apostrophe before a formula."""
+    return cell[1:] if cell.startswith("'") and cell.lstrip("'").startswith(FORMULA) else cell
+
+
 def start_of_cell(text: str, index: int) -> int:
     """Character, from 1, at which a cell of a line begins."""
-    quoted, commas = False, []
+    quoted, starts = False, [0]
     for position, sign in enumerate(text):
-        if sign == '"':
-            quoted = not quoted
+        if sign == '"' and (quoted or not text[starts[-1] : position].strip(" ")):
+            quoted = not quoted  # a quote within a cell that does not begin with one is a sign like others
         elif sign == "," and not quoted:
-            commas.append(position)
-    rest = text[([-1, *commas])[index] + 1 :]
+            starts.append(position + 1)
+    rest = text[starts[min(index, len(starts) - 1)] :]
     return len(text) - len(rest.lstrip(" \t")) + 1
 
 

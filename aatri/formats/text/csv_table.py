@@ -2,7 +2,8 @@
 
 UTF-8, comma, a header row with the columns in any order. `#` starts a comment line, blank lines are skipped. Columns
 named `x_...` are the user's own and are ignored; any other unknown column is an error. An empty cell is *not given*.
-Numbers are those of `number_text`. Columns are read in chunks of lines, so that a million rows take seconds; faults
+Numbers are those of `number_text`. An apostrophe before a text that begins with = + - @ does not count: it keeps
+spreadsheets from computing the cell. Columns are read in chunks of lines, so that a million rows take seconds; faults
 are collected.
 """
 
@@ -19,7 +20,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Float, Int
 from aatri.errors import AatriError, InputError, raise_all
-from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell
+from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell, unshielded
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
 from aatri.ids import clipped, did_you_mean, is_valid
@@ -112,6 +113,8 @@ def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriErro
         by_name = dict(zip(header, cells))
         for name in texts:
             column = by_name.get(name)
+            if column and "'" in "".join(column):
+                column = list(map(unshielded, column))
             texts[name] += map(pool.setdefault, column, column) if column else [""] * len(rows)
         for name in numbers:
             values, bad = numbers_of(by_name.get(name) or [""] * len(rows))

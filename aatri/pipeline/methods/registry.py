@@ -9,20 +9,23 @@ model derived from `Options`.
 from __future__ import annotations
 
 import ast
+import errno
 import importlib
 import inspect
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aatri.errors import PluginError
+from aatri.errors import AatriError, PluginError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.pipeline.methods import discovery
 from aatri.pipeline.methods.discovery import Found, Origin
 from aatri.plugin import Role, StageCard, card_of
 
+_NO_MEMORY = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+"""How the loader of libraries says so, which Python passes on as ImportError."""
 _OWN = "those of the project itself need --local-plugins"
 
 
@@ -163,9 +166,23 @@ def _imported(origin: Origin) -> Any:
     except PluginError:
         raise
     except Exception as error:
-        remedy = "install what it imports" if isinstance(error, ModuleNotFoundError) else "correct or remove it"
-        raise PluginError(f"cannot be imported: {type(error).__name__}: {error}",
-                          where=_line_of(error, origin), remedy=remedy) from error  # fmt: skip
+        raise _not_imported(origin, error) from error
+
+
+def _not_imported(origin: Origin, error: Exception) -> AatriError:
+    for cause in _causes(error):
+        lacks = isinstance(cause, OSError) and cause.errno in (errno.ENOMEM, errno.EAGAIN)
+        if isinstance(cause, MemoryError) or lacks or any(words in str(cause) for words in _NO_MEMORY):
+            return ResourceError(f"no memory to import {origin.place}", remedy="a machine with more memory")
+    remedy = "install what it imports" if isinstance(error, ModuleNotFoundError) else "correct or remove it"
+    what = f"cannot be imported: {type(error).__name__}: {error}"
+    return PluginError(what, where=_line_of(error, origin), remedy=remedy)
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
 
 
 def _line_of(error: Exception, origin: Origin) -> str:

@@ -165,12 +165,12 @@ def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], erro
         elif source not in spec.stages:
             errors.append(SpecError(f"no stage {source!r}{did_you_mean(source, spec.stages)}",
                                     where=spec.where(stage.name, "from", port),
-                                    remedy=_candidates(spec, port, ports, roles)))  # fmt: skip
+                                    remedy=_candidates(spec, stage.name, port, ports, roles)))  # fmt: skip
         elif source in roles and roles[source].kind != ports[port]:
             wanted, given = ports[port], roles[source].kind
             errors.append(SpecError(f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
                                     where=spec.where(stage.name, "from", port),
-                                    remedy=_candidates(spec, port, ports, roles)))  # fmt: skip
+                                    remedy=_candidates(spec, stage.name, port, ports, roles)))  # fmt: skip
 
 
 def _check_required(
@@ -180,15 +180,25 @@ def _check_required(
         if not port.optional and port.name not in stage.inputs:
             errors.append(SpecError(f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
                                     where=spec.where(stage.name, "from"),
-                                    remedy=_candidates(spec, port.name, roles[stage.name].ports, roles)))  # fmt: skip
+                                    remedy=_candidates(spec, stage.name, port.name, roles[stage.name].ports, roles)))  # fmt: skip
 
 
-def _candidates(spec: Spec, port: str, ports: Mapping[str, str], roles: Mapping[str, _Role]) -> str:
-    kind = ports[port]
-    fitting = [name for name in spec.stages if name in roles and roles[name].kind == kind]
+def _candidates(spec: Spec, stage: str, port: str, ports: Mapping[str, str], roles: Mapping[str, _Role]) -> str:
+    """Stages of the right kind, but for the stage itself and those that wait for it."""
+    kind, waiting = ports[port], _waiting_for(spec, stage)
+    fitting = [n for n in spec.stages if n in roles and roles[n].kind == kind and n not in waiting]
     if not fitting:
         return f"add a stage that gives it, and `from: {{{port}: THAT_STAGE}}`"
     return f"`from: {{{port}: STAGE}}`, where STAGE is {' or '.join(fitting)}"
+
+
+def _waiting_for(spec: Spec, stage: str) -> set[str]:
+    """A stage and all that use it, directly or not."""
+    reached, size = {stage}, 0
+    while size < len(reached):
+        size = len(reached)
+        reached |= {name for name, other in spec.stages.items() if reached & set(other.inputs.values())}
+    return reached
 
 
 def _order(spec: Spec, errors: list[AatriError]) -> list[str]:
