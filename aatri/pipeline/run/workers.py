@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _KERNELS = "NUMBA_NUM_THREADS"
 
+LEAST_BYTES = 450_000_000
+"""Address space below which OpenBLAS or LLVM cannot start: they end the process, or try for ever."""
+
 _queue: Any = None
 """In a worker process: leads to the process that started it."""
 
@@ -43,10 +46,29 @@ class Pool(Protocol):
 
 
 def share_cores(jobs: int) -> None:
-    """Set the threads of a process, before numpy is imported in it."""
+    """Set the threads of a process, before numpy is imported in it.
+
+    Raises
+    ------
+    ResourceError
+        If the process may have so little memory that numeric libraries end or stop it while they are loaded.
+    """
+    if _memory_limit() < LEAST_BYTES:
+        raise ResourceError(f"this process may take {_memory_limit() / 1e6:.0f} MB of memory, and libraries alone need "
+                            f"{LEAST_BYTES / 1e6:.0f} MB", remedy="raise the limit (ulimit -v)")  # fmt: skip
     for name in _BLAS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault(_KERNELS, str(max(1, (os.cpu_count() or 1) // jobs)))
+
+
+def _memory_limit() -> float:
+    """Bytes of address space that this process may have."""
+    try:
+        import resource
+    except ImportError:  # pragma: no cover - Windows has no such limit
+        return float("inf")
+    soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return float("inf") if soft == resource.RLIM_INFINITY else float(soft)
 
 
 @contextlib.contextmanager
