@@ -21,7 +21,7 @@ left block of the inverse of [N C'; C 0], whatever rho.) A constraint counts as 
 A step is judged by v'v + 4 |k|'|c|, whose descent direction it is (an exact penalty: the factor must exceed 2). Linear
 constraints hold from the first full step on; others up to the square of the last step, which is below 1e-3 sigma.
 
-Source: Nocedal & Wright, Numerical Optimization, ch. 16 and 18; photogrammetry.md A1208, A1510.
+Source: Nocedal & Wright, Numerical Optimization, ch. 16 and 18; docs/formulas.md 6.5.
 """
 
 from __future__ import annotations

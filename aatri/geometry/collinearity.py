@@ -10,7 +10,7 @@ The derivatives are split at u: the pose gives u and its derivatives, the camera
     du/dX = R',   du/dX0 = -R',   du/dd = R' [X - X0]x     for R <- exp([d]x) R
     dx/du = -c/u3 (1, 0, -u1/u3),   dx/dc = x/c            and y alike
 
-Source: Kraus, Photogrammetry; photogrammetry.md F1 gives the same for phi-omega-kappa.
+Source: Kraus, Photogrammetry; docs/formulas.md 2.1.
 """
 
 from __future__ import annotations

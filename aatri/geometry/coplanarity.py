@@ -14,7 +14,7 @@ The distance from coplanarity is F over its standard deviation (Sampson distance
 
 and the y-parallax p = F / |dF/d(x2, y2)|: how far the right image point lies beside its epipolar line, in mm.
 
-Source: photogrammetry.md A301, F6; Hartley & Zisserman, Multiple View Geometry, 11.4.3.
+Source: docs/formulas.md 3.1; Hartley & Zisserman, Multiple View Geometry, 11.4.3.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ point in front of its images. The covariance is that of least squares with the f
 
 Many rays from X0 with unit directions u: the point nearest to all of them, sum (I - u u') (X - X0) = 0.
 
-Source: photogrammetry.md A401, A402; Hartley & Zisserman, Multiple View Geometry, ch. 12.
+Source: docs/formulas.md 3.4; Hartley & Zisserman, Multiple View Geometry, ch. 12.
 """
 
 from __future__ import annotations

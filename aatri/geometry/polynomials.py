@@ -6,7 +6,7 @@ the same terms for each of the three corrections dU, dV, dW. U runs along the st
 and divided by half their range, so that they lie in [-1, 1] and the terms are about equally large.
 
 Source: strip polynomials of second degree with five coefficients per coordinate; Kraus, Photogrammetry, strip
-adjustment; photogrammetry.md A603.
+adjustment; docs/formulas.md 4.2.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Rotations: matrices, their angles in both systems, and the exponential map.
 
-`R` maps image to ground: X - X0 = lambda R (x, y, -c). Angles, source photogrammetry.md F1:
+`R` maps image to ground: X - X0 = lambda R (x, y, -c). Angles (docs/formulas.md 1.1):
 
 - omega-phi-kappa (international): R = Rx(omega) Ry(phi) Rz(kappa)
 - phi-omega-kappa (Chinese): R = Ry(-phi) Rx(omega) Rz(kappa); there a3 = -sin(phi) cos(omega), so that a positive phi

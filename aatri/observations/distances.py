@@ -4,7 +4,7 @@
 
 e is the vertical, h are the heights of instrument and target above their points. Distances of geodetic.csv and those of
 relative_control.yaml are two kinds, for their rows are in two tables. Of standard deviation zero they are exact: they
-are demanded, not observed. Source: Kraus, Photogrammetry; photogrammetry.md F13.
+are demanded, not observed. Source: Kraus, Photogrammetry; docs/formulas.md 5.4.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 s is the shift and d the drift per unit of time, both free; t is the time of exposure in seconds, where a group has
 none the sequence of its images; t_mean the mean over the group. A group whose images have one time has no drift.
-Source: Ackermann 1984, Friess 1986; photogrammetry.md F11.
+Source: Ackermann 1984, Friess 1986; docs/formulas.md 5.3.
 """
 
 from __future__ import annotations

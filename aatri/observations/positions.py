@@ -3,7 +3,7 @@
     v = X0 + R a - X_observed,    dv/dX0 = I,    dv/dd = -[R a]x
 
 a is the lever arm, antenna minus projection centre in the axes of the camera; zero where the projection centre itself
-was observed. Positions of a drift group are a kind of their own, see `drift`. Source: photogrammetry.md F11.
+was observed. Positions of a drift group are a kind of their own, see `drift`. Source: docs/formulas.md 5.2.
 """
 
 from __future__ import annotations

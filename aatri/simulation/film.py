@@ -4,7 +4,7 @@ Film, per image: comparator = T (I + A) photo + t with A = (sx, g; 0, sy): diffe
 the film, and T, t a small rotation and the shift of the film on the comparator. Fiducial marks and image points go the
 same way, so that an affine interior orientation takes all of it back.
 Digital: column = x / pixel + columns / 2, row = rows / 2 - y / pixel, origin at the top left corner, rows down.
-Source: photogrammetry.md F5.
+Source: docs/formulas.md 2.2.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
     m + correction(m) = q                    lens: m is what lands on the image, correction that of the calibration
     photo = m + principal point
 
-K = [2410 H / (H^2 - 6 H + 250) - 2410 h / (h^2 - 6 h + 250) h/H] 1e-6 rad (ARDC 1959, photogrammetry.md F2), H and h
+K = [2410 H / (H^2 - 6 H + 250) - 2410 h / (h^2 - 6 h + 250) h/H] 1e-6 rad (ARDC 1959, docs/formulas.md 2.3), H and h
 the heights of station and terrain above sea level in km. `radial` displaces along the image radius, as the usual
 correction assumes; `vertical_plane` displaces each ray in the vertical plane through it, the same equation holding
 for the tangent of its nadir angle: t - K (t + t^3) = t_ideal.

@@ -10,7 +10,7 @@ at random on a wavy terrain; every ray goes through the physical forward model
 terrain and points stay the same when an effect is switched, but for points that leave the format. The a-priori
 standard deviations stay in the block when the noise is switched off. A tangent frame has no false origin.
 
-Sources: photogrammetry.md F2 (refraction), F4 (lens), F5 (film); C.1, E26 (the RC-30 block).
+Sources: docs/formulas.md 2.3 (refraction), 2.5 (lens), 2.2 (film), 4.6 (the RC-30 block).
 """
 
 from __future__ import annotations

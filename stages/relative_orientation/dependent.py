@@ -11,7 +11,7 @@ No approximate values are needed. Points with a wrong y-parallax are rejected by
 Errors of x of a point in two images cannot be seen here, and left and right cannot be told apart: the suspect names
 the right image's measurement.
 
-Source: photogrammetry.md A301-A311, F6; see aatri/orientation/relative/dependent.py
+Source: docs/formulas.md 3.2; see aatri/orientation/relative/dependent.py
 and, for the compiled loop over the pairs, pairs.py.
 """
 

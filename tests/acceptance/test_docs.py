@@ -10,6 +10,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 INDEX = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
+TEXTS = [
+    path
+    for folder in ("aatri", "stages", "docs")
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.suffix in (".py", ".md")
+]
 VARIANTS = sorted(path for path in (ROOT / "stages").glob("*/*.py") if not path.name.startswith("_"))
 
 
@@ -23,7 +29,9 @@ def test_every_page_is_in_the_index() -> None:
     assert [page.name for page in PAGES if page.name != "README.md" and page.resolve() not in listed] == []
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page", [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: str(page.relative_to(ROOT))
+)
 def test_links_and_named_tests_exist(page: Path) -> None:
     named = re.findall(r"`(tests/[\w/]+\.py)`", page.read_text(encoding="utf-8")) if "methods" in page.parts else []
     assert [str(path) for path in [*_targets(page), *(ROOT / name for name in named)] if not path.exists()] == []
@@ -32,3 +40,28 @@ def test_links_and_named_tests_exist(page: Path) -> None:
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_every_method_is_named_in_the_index(variant: Path) -> None:
     assert f"`{variant.stem}`" in INDEX or f"`{variant.parent.name}/{variant.stem}`" in INDEX
+
+
+def test_every_cited_formula_is_in_the_collection() -> None:
+    formulas = set(re.findall(r"^### (\d+\.\d+) ", (ROOT / "docs" / "formulas.md").read_text(encoding="utf-8"), re.M))
+    cited = {
+        (str(path.relative_to(ROOT)), number)
+        for path in TEXTS
+        for numbers in re.findall(
+            r"formulas\.md\s+(\d+\.\d+(?:[^.;:]{0,16}?,\s+\d+\.\d+)*)", path.read_text(encoding="utf-8")
+        )
+        for number in re.findall(r"\d+\.\d+", numbers)
+    }
+    assert len(cited) >= 25
+    assert sorted((path, number) for path, number in cited if number not in formulas) == []
+
+
+def test_nothing_is_cited_that_is_not_in_the_repository() -> None:
+    """Code and pages name a `.md` file by its path in the repository, from its own folder or by its name alone."""
+    names = {page.name for page in [*PAGES, *ROOT.glob("*.md")]}
+    cited = {
+        (str(path.relative_to(ROOT)), Path(name).name)
+        for path in TEXTS
+        for name in re.findall(r"[\w./-]+\.md\b", path.read_text(encoding="utf-8"))
+    }
+    assert sorted((path, name) for path, name in cited if name not in names) == []

@@ -1,4 +1,4 @@
-"""The corrections that undo the forward model, written here on their own (photogrammetry.md F2, F3, F4)."""
+"""The corrections that undo the forward model, written here on their own (docs/formulas.md 2.3, 2.4, 2.5)."""
 
 import numpy as np
 

@@ -56,7 +56,7 @@ def test_in_a_map_the_curvature_correction_leaves_what_the_scale_of_heights_make
 
 
 def test_refraction_has_the_size_of_the_table():
-    # photogrammetry.md F2: r = 100 mm, c = 152 mm; (H, h) in km -> micrometres
+    # docs/formulas.md 2.3: r = 100 mm, c = 152 mm; (H, h) in km -> micrometres
     for H, h, micrometres in ((0.4, 0.02, 0.56), (1, 0, 1.41), (4, 0, 5.71), (9, 0, 11.2)):
         K = forward.refraction_constant_rad(np.array([H]), h)
         displaced = forward.refracted_radially(np.array([[60.0, 80.0]]), K, 152.0)

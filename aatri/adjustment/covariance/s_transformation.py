@@ -14,7 +14,7 @@ only its own part of Z = Q_s G, d solves for all of them together:
 
 What the observations determine, residuals and redundancy numbers, does not change, since J H = 0.
 
-Source: Baarda 1973, S-transformations and criterion matrices; photogrammetry.md F17.
+Source: Baarda 1973, S-transformations and criterion matrices; docs/formulas.md 6.6.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ vertices (images) and in unknowns. The border is left out: vertices that very ma
 place (cameras, strips); in a bordered band they stand beside the band. Stored elements and work are those of the
 fronts, in which bands are some forty vertices wide.
 
-Source: photogrammetry.md A1002-A1006.
+Source: docs/formulas.md 4.4.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ Vertices of unknown position, and those with very many neighbours (shared camera
 A chain takes the vertices in a given order, some forty to a node, each node followed by the next: numbered across the
 strips it is the band of the textbook, with a border the bordered band.
 
-Source: George 1973; Koenig 1931; photogrammetry.md A1002-A1006.
+Source: George 1973; Koenig 1931; docs/formulas.md 4.4.
 """
 
 from __future__ import annotations

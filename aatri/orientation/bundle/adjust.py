@@ -6,7 +6,7 @@ Observations are of any kind (`aatri.observations.kinds`): image points (colline
 positions, distances ..., and the priors of the weighted parameters. Exact coordinates are held, other exact
 observations are constraints. Coordinates are reduced to an origin near the block before any arithmetic.
 
-Source: Kraus, Photogrammetry; photogrammetry.md A901-A910, A1101-A1107.
+Source: Kraus, Photogrammetry; docs/formulas.md 4.5.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ Images get a place along the flight, in whole bases, and one across it, that of 
 of the positions do not mix the columns. Strips at more than 45 degrees to the common direction are cross strips: they
 keep their own places, and widen the band.
 
-Source: lecture notes of Wuhan University on bundle block adjustment; photogrammetry.md A1002.
+Source: lecture notes of Wuhan University on bundle block adjustment; docs/formulas.md 4.4.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ observations of the point, X = S^-1 sum W_o x_o, and with J = dx/dt what remains
     N = sum B'W B = sum_o J_o'W_o J_o - sum_(o,p) (W_o J_o)' S^-1 W_p J_p,   g = sum B'W v = sum J'W v,
 
 (o, p) running over the pairs of observations of each point. For k strips of equal weight this is the factor
-(I - 11'/k): own block (k-1)/k, mutual block -1/k, for any number of strips (photogrammetry.md E10, E12).
+(I - 11'/k): own block (k-1)/k, mutual block -1/k, for any number of strips (docs/formulas.md 4.3).
 
 Cofactors of the residuals: Qvv = W_o^-1 - S^-1 - B_o Q B_o' with Q = N^-1.
 """

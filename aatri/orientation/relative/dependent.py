@@ -13,7 +13,7 @@ lead to a solution with few rejections and all points in front, the essential ma
 Only the y-parallax is seen: an error of x in an image point, along the epipolar line, moves the model point and
 nothing else; and whether the left or the right image point is wrong cannot be told.
 
-Source: photogrammetry.md A301-A311, F6; Mikhail, Bethel & McGlone, Introduction to Modern Photogrammetry, 5.
+Source: docs/formulas.md 3.2; Mikhail, Bethel & McGlone, Introduction to Modern Photogrammetry, 5.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ it gives R = Rz(kappa) and a base along t.
 No orientation: too few points; the same coordinates in both images; images that differ by a rotation only (no base);
 points on a line.
 
-Source: photogrammetry.md A310, A311; reliability.md cases 47-49, 54.
+Source: docs/formulas.md 3.3.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Each image is a problem of its own with six unknowns, X0 and the increment d (R 
 on the collinearity equations from approximate orientations, one compiled loop over the images. Gross errors are held
 down by Huber weights at `HUBER` standard deviations of the image's own spread.
 
-Source: Kraus, Photogrammetry; photogrammetry.md A906.
+Source: Kraus, Photogrammetry; docs/formulas.md 3.7.
 """
 
 from __future__ import annotations

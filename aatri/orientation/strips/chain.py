@@ -7,7 +7,7 @@ k (the product of the scale factors of all joints before it), rotations and proj
 
 A point of several models is the mean of its positions, weighted by the inverse of their covariances.
 
-Source: photogrammetry.md A404-A410.
+Source: Kraus, Photogrammetry, strips; docs/formulas.md 3.6.
 """
 
 from __future__ import annotations

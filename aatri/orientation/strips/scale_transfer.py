@@ -14,7 +14,7 @@ that follows, after data snooping from the median.
 Rotations need no common points: they are chained through the common image. The observation equations are those of
 `log_scale`; this is the way of a single joint, `strips.joints` sends many through a compiled loop.
 
-Source: photogrammetry.md A405-A407 (there k = (Z2a - Bza) / Z1b, the mean of three points).
+Source: docs/formulas.md 3.5 (of the textbook k = (Z2a - Bza) / Z1b, the mean of three points).
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ C = np.array([152.0])
 AT_100_MM = np.array([[60.0, 80.0]])
 
 
-# photogrammetry.md F2: r = 100 mm, c = 152 mm
+# docs/formulas.md 2.3: r = 100 mm, c = 152 mm
 @pytest.mark.parametrize(
     ("station_m", "terrain_m", "inwards_um"), [(400, 20, 0.56), (1000, 0, 1.41), (4000, 0, 5.71), (9000, 0, 11.2)]
 )
@@ -25,7 +25,7 @@ def test_refraction_anchors(station_m: float, terrain_m: float, inwards_um: floa
     assert correction[0] @ AT_100_MM[0] < 0
 
 
-# photogrammetry.md F3: r = 100 mm, c = 152 mm
+# docs/formulas.md 2.4: r = 100 mm, c = 152 mm
 @pytest.mark.parametrize(("height_m", "outwards_um"), [(380, 1.3), (4000, 13.6), (9000, 30.6)])
 def test_earth_curvature_anchors(height_m: float, outwards_um: float) -> None:
     correction = earth_curvature_correction(AT_100_MM, np.array([height_m]), C)

@@ -76,7 +76,7 @@ def test_rc30_pair(shared_data: Path, photo: str, sigma0_um: float) -> None:
 
 
 def test_film_deformation_is_recovered_exactly() -> None:
-    # photogrammetry.md A202: scales 1.0003 and 0.9998, shear of 20 seconds
+    # film deformation (docs/formulas.md 2.2): scales 1.0003 and 0.9998, shear of 20 seconds
     shear = np.deg2rad(20 / 3600)
     film = np.array([[1.0003, shear], [0.0, 0.9998]])
     measured = CORNERS @ film.T + [150.0, 140.0]
