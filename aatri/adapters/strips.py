@@ -17,6 +17,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
 from aatri.orientation.free_block.component_growth import StripPoints
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
@@ -36,9 +37,10 @@ def strip_points_of(strips: Strips) -> StripPoints:
 
 
 def tested(
-    *, kind: str, row: Int, image: Text, point: Text, stage: str, size_m: Float, test: Float, began: Bool, active: Bool
-) -> Suspects:
-    """Suspects of one kind of observation: what was rejected, and what was rejected before and is believed again.
+    *, kind: str, row: Int, image: Text, point: Text, stage: str, size_m: Float, test: Float, began: Bool, active: Bool,
+    above: Bool,
+) -> Suspects:  # fmt: skip
+    """Suspects of one kind of observation: what was rejected, was rejected before and is believed again, or is kept.
 
     Parameters
     ----------
@@ -49,8 +51,10 @@ def tested(
     test : (n,) float64
     began, active : (n,) bool
         Used before and after the test.
+    above : (n,) bool
+        Used although above the limit.
     """
-    listed = np.flatnonzero(~active | ~began)
+    listed = np.flatnonzero(~active | ~began | above)
     size, statistic = np.sqrt(np.nansum(size_m[listed] ** 2, axis=1)), test[listed]
     known = np.isfinite(statistic) & (statistic > 0)
     return Suspects(
@@ -63,20 +67,42 @@ def tested(
         unit=np.full(len(listed), "m"),
         sigma=np.where(known, size / np.where(known, statistic, 1.0), np.nan),
         test=statistic,
-        verdict=np.where(active[listed], "readmitted", "rejected"),
+        verdict=np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected"),
     )
 
 
 def rejected_before(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
     """Which observations, by the ids of image (or strip) and point, an earlier stage has rejected: (n,) bool."""
     rows = np.flatnonzero((suspects.kind == kind) & (suspects.verdict == "rejected"))
+    if not len(rows):
+        return np.zeros(len(image), dtype=bool)
     known = set(zip(suspects.image[rows].tolist(), suspects.point[rows].tolist()))
     return np.array([pair in known for pair in zip(image.tolist(), point.tolist())], dtype=bool)
 
 
-def carried_on(suspects: Suspects, *kinds: str) -> Suspects:
-    """Suspects of an earlier stage without the kinds that are tested anew."""
-    return suspects.take(~np.isin(suspects.kind, kinds))
+def rejected_rows(suspects: Suspects, kind: str, row: Int) -> Bool:
+    """Which observations of a kind, by their rows in the Block, an earlier stage has rejected: (n,) bool."""
+    rejected = suspects.row[(suspects.kind == kind) & (suspects.verdict == "rejected")]
+    return np.asarray(np.isin(row, rejected[rejected >= 0]))
+
+
+def usable_ties(strips: Strips) -> Bool:
+    """Strip points that no earlier stage has rejected, (n,) bool."""
+    table = strips.strip_points
+    names = strips.strips.id[table.strip], strips.points.id[table.point]
+    return ~rejected_before(strips.suspects, "strip_tie", *names)
+
+
+def most_models(strips: Strips) -> int:
+    """Models of the longest strip."""
+    return int(np.bincount(strips.strip_images.strip).max(initial=1)) - 1
+
+
+def left_out(block: Block, oriented: Bool) -> list[Note]:
+    """A warning that names the images in use that are not oriented."""
+    left = np.flatnonzero(~oriented & block.images.active)
+    text = f"not oriented ({len(left)} of {len(block.images)} images)"
+    return [Note("warning", text, tuple(block.images.id[left].tolist()))] if len(left) else []
 
 
 def similarity_rows(name: str, similarity: Similarity, origin_m: Float) -> StripTransformations:

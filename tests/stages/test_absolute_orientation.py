@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.errors import GeometryError
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import log_rotation
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from tests.made_strips import Heard, MadeBlock
@@ -178,3 +179,63 @@ def test_no_strips_at_all_is_an_error():
     )
     with pytest.raises(GeometryError, match="no strips"):
         similarity(made.block(), empty, made.image_points())
+
+
+def _suspected(made, kind, row, image="", point=""):
+    from dataclasses import replace
+
+    strips = made.strips()
+    one = replace(
+        Suspects.empty(), kind=[kind], row=[row], image=[image], point=[point], stage=["strip_formation"], size=[1.0],
+        unit=["m"], sigma=[0.1], test=[10.0], verdict=["rejected"],
+    )  # fmt: skip
+    return replace(strips, suspects=one)
+
+
+@pytest.mark.parametrize(("kind", "row"), [("control", 3), ("position", 2)])
+@pytest.mark.parametrize("wrong", [True, False])
+def test_what_an_earlier_stage_rejected_begins_outside_and_is_tested_again(kind, row, wrong):
+    made = MadeBlock(3, 6, noise_m=0.01)
+    points = list(range(0, len(made.truth), 6))
+    made.control(points, sigma_m=0.02)
+    error = np.zeros((18, 3))
+    if wrong and kind == "control":
+        made.control([points[row]], sigma_m=0.02, error_m=(0, 0, 5.0))
+    elif wrong:
+        error[row] = [5.0, 0, 0]
+    made.positions(range(18), error_m=error)
+    solution = similarity(made.block(), _suspected(made, kind, row), made.image_points())
+    suspects = solution.suspects
+    assert suspects.kind.tolist() == [kind]
+    assert suspects.row.tolist() == [row]
+    assert suspects.verdict.tolist() == ["rejected" if wrong else "readmitted"]
+    assert suspects.stage.tolist() == ["absolute_orientation"]
+    assert np.isfinite(suspects.test).all()
+    if wrong:
+        assert suspects.size[0] == pytest.approx(5.0, abs=0.5)
+        assert suspects.sigma[0] < 1.0
+
+
+def test_control_that_is_rejected_does_not_count_as_datum():
+    made = MadeBlock(2, 6, noise_m=0.005)
+    line = np.flatnonzero(np.abs(made.truth[:, 1] - made.truth[:, 1].min()) < 8)
+    made.control(line, sigma_m=0.01)
+    off = made.corners()[1]
+    made.control([off], roles=(0, 0, 1), sigma_m=0.01)
+    block, strips = made.block(), made.strips()
+    row = block.ground_points.point.tolist().index(off)
+    rejected = _suspected(made, "control", row, point=str(block.points.id[off]))
+    made.control([off], roles=(0, 0, 1), sigma_m=0.01, error_m=(0, 0, 30.0))
+    with pytest.raises(GeometryError, match="rotation about the line") as raised:
+        similarity(made.block(), rejected, made.image_points())
+    assert f"rejected: point p{off:03d}" in str(raised.value)
+    similarity(block, strips, made.image_points())
+
+
+def test_sigma0_beyond_what_deformation_explains_is_an_error():
+    made = MadeBlock(3, 5, noise_m=0.02)
+    made.control(made.corners(), sigma_m=0.02)
+    _, heard = _oriented(made)
+    assert any("95 %" in line for line in heard.lines)
+    with pytest.raises(ConvergenceError, match="beyond max_sigma0"):
+        _oriented(made, max_sigma0=0.1)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.errors import GeometryError
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import log_rotation
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from aatri.stages.strip_adjustment.polynomial import PolynomialOptions, polynomial
@@ -100,3 +101,59 @@ def test_an_initial_solution_without_orientations_is_refused():
     )
     with pytest.raises(GeometryError, match="orients no strip"):
         polynomial(block, points, strips, replace(initial, images=nothing))
+
+
+def test_ties_of_right_control_are_not_rejected_for_one_that_is_wrong():
+    made = MadeBlock(3, 4, noise_m=0.003)
+    corners = made.corners()
+    made.control(corners, sigma_m=0.01).control(corners[:1], sigma_m=0.01, error_m=(3.0, 0, 0))
+    _, solution, heard = _adjusted(made)
+    suspects = solution.suspects
+    rejected = suspects.verdict == "rejected"
+    assert np.isfinite(suspects.test[rejected]).all()
+    assert np.isfinite(suspects.sigma[rejected]).all()
+    assert (suspects.kind[rejected] == "control").all()
+    assert rejected.sum() <= 1
+    kept = suspects.point[suspects.verdict == "kept"]
+    assert all(any(point in text for text in heard.warnings if "not rejected" in text) for point in kept)
+
+
+def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_else_ties_it():
+    made = MadeBlock(3, 5, noise_m=0.005)
+    made.control(range(0, len(made.truth), 4), sigma_m=0.01)
+    block, points, strips = made.block(), made.image_points(), made.strips()
+    initial = similarity(block, strips, points)
+    from dataclasses import replace
+
+    single = np.flatnonzero(np.bincount(strips.strip_points.point) == 1)
+    point = int(single[np.isin(single, block.ground_points.point)][0])
+    row = int(np.flatnonzero(strips.strip_points.point == point)[0])
+    suspects = replace(
+        Suspects.empty(), kind=["strip_tie"], row=[-1], image=strips.strips.id[strips.strip_points.strip[[row]]],
+        point=block.points.id[[point]], stage=["absolute_orientation"], size=[0.0], unit=["m"], sigma=[np.nan],
+        test=[np.nan], verdict=["rejected"],
+    )  # fmt: skip
+    solution = polynomial(block, points, strips, replace(initial, suspects=suspects))
+    assert solution.suspects.verdict.tolist() == ["readmitted"]
+    assert np.isfinite(solution.points.xyz_m[point]).all()
+
+
+def test_strips_that_do_not_fit_control_at_all_are_an_error():
+    made = MadeBlock(3, 5, noise_m=0.01)
+    rng = np.random.default_rng(2)
+    made.control(range(0, len(made.truth), 5), sigma_m=0.01)
+    for p in list(made.given):
+        made.control([p], sigma_m=0.01, error_m=rng.normal(0, 60.0, 3))
+    with pytest.raises(ConvergenceError, match="beyond max_sigma0"):
+        _adjusted(made)
+
+
+def test_sigma0_is_told_with_what_is_expected_and_its_interval():
+    made = MadeBlock(3, 5, noise_m=0.02)
+    made.control(range(0, len(made.truth), 5), sigma_m=0.02)
+    _, solution, heard = _adjusted(made)
+    assert any("sigma0 with the deformation of the strips counted" in line and "95 %" in line for line in heard.lines)
+    assert any("sigma0 of control" in line for line in heard.lines)
+    assert heard.warnings == []
+    with pytest.raises(ConvergenceError, match="4 models"):
+        _adjusted(made, max_sigma0=0.1)

@@ -5,12 +5,12 @@
 with x the component's points or projection centres, b the lever arm along the component's axes in metres. Control may
 be full, plan only or height only; every coordinate has its role and its standard deviation. Components are deformed;
 the deformation tau added to the standard deviation of their points is estimated together with the unknowns, so that
-control of 2 cm and positions of 10 cm work together (orientation.tied_strips: each control point is an unknown ground
+control of 2 cm and positions of 10 cm work together (tied_adjustment: each control point is an unknown ground
 point, observed in the component and in the control). Wrong control is found by data snooping.
 
 Start: closed form of at least three full points that are not on a line; otherwise the component is levelled by the
 mean viewing direction of its images and fitted in plan. What control leaves open is found beforehand and named
-(orientation.datum_analysis).
+(datum_analysis).
 """
 
 from __future__ import annotations
@@ -19,20 +19,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
-from aatri.geometry.similarity import (
-    Similarity,
-    compose,
-    jacobian,
-    robust_closed_form,
-    transform,
-    transform_covariance,
-    updated,
-)
+from aatri.geometry.similarity import Similarity, compose, robust_closed_form, transform
+from aatri.ids import shown
 from aatri.orientation.free_block.datum_analysis import DatumAnalysis, analyse_datum
-from aatri.orientation.free_block.tie_elimination import Control, Linearised, observations_of
-from aatri.orientation.free_block.tied_adjustment import Problem, TiedResult, adjust_tied
+from aatri.orientation.free_block.similarity_ties import Similarities, similarities_of, similarity_ties
+from aatri.orientation.free_block.tie_records import GivenPoints
+from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_tied
 
 CONTROL_LIMIT = 5.0
 """Test statistic of wrong control; larger than for pure noise, as a component is deformed smoothly."""
@@ -58,6 +53,8 @@ class Datum:
         Zero where exact.
     given : (n, 3) bool
         Coordinates that are known.
+    n_control : int, optional
+        The first rows are control points, the others positions; default: all are control points.
     """
 
     name: tuple[str, ...]
@@ -67,6 +64,7 @@ class Datum:
     xyz_m: Float
     covariance_m2: Float
     given: Bool
+    n_control: int | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ class OrientedComponent:
     residual_m: Float
     active: Bool
     analysis: DatumAnalysis
-    tied: TiedResult[Similarity]
+    tied: TiedResult[Similarities]
 
 
 def orient_component(
@@ -126,22 +124,30 @@ def orient_component(
     if active is not None:
         use = use & active
     rotation, closed = _attitude(datum, up, use)
-    analysis = analyse_datum(
-        datum.x[use] @ rotation.T, datum.given[use], [datum.name[k] for k in np.flatnonzero(use)], body @ rotation.T
-    )
-    if analysis.open or analysis.defect:
-        raise GeometryError(_undetermined(datum, use, analysis, what), remedy=_remedy(analysis))
+    _analysed(datum, use, rotation, body, what)
     start = closed if closed is not None else _levelled_start(datum, rotation, use, what)
     tied, centre = _adjust(datum, start, use, limit, what)
     n = len(datum.x)
-    similarity = compose(tied.state, Similarity(-centre, 1.0, np.eye(3)))
+    kept = tied.active[n:] & datum.given.any(1)
+    similarity = compose(tied.state[0], Similarity(-centre, 1.0, np.eye(3)))
     if float((similarity.rotation @ up)[2]) < 0:
         raise GeometryError(
             f"{what}: oriented by its control the images look upwards, so the control is mirrored",
             remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]",
         )
+    # What remains must still determine the component: rejected control does not count.
+    analysis = _analysed(datum, kept, similarity.rotation, body, what)
     residual = transform(similarity, datum.x, datum.offset_m) - datum.xyz_m
     return OrientedComponent(similarity, np.where(datum.given, residual, np.nan), tied.active[n:], analysis, tied)
+
+
+def _analysed(datum: Datum, use: Bool, rotation: Float, body: Float, what: str) -> DatumAnalysis:
+    """What the used rows determine, in a levelled frame; an error if that is not all."""
+    names = [datum.name[k] for k in np.flatnonzero(use)]
+    analysis = analyse_datum(datum.x[use] @ rotation.T, datum.given[use], names, body @ rotation.T)
+    if analysis.open or analysis.defect:
+        raise GeometryError(_undetermined(datum, use, analysis, what), remedy=_remedy(analysis))
+    return analysis
 
 
 def _attitude(datum: Datum, up: Float, use: Bool) -> tuple[Float, Similarity | None]:
@@ -191,27 +197,24 @@ def _levelled_start(datum: Datum, rotation: Float, use: Bool, what: str) -> Simi
 
 def _adjust(
     datum: Datum, start: Similarity, use: Bool, limit: float, what: str
-) -> tuple[TiedResult[Similarity], Float]:
+) -> tuple[TiedResult[Similarities], Float]:
     n = len(datum.x)
     centre = datum.x[use].mean(0)
-    x = datum.x - centre
-    given_m = np.where(datum.given, datum.xyz_m, 0.0)
-    control = Control(np.arange(n), given_m, datum.covariance_m2, datum.given)
-    observations = observations_of(np.zeros(n, dtype=np.int64), np.arange(n), n, control)
-
-    def linearise(similarity: Similarity) -> Linearised:
-        J = np.concatenate([jacobian(similarity, x, datum.offset_m), np.zeros((n, 3, 7))])
-        C = transform_covariance(similarity, datum.covariance)
-        return Linearised(
-            np.concatenate([transform(similarity, x, datum.offset_m), given_m]),
-            J,
-            np.concatenate([C, datum.covariance_m2]),
-        )
-
-    problem = Problem(observations, linearise, updated, f"absolute orientation of {what}")
-    begin = compose(start, Similarity(centre, 1.0, np.eye(3)))
+    ties = similarity_ties(
+        np.zeros(n, dtype=np.int32), np.arange(n), datum.x - centre, datum.covariance, names=[what], n_points=n,
+        offset_m=datum.offset_m,
+    )  # fmt: skip
+    first = n if datum.n_control is None else datum.n_control
+    kinds = {"control": np.arange(first), "position": np.arange(first, n)}
+    given = [
+        GivenPoints(kind, of, datum.xyz_m[of], datum.covariance_m2[of], datum.given[of])
+        for kind, of in kinds.items()
+        if len(of)
+    ]
+    begin = similarities_of([compose(start, Similarity(centre, 1.0, np.eye(3)))])
     active = np.concatenate([np.ones(n, dtype=bool), use])
-    return adjust_tied(problem, begin, limit=limit, active=active), centre
+    what = f"absolute orientation of {what}"
+    return adjust_tied(ties, given, begin, Snooping(limit), what=what, active=active), centre
 
 
 def _counts(datum: Datum, use: Bool) -> str:
@@ -223,9 +226,12 @@ def _counts(datum: Datum, use: Bool) -> str:
 
 
 def _undetermined(datum: Datum, use: Bool, analysis: DatumAnalysis, what: str) -> str:
-    if not use.any():
+    if not datum.given.any():
         return f"{what}: not determined, it holds no control point and no observed position"
-    return f"{what}: not determined: {', '.join(analysis.open)} (control and observed positions: {_counts(datum, use)})"
+    out = [name for name, used, given in zip(datum.name, use, np.asarray(datum.given.any(1))) if given and not used]
+    rejected = f"; rejected: {shown(out)}" if out else ""
+    open_ = ", ".join(analysis.open) or f"{analysis.defect} of the seven parameters"
+    return f"{what}: not determined: {open_} (control and observed positions: {_counts(datum, use)}{rejected})"
 
 
 def _remedy(analysis: DatumAnalysis) -> str:

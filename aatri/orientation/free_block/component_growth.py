@@ -99,7 +99,8 @@ def _tie(points: StripPoints, member: Int, pose: list[Similarity], a: int, b: in
         return Tie(IDENTITY, np.inf, len(X))
     similarity, distance = robust_closed_form(x, X)
     noise = np.sqrt(np.median(variance_a + similarity.scale**2 * variance_b))
-    sigma = max(float(noise), float(np.median(distance)) / 1.5 if len(X) > 3 else 0.0)
+    # Three points are fitted by seven parameters: two of nine coordinates are left over.
+    sigma = max(float(noise), float(np.median(distance)) / 1.5 if len(X) > 3 else float(np.linalg.norm(distance)) / 1.5)
     fitting = distance <= 10 * max(sigma, float(np.median(distance)))
     if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
         return Tie(similarity, np.inf, len(X))

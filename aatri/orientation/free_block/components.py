@@ -1,8 +1,8 @@
 """Free components: strips, each in a frame of its own, joined to each other by common points.
 
-1. Components grow from single strips, the best tied pair first (orientation.component_growth).
+1. Components grow from single strips, the best tied pair first (component_growth).
 2. All strips of a component are then adjusted together as similarities of seven unknowns each, the common points
-   eliminated (orientation.tied_strips), one strip held; wrong ties are found by data snooping.
+   eliminated (tied_adjustment), one strip held; wrong ties are found by data snooping.
 
 The frame and unit of a component are those of the strip with most points.
 """
@@ -14,20 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.similarity import (
-    IDENTITY,
-    Similarity,
-    compose,
-    inverse,
-    jacobian,
-    transform,
-    transform_covariance,
-    updated,
-)
+from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
 from aatri.orientation.free_block.component_growth import StripPoints, Tie, grow_components
-from aatri.orientation.free_block.tie_elimination import Linearised, observations_of
-from aatri.orientation.free_block.tied_adjustment import Problem, TiedResult, adjust_tied
+from aatri.orientation.free_block.similarity_ties import Similarities, similarities_of, similarity_ties
+from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_tied
 
 GROSS = 30.0
 """Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
@@ -62,7 +54,7 @@ class Component:
     point: Int
     xyz: Float
     covariance: Float
-    tied: TiedResult[list[Similarity]] | None
+    tied: TiedResult[Similarities] | None
 
 
 @dataclass(frozen=True)
@@ -125,50 +117,44 @@ def _adjusted(
     local = np.searchsorted(strips, mine.strip)
     held = int(np.argmax(np.bincount(local, minlength=len(strips))))
     to_held = inverse(pose[held])
-    centre = np.stack([mine.xyz[local == k].mean(0) for k in range(len(strips))])
+    centre = _means(mine.xyz, local, len(strips))
     start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
-    reduced = mine.xyz - centre[local]
-
-    def linearise(state: list[Similarity]) -> Linearised:
-        xyz, J, C = np.empty_like(reduced), np.zeros((len(reduced), 3, 7)), np.empty_like(mine.covariance)
-        for k, similarity in enumerate(state):
-            of = local == k
-            xyz[of] = transform(similarity, reduced[of])
-            J[of] = jacobian(similarity, reduced[of])
-            C[of] = transform_covariance(similarity, mine.covariance[of])
-        return Linearised(xyz, J, C)
-
-    def update(state: list[Similarity], dx: Float) -> list[Similarity]:
-        moving = [k for k in range(len(state)) if k != held]
-        steps = dict(zip(moving, dx.reshape(-1, 7)))
-        return [updated(s, steps[k]) if k in steps else s for k, s in enumerate(state)]
-
+    ties = similarity_ties(
+        local, point, mine.xyz - centre[local], mine.covariance, names=[names[k] for k in strips],
+        n_points=len(number), free=np.arange(len(strips)) != held,
+    )  # fmt: skip
+    begin = similarities_of(start)
+    active = use[rows] & _plausible(ties.on_ground(begin, ties.rows)[0], ties.spectrum(begin)[0].sum(axis=1), point)
     what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
-    problem = Problem(observations_of(local, point, len(number), held=held), linearise, update, what)
-    active = use[rows] & _plausible(linearise(start), point)
-    tied = adjust_tied(problem, start, limit=limit, active=active)
-    component_from_strip = [compose(s, Similarity(-c, 1.0, np.eye(3))) for s, c in zip(tied.state, centre)]
-    solved = np.isfinite(tied.point_m).all(1)
-    return Component(strips, tuple(component_from_strip), rows, number[solved], tied.point_m[solved],
-                     tied.point_covariance_m2[solved], tied)  # fmt: skip
+    tied = adjust_tied(ties, (), begin, Snooping(limit), what=what, active=active)
+    component_from_strip = [compose(tied.state[k], Similarity(-c, 1.0, np.eye(3))) for k, c in enumerate(centre)]
+    solved = np.isfinite(tied.mean_m).all(1)
+    return Component(strips, tuple(component_from_strip), rows, number[solved], tied.mean_m[solved],
+                     tied.mean_covariance_m2[solved], tied)  # fmt: skip
 
 
-def _plausible(linear: Linearised, point: Int) -> Bool:
+def _means(xyz: Float, of: Int, n: int) -> Float:
+    """Mean coordinates of each strip."""
+    count = np.bincount(of, minlength=n)
+    return np.stack([np.bincount(of, column, n) for column in xyz.T], axis=1) / count[:, None]
+
+
+def _plausible(xyz: Float, variance: Float, point: Int) -> Bool:
     """Points of strips without the grossest errors, which least squares would not survive, by the robust start.
 
     A point is compared with the median over its strips; of two that disagree the less precise is set aside. What was
     set aside too much is re-admitted by its test.
     """
     order = np.argsort(point, kind="stable")
-    median = np.stack([_medians(point[order], column[order]) for column in linear.xyz_m.T], axis=1)
-    distance = np.linalg.norm(linear.xyz_m - median[point], axis=1)
+    median = np.stack([_medians(point[order], column[order]) for column in xyz.T], axis=1)
+    distance = np.linalg.norm(xyz - median[point], axis=1)
     shared = np.bincount(point)[point] > 1
     if not shared.any():
         return np.ones(len(point), dtype=bool)
-    least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(linear.xyz_m).max()))
+    least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(xyz).max()))
     gross = shared & (distance > least)
     pair = np.bincount(point)[point] == 2
-    precise = np.lexsort((np.einsum("nii->n", linear.covariance_m2), point))
+    precise = np.lexsort((variance, point))
     first = np.zeros(len(point), dtype=bool)
     first[precise[np.diff(point[precise], prepend=-1) > 0]] = True
     return np.asarray(~(gross & ~(pair & first)))

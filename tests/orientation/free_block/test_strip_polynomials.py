@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from aatri.geometry.polynomials import correction_design, strip_axes
+from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.strip_polynomials import adjust_strip_polynomials
-from aatri.orientation.free_block.tie_elimination import Control
 
 RNG = np.random.default_rng(21)
 
@@ -40,7 +40,12 @@ def _block(n_strips=3, noise_m=0.0, bend_m=0.3, degree_terms=5):
 
 def _control(truth, rows, given=(True, True, True), sigma=0.0):
     rows = np.asarray(rows)
-    return Control(rows, truth[rows], np.tile(np.eye(3) * sigma**2, (len(rows), 1, 1)), np.tile(given, (len(rows), 1)))
+    return _as_control(rows, truth[rows], sigma, np.tile(given, (len(rows), 1)))
+
+
+def _as_control(rows, xyz_m, sigma, given):
+    covariance = np.tile(np.eye(3) * sigma**2, (len(rows), 1, 1))
+    return Control(np.arange(len(rows)), rows, xyz_m, covariance, given & (sigma > 0), given & (sigma == 0))
 
 
 def test_second_degree_deformation_is_recovered_with_enough_control():
@@ -82,7 +87,7 @@ def test_plan_and_height_fall_apart():
     given = control.given.copy()
     given[:, :2] = np.isin(heights, plan)[:, None]
     found = adjust_strip_polynomials(single, len(truth), axes[:1],
-                                     Control(control.point, control.xyz_m, control.covariance_m2, given))  # fmt: skip
+                                     _as_control(control.point, control.xyz_m, 0.0, given))  # fmt: skip
     assert found.degree[0, 1] == 2
     assert found.degree[0, 0] < 2
 
@@ -115,7 +120,7 @@ def test_a_wrong_tie_and_wrong_control_are_rejected():
     xyz[tie] += [0.0, 0.7, 0.0]
     found = adjust_strip_polynomials(
         StripPoints(points.strip, points.point, xyz, points.covariance), len(truth), axes,
-        Control(control.point, wrong_control, control.covariance_m2, control.given),
+        _as_control(control.point, wrong_control, 0.01, control.given),
     )  # fmt: skip
     n = len(points.strip)
     assert np.flatnonzero(~found.tied.active).tolist() == [tie, n + 9]

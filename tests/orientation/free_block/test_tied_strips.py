@@ -2,112 +2,146 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from aatri.orientation.free_block.tie_elimination import Control, Linearised, eliminate, observations_of, whitening
-from aatri.orientation.free_block.tied_adjustment import Problem, adjust_tied
+from aatri.adjustment.reference import reduced_matrix
+from aatri.adjustment.statistics.rejection import Snooping
+from aatri.adjustment.structure.layout import layout_of
+from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.orientation.free_block.tie_records import (
+    POINT,
+    STRIP,
+    GivenPoints,
+    Ties,
+    given_whitener,
+    tie_records,
+    tie_whitener,
+    typical_variance,
+)
+from aatri.orientation.free_block.tied_adjustment import adjust_tied
 
 RNG = np.random.default_rng(11)
 
 
-def _linear_problem(n_strips=3, n_points=8, unknowns=2, control=None):
+def _linear(strip, point, xyz, J, C, *, n_points, n_strips, held=None):
+    """Ties whose points move linearly with the unknowns of their strip."""
+    values, vectors = np.linalg.eigh(C)
+
+    def on_ground(state, rows):
+        return xyz[rows] + np.einsum("nik,nk->ni", J[rows], state[strip[rows]]), J[rows]
+
+    free = np.ones((n_strips, J.shape[2]), dtype=bool)
+    if held is not None:
+        free[held] = False
+    labels = tuple("abcdef"[: J.shape[2]])
+    unknowns = Unknowns(STRIP, free, labels, [str(k) for k in range(n_strips)], add_step)
+    return Ties(strip.astype(np.int32), point.astype(np.int32), on_ground, lambda _: (values, vectors), unknowns,
+                n_points)  # fmt: skip
+
+
+def _made(n_strips=3, n_points=8, unknowns=2):
     strip, point = (a.ravel() for a in np.indices((n_strips, n_points)))
     keep = RNG.random(len(strip)) < 0.8
     strip, point = strip[keep], point[keep]
-    observations = observations_of(strip, point, n_points, control)
-    n = len(observations.strip)
+    n = len(strip)
     J = RNG.normal(size=(n, 3, unknowns))
     root = RNG.normal(size=(n, 3, 3)) * 0.1
     C = root @ root.swapaxes(1, 2) + 0.01 * np.eye(3)
-    if control is not None:
-        C[len(strip) :] = control.covariance_m2
-    linear = Linearised(RNG.normal(size=(n, 3)), J, C)
-    return observations, linear
+    xyz = RNG.normal(size=(n, 3))
+    return _linear(strip, point, xyz, J, C, n_points=n_points, n_strips=n_strips)
 
 
-def _moved(observations, linear, t):
-    of_block = t.reshape(observations.n_blocks, -1)[observations.block] * (observations.block >= 0)[:, None]
-    return np.einsum("nik,nk->ni", linear.jacobian, of_block)
-
-
-def _dense(observations, linear, tau=0.0):
+def _dense(ties, given, tau):
     """Rows T (X - x - J t) with t and X as unknowns: (A, l) of A (t, X) = l."""
-    n, per_block = len(observations.strip), linear.jacobian.shape[2]
-    u = per_block * observations.n_blocks
-    T = whitening(observations, linear.covariance_m2, tau)
-    A = np.zeros((3 * n, u + 3 * observations.n_points))
-    for k, block in enumerate(observations.block):
-        if block >= 0:
-            A[3 * k : 3 * k + 3, per_block * block : per_block * (block + 1)] = -linear.jacobian[k]
-    for k, p in enumerate(observations.point):
-        A[3 * k : 3 * k + 3, u + 3 * p : u + 3 * p + 3] = np.eye(3)
-    A = np.einsum("nij,njk->nik", T, A.reshape(n, 3, -1)).reshape(3 * n, -1)
-    return A, np.einsum("nij,nj->ni", T, linear.xyz_m).ravel()
+    n, n_strips, per_strip = len(ties.strip), *ties.unknowns.free.shape
+    u = n_strips * per_strip
+    xyz, J = ties.on_ground(np.zeros((n_strips, per_strip)), ties.rows)
+    values, vectors = ties.spectrum(None)
+    T = np.concatenate([tie_whitener(values, vectors, tau), given_whitener(given, typical_variance(values, tau))])
+    m = n + len(given.point)
+    A, rhs = np.zeros((m, 3, u + 3 * ties.n_points)), np.concatenate([xyz, np.where(given.given, given.xyz_m, 0.0)])
+    for k in range(n):
+        A[k, :, per_strip * ties.strip[k] : per_strip * (ties.strip[k] + 1)] = -J[k]
+    for k, p in enumerate([*ties.point, *given.point]):
+        A[k, :, u + 3 * p : u + 3 * p + 3] = np.eye(3)
+    return np.einsum("nij,njk->nik", T, A).reshape(3 * m, -1), np.einsum("nij,nj->ni", T, rhs).ravel()
 
 
-def _control(n=2):
+def _given(n=2):
     given = np.array([[True, True, False], [True, True, True]])[:n]
-    return Control(np.array([0, 3])[:n], RNG.normal(size=(n, 3)), np.tile(0.04 * np.eye(3), (n, 1, 1)), given)
+    covariance = np.tile(0.04 * np.eye(3), (n, 1, 1))
+    return GivenPoints("control", np.array([0, 3])[:n], RNG.normal(size=(n, 3)), covariance, given)
 
 
-def test_eliminating_points_equals_rigorous_adjustment_with_points_as_unknowns():
-    observations, linear = _linear_problem(control=_control())
-    use = np.ones(len(observations.strip), dtype=bool)
-    system = eliminate(observations, linear, use, 0.0)
-    A, rhs = _dense(observations, linear)
-    full = np.linalg.lstsq(A, rhs, rcond=None)[0]
-    np.testing.assert_allclose(np.linalg.solve(system.N, system.g), full[: len(system.g)], rtol=1e-9, atol=1e-10)
+def _adjusted(ties, given, limit):
+    return adjust_tied(ties, given, np.zeros(ties.unknowns.free.shape), Snooping(limit), what="test")
 
 
 def test_a_point_in_k_strips_has_own_block_k_minus_1_over_k_and_mutual_block_minus_1_over_k():
     k = 4
-    observations = observations_of(np.arange(k), np.zeros(k, dtype=int), 1)
-    linear = Linearised(np.zeros((k, 3)), np.tile(np.eye(3), (k, 1, 1)),
-                        np.tile(np.eye(3), (k, 1, 1)))  # fmt: skip
-    N = eliminate(observations, linear, np.ones(k, dtype=bool), 0.0).N
+    eye = np.tile(np.eye(3), (k, 1, 1))
+    ties = _linear(np.arange(k), np.zeros(k, dtype=int), np.zeros((k, 3)), eye, eye, n_points=1, n_strips=k)
+    records = replace(tie_records(ties, np.zeros((1, 3))), whitener=eye)
+    unknowns = [ties.unknowns, Unknowns(POINT, np.ones((1, 3), dtype=bool), tuple("XYZ"), ["1"], add_step, True)]
+    state = {STRIP: np.zeros((k, 3)), POINT: np.zeros((1, 3))}
+    N = reduced_matrix(unknowns, [records], layout_of(unknowns, [records]), state)
     np.testing.assert_allclose(N, np.kron(np.eye(k) - np.ones((k, k)) / k, np.eye(3)), atol=1e-14)
 
 
 def test_results_and_tests_equal_the_dense_adjustment():
-    observations, linear = _linear_problem(n_points=12, control=_control())
-
-    def at(t):
-        return Linearised(linear.xyz_m + _moved(observations, linear, t), linear.jacobian, linear.covariance_m2)
-
-    problem = Problem(observations, at, lambda t, d: t + d, "test")
-    found = adjust_tied(problem, np.zeros(6), limit=1e9)
+    ties, given = _made(n_points=12), _given()
+    found = _adjusted(ties, [given], 1e9)
     assert found.tau_m > 0  # the made-up coordinates disagree by far more than their covariances say
-    A, rhs = _dense(observations, linear, found.tau_m)
+    A, rhs = _dense(ties, given, found.tau_m)
     A = A[:, np.linalg.norm(A, axis=0) > 0]
     Q = np.linalg.inv(A.T @ A)
     x = Q @ (A.T @ rhs)
     v = A @ x - rhs
-    np.testing.assert_allclose(found.state, x[:6], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.state.ravel(), x[:6], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.sigma.ravel(), np.sqrt(np.diag(Q)[:6]), rtol=1e-7)
     cofactor = np.eye(len(v)) - A @ Q @ A.T
-    k = 4  # any observation of a strip
-    rows = slice(3 * k, 3 * k + 3)
-    expected = np.sqrt(v[rows] @ np.linalg.solve(cofactor[rows, rows], v[rows]) / 3)
-    assert found.test[k] == pytest.approx(expected, rel=1e-6)
-    strips = np.repeat(observations.strip >= 0, 3)
-    assert (v[strips] ** 2).sum() == pytest.approx(np.diag(cofactor)[strips].sum(), rel=0.1)
+    n = len(ties.strip)
+    for k in range(n):
+        rows = slice(3 * k, 3 * k + 3)
+        if np.trace(cofactor[rows, rows]) < 1e-6:  # the only observation of its point
+            assert np.isnan(found.test[k])
+            continue
+        expected = np.sqrt(v[rows] @ np.linalg.solve(cofactor[rows, rows], v[rows]) / 3)
+        assert found.test[k] == pytest.approx(expected, rel=1e-6)
+    assert (v[: 3 * n] ** 2).sum() == pytest.approx(np.diag(cofactor)[: 3 * n].sum(), rel=0.1)
+
+
+def test_what_is_rejected_is_predicted_by_the_others():
+    ties, given = _made(n_points=12), _given()
+    out = 5
+    active = np.ones(len(ties.strip) + 2, dtype=bool)
+    active[out] = False
+    found = adjust_tied(ties, [given], np.zeros((3, 2)), Snooping(1e-9), what="test", active=active)
+    # With a limit of nothing whatever is rejected stays so; at least the tie is.
+    assert not found.active[out]
+    use = np.repeat(found.active, 3)
+    A, rhs = _dense(ties, given, found.tau_m)
+    columns = np.linalg.norm(A[use], axis=0) > 0
+    rows = slice(3 * out, 3 * out + 3)
+    assert (np.linalg.norm(A[rows], axis=0) > 0)[~columns].sum() == 0
+    Q = np.linalg.inv(A[use][:, columns].T @ A[use][:, columns])
+    x = Q @ A[use][:, columns].T @ rhs[use]
+    v = A[rows][:, columns] @ x - rhs[rows]
+    cofactor = np.eye(3) + A[rows][:, columns] @ Q @ A[rows][:, columns].T
+    assert found.test[out] == pytest.approx(np.sqrt(v @ np.linalg.solve(cofactor, v) / 3), rel=1e-6)
 
 
 def test_exact_control_holds_and_plan_only_control_leaves_heights_alone():
-    strip, point = np.zeros(3, dtype=int), np.arange(3)
     xyz = np.array([[0.0, 0, 5], [10, 0, 6], [0, 10, 7]])
-    given = np.array([[True, True, False], [True, True, True], [False, False, False]])
-    control = Control(np.arange(3), xyz + np.array([1.0, 2.0, 3.0]), np.zeros((3, 3, 3)), given)
-    observations = observations_of(strip, point, 3, control)
-    J = np.concatenate([np.tile(np.eye(3), (3, 1, 1)), np.zeros((3, 3, 3))])
-
-    def at(t):
-        x = np.concatenate([xyz + t, np.where(given, control.xyz_m, 0.0)])
-        C = np.concatenate([np.tile(0.01 * np.eye(3), (3, 1, 1)), control.covariance_m2])
-        return Linearised(x, J, C)
-
-    found = adjust_tied(Problem(observations, at, lambda t, d: t + d, "test"), np.zeros(3), limit=4)
-    np.testing.assert_allclose(found.state, [1.0, 2.0, 3.0], atol=1e-12)
+    known = np.array([[True, True, False], [True, True, True], [False, False, False]])
+    given = GivenPoints("control", np.arange(3), xyz + np.array([1.0, 2.0, 3.0]), np.zeros((3, 3, 3)), known)
+    eye = np.tile(np.eye(3), (3, 1, 1))
+    ties = _linear(np.zeros(3, dtype=int), np.arange(3), xyz, eye, 0.01 * eye, n_points=3, n_strips=1)
+    found = _adjusted(ties, [given], 4)
+    np.testing.assert_allclose(found.state[0], [1.0, 2.0, 3.0], atol=1e-12)
     assert np.isnan(found.residual_m[3, 2])
 
 
@@ -118,15 +152,9 @@ def test_a_wrong_tie_is_rejected_and_its_size_estimated():
     shift = np.array([[0.0, 0, 0], [1, 2, 3], [-4, 5, 6]])
     xyz = true[point] - shift[strip] + RNG.normal(0, 0.01, (3 * n, 3))
     xyz[n + 7] += [0.0, 0.0, 0.5]
-    observations = observations_of(strip, point, n, held=0)
-    J = np.tile(np.eye(3), (3 * n, 1, 1))
-
-    def at(t):
-        moved = np.concatenate([np.zeros((1, 3)), t.reshape(2, 3)])
-        C = np.tile(1e-4 * np.eye(3), (3 * n, 1, 1))
-        return Linearised(xyz + moved[strip], J, C)
-
-    found = adjust_tied(Problem(observations, at, lambda t, d: t + d, "test"), np.zeros(6), limit=5)
+    eye = np.tile(np.eye(3), (3 * n, 1, 1))
+    ties = _linear(strip, point, xyz, eye, 1e-4 * eye, n_points=n, n_strips=3, held=0)
+    found = _adjusted(ties, [], 5)
     assert np.flatnonzero(~found.active).tolist() == [n + 7]
     assert found.size_m[n + 7] == pytest.approx([0.0, 0.0, 0.5], abs=0.06)
-    assert found.state == pytest.approx([1, 2, 3, -4, 5, 6], abs=0.02)
+    assert found.state[1:].ravel() == pytest.approx([1, 2, 3, -4, 5, 6], abs=0.02)

@@ -17,7 +17,6 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.polynomials import COUNT, StripAxes
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation.free_block import tie_elimination
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.strip_polynomials import StripPolynomials, model_name, terms_of
 
@@ -25,8 +24,8 @@ ROLE_NAME = "strip_adjustment"
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Oriented strips on the ground, reduced to the origin."""
+class StripsOnGround:
+    """Oriented strips on the ground, reduced to the origin; `rows` are those of the strip points in the Strips."""
 
     origin: Float
     strips: Int
@@ -34,15 +33,15 @@ class Ground:
     axes: list[StripAxes]
     rows: Int
     points: StripPoints
-    control: tie_elimination.Control
+    control: Control
 
 
-def tie_names(block: Block, strips: Strips, ground: Ground) -> tuple[Text, Text]:
+def tie_names(block: Block, strips: Strips, ground: StripsOnGround) -> tuple[Text, Text]:
     """Ids of strip and point of every strip point."""
     return strips.strips.id[ground.strips[ground.points.strip]], block.points.id[ground.points.point]
 
 
-def transformation_tables(result: StripPolynomials, ground: Ground, strips: Strips) -> StripTransformations:
+def transformation_tables(result: StripPolynomials, ground: StripsOnGround, strips: Strips) -> StripTransformations:
     """Per strip: the similarity, the axes, and the coefficients a of dU, b of dV, c of dW in metres."""
     tables = [StripTransformations.empty()]
     for k, strip in enumerate(ground.strips):
@@ -76,15 +75,13 @@ def transformation_tables(result: StripPolynomials, ground: Ground, strips: Stri
     return assemble.stacked(tables)
 
 
-def residual_tables(
-    block: Block, strips: Strips, ground: Ground, control: Control, result: StripPolynomials
-) -> Residuals:
+def residual_tables(block: Block, strips: Strips, ground: StripsOnGround, result: StripPolynomials) -> Residuals:
     """Adjusted minus given at control, the strips' mean minus the single strip at ties."""
-    n = len(ground.rows)
+    n, control = len(ground.rows), ground.control
     given = control.given
     strip, point = tie_names(block, strips, ground)
     shared = np.flatnonzero(np.bincount(ground.points.point, minlength=len(block.points))[ground.points.point] > 1)
-    at_control = result.point_m[control.point] - ground.control.xyz_m
+    at_control = result.point_m[control.point] - control.xyz_m
     known = np.flatnonzero(finite_rows(result.point_m[control.point]))
     return assemble.stacked([
         assemble.residuals(
@@ -105,20 +102,22 @@ def suspect_tables(
     block: Block,
     strips: Strips,
     before: Suspects,
-    ground: Ground,
-    control: Control,
+    ground: StripsOnGround,
     result: StripPolynomials,
     began: Bool,
 ) -> Suspects:
     """Suspects of earlier stages, with the ties and control tested here anew."""
-    n = len(ground.rows)
+    n, control = len(ground.rows), ground.control
     strip, point = tie_names(block, strips, ground)
     tied, m = result.tied, len(control.row)
+    again = (before.kind == "strip_tie") & np.isin(before.image, strips.strips.id[ground.strips])
+    again |= (before.kind == "control") & np.isin(before.row, control.row)
     return assemble.stacked([
-        pieces.carried_on(before, "strip_tie", "control"),
+        before.take(~again),
         pieces.tested(kind="strip_tie", row=np.full(n, -1), image=strip, point=point, stage=ROLE_NAME,
-                      size_m=tied.size_m[:n], test=tied.test[:n], began=began[:n], active=tied.active[:n]),
+                      size_m=tied.size_m[:n], test=tied.test[:n], began=began[:n], active=tied.active[:n],
+                      above=tied.above[:n]),
         pieces.tested(kind="control", row=control.row, image=np.full(m, ""), point=block.points.id[control.point],
                       stage=ROLE_NAME, size_m=tied.size_m[n:], test=tied.test[n:], began=began[n:],
-                      active=tied.active[n:]),
+                      active=tied.active[n:], above=tied.above[n:]),
     ])  # fmt: skip

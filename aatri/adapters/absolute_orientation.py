@@ -1,0 +1,204 @@
+"""Absolute orientation of the strips of a block: artifacts to components, and components to a Solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adapters import absolute_tables as tables
+from aatri.adapters import strips as pieces
+from aatri.adapters.absolute_tables import Ground, OrientedPart
+from aatri.adapters.solution import stacked
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.strips import Strips
+from aatri.errors import GeometryError
+from aatri.geometry.similarity import compose, transform
+from aatri.notes import Note
+from aatri.observations.control import control_of
+from aatri.observations.positions import positions_of
+from aatri.orientation.free_block.absolute import Datum, orient_component
+from aatri.orientation.free_block.components import Component, FreeBlock, join_strips, strip_names
+from aatri.orientation.free_block.deformation import search_notes, sigma0_notes
+
+EXTRAPOLATION_WARNED = 3.0
+
+
+@dataclass(frozen=True)
+class OrientedStrips:
+    """Components on the ground, and what there is to say of them."""
+
+    ground: Ground
+    parts: tuple[OrientedPart, ...]
+    notes: tuple[Note, ...]
+
+
+def ground_of(block: Block, strips: Strips, *, use_positions: bool) -> Ground:
+    """What the block knows of the ground."""
+    control, positions = control_of(block), positions_of(block)
+    if not use_positions:
+        positions = replace(positions, **{n: getattr(positions, n)[:0] for n in positions.__dataclass_fields__})
+    return Ground(block, strips, control, positions, pieces.origin_of(control, positions))
+
+
+def orient_strips(
+    ground: Ground, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float
+) -> OrientedStrips:
+    """Join strips to components and orient each.
+
+    Parameters
+    ----------
+    ground : Ground
+    tie_limit, control_limit : float
+        Test statistics of wrong ties and of wrong control.
+    every_component : bool
+        A component without a datum is an error; else it is left out with a warning.
+    max_sigma0 : float
+
+    Raises
+    ------
+    GeometryError
+        If a component is not determined, or none is.
+    ConvergenceError
+        If an adjustment does not converge, or its result does not fit.
+    """
+    strips = ground.strips
+    free = join_strips(
+        pieces.strip_points_of(strips), strips.strips.id.tolist(), active=pieces.usable_ties(strips), limit=tie_limit
+    )
+    notes = [Note("warning", f"not joined: {text}") for text in free.unjoined]
+    parts, failed = [], []
+    for number, component in enumerate(free.components, 1):
+        what = f"component {number} ({strip_names(component, strips.strips.id.tolist())})"
+        try:
+            part = _orient(ground, component, what, control_limit)
+        except GeometryError as error:
+            failed.append(error)
+            continue
+        parts.append(part)
+        notes += _part_notes(ground, part)
+    if not free.components:
+        raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
+    if failed and (every_component or not parts):
+        raise _all_of(failed, free)
+    notes += [Note("warning", f"not oriented: {error.what}") for error in failed]
+    adjusted = [(name, tied) for part in parts for name, tied in part.adjusted()]
+    notes += sigma0_notes(
+        [tied for _, tied in adjusted], [name for name, _ in adjusted], tables.pooled(parts)[1],
+        pieces.most_models(strips), max_sigma0, "absolute orientation",
+    )  # fmt: skip
+    return OrientedStrips(ground, tuple(parts), tuple(notes))
+
+
+def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:
+    factor, tied = part.result.analysis.extrapolation, part.result.tied
+    notes = [
+        Note("note", f"{part.what}: {len(part.control)} control points, {len(part.positions)} positions, errors of "
+             f"control magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the standard "
+             "deviations of its points")
+    ]  # fmt: skip
+    if factor > EXTRAPOLATION_WARNED:
+        text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
+        notes.append(Note("warning", text))
+    for (what, adjusted), ids in zip(part.adjusted(), tables.observation_ids(ground, part)):
+        notes += search_notes(adjusted, ids, what)
+    return notes
+
+
+def _all_of(failed: Sequence[GeometryError], free: FreeBlock) -> GeometryError:
+    texts = [error.what for error in failed] + [f"not joined: {text}" for text in free.unjoined[:10]]
+    remedies = [failed[0].remedy]
+    if len(free.components) > 1:
+        remedies.append("or measure at least 3 points common to the strips, not on a line")
+    if len(failed) < len(free.components):
+        remedies.append("or set `components: largest` to orient the rest")
+    return GeometryError("; ".join(texts), remedy="; ".join(remedies))
+
+
+def _orient(ground: Ground, component: Component, what: str, limit: float) -> OrientedPart:
+    centres, rotations, image = free_images(ground.strips, component)
+    row_of = np.full(len(ground.block.images), -1)
+    row_of[image] = np.arange(len(image))
+    control, positions = ground.control, ground.positions
+    held = np.flatnonzero(np.isin(control.point, component.point))
+    at = np.searchsorted(component.point, control.point[held])
+    seen = np.flatnonzero((row_of[positions.image] >= 0) & np.isfinite(positions.covariance_m2).all((1, 2)))
+    station = row_of[positions.image[seen]]
+    # A projection centre is about as uncertain as a typical point of the component.
+    typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
+    ids = ground.block.points.id[control.point[held]], ground.block.images.id[positions.image[seen]]
+    datum = Datum(
+        name=tuple(f"point {p}" for p in ids[0]) + tuple(f"image {i}" for i in ids[1]),
+        x=np.concatenate([component.xyz[at], centres[station]]),
+        covariance=np.concatenate([component.covariance[at], np.tile(typical * np.eye(3), (len(seen), 1, 1))]),
+        offset_m=np.concatenate(
+            [np.zeros((len(held), 3)), np.einsum("nij,nj->ni", rotations[station], positions.lever_arm_m[seen])]
+        ),
+        xyz_m=np.concatenate([control.xyz_m[held], positions.position_m[seen]]) - ground.origin,
+        covariance_m2=np.concatenate([control.covariance_m2[held], positions.covariance_m2[seen]]),
+        given=np.concatenate([control.given[held], np.ones((len(seen), 3), dtype=bool)]),
+        n_control=len(held),
+    )
+    before = ground.strips.suspects
+    began = ~np.concatenate([
+        pieces.rejected_rows(before, "control", control.row[held]),
+        pieces.rejected_rows(before, "position", positions.row[seen]),
+    ])  # fmt: skip
+    body = np.concatenate([component.xyz, centres])
+    result = orient_component(datum, body, rotations[:, :, 2].mean(0), what=what, active=began, limit=limit)
+    return OrientedPart(what, component, held, seen, began, result)
+
+
+def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int]:
+    """Projection centres and rotations of a component's images, in its frame; rows in images."""
+    table = strips.strip_images
+    rows = np.flatnonzero(np.isin(table.strip, component.strips))
+    centres, rotations = np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))
+    for strip, pose in zip(component.strips, component.component_from_strip):
+        of = table.strip[rows] == strip
+        centres[of] = transform(pose, table.position[rows[of]])
+        rotations[of] = pose.rotation @ table.strip_from_image[rows[of]]
+    return centres, rotations, table.image[rows].astype(np.int64)
+
+
+def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, method: str) -> tuple[Solution, list[Note]]:
+    """The Solution of oriented components, and which images are left out."""
+    ground, parts = oriented.ground, oriented.parts
+    block, strips = ground.block, ground.strips
+    position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
+    points = np.full((len(block.points), 3), np.nan)
+    transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
+    suspects = [tables.carried(ground, parts)]
+    for part in parts:
+        to_ground, component = part.result.ground_from_component, part.component
+        centres, rotations, image = free_images(strips, component)
+        position[image] = transform(to_ground, centres) + ground.origin
+        rotation[image] = to_ground.rotation @ rotations
+        points[component.point] = transform(to_ground, component.xyz) + ground.origin
+        for strip, pose in zip(component.strips, component.component_from_strip):
+            name = str(strips.strips.id[strip])
+            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), ground.origin))
+        parameters += tables.precisions(ground, part)
+        residuals += tables.residual_tables(ground, part)
+        suspects += tables.suspect_tables(ground, part)
+    counts, sigma0 = tables.pooled(parts)
+    solution = pieces.solution_of(
+        block=block,
+        image_points=image_points,
+        method=method,
+        position_m=position,
+        ground_from_image=rotation,
+        point_m=points,
+        counts=counts,
+        sigma0=sigma0,
+        iterations=sum(tied.iterations for part in parts for _, tied in part.adjusted()),
+        transformations=stacked(transformations),
+        parameters=stacked(parameters),
+        residuals=stacked(residuals),
+        suspects=stacked(suspects),
+    )
+    return solution, pieces.left_out(block, np.isfinite(position).all(1))

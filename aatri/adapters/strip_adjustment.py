@@ -1,0 +1,187 @@
+"""Strip block adjustment: artifacts to strips on the ground, and adjusted strips to a Solution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adapters import solution as assemble
+from aatri.adapters import strips as pieces
+from aatri.adapters import strip_tables as tables
+from aatri.adapters.strip_tables import StripsOnGround
+from aatri.arrays import Bool, Float
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.strips import Strips
+from aatri.errors import GeometryError
+from aatri.geometry.polynomials import StripAxes, strip_axes
+from aatri.geometry.rotations import nearest_rotation
+from aatri.geometry.similarity import Similarity, transform, transform_covariance
+from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
+from aatri.observations.control import control_of
+from aatri.observations.positions import positions_of
+from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.orientation.free_block.deformation import given_note, search_notes, sigma0_notes
+from aatri.orientation.free_block.strip_polynomials import (
+    StripPolynomials,
+    adjust_strip_polynomials,
+    fall_notes,
+)
+from aatri.orientation.resection.adjustment import resect_images
+
+
+@dataclass(frozen=True)
+class AdjustedStrips:
+    """Strips adjusted together; `began` are the observations no earlier stage had rejected."""
+
+    ground: StripsOnGround
+    began: Bool
+    result: StripPolynomials
+    notes: tuple[Note, ...]
+
+
+def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGround:
+    """Strips as the orientations of `initial` bring them to the ground.
+
+    Raises
+    ------
+    GeometryError
+        If `initial` orients no strip.
+    """
+    control = control_of(block)
+    origin = pieces.origin_of(control, positions_of(block))
+    images, table = strips.strip_images, pieces.strip_points_of(strips)
+    oriented = initial.images.oriented[images.image]
+    numbers: list[int] = []
+    similarity: list[Similarity] = []
+    axes: list[StripAxes] = []
+    parts: list[StripPoints] = []
+    rows_of = []
+    for strip in range(len(strips.strips)):
+        rows = np.flatnonzero((images.strip == strip) & oriented)
+        if len(rows) < 2:
+            continue
+        image = images.image[rows]
+        found = _strip_similarity(
+            images.position[rows],
+            images.strip_from_image[rows],
+            initial.images.position_m[image] - origin,
+            initial.images.ground_from_image[image],
+        )
+        mine = np.flatnonzero(table.strip == strip)
+        xyz = transform(found, table.xyz[mine])
+        covariance = transform_covariance(found, table.covariance[mine])
+        parts.append(StripPoints(np.full(len(mine), len(numbers)), table.point[mine], xyz, covariance))
+        axes.append(strip_axes(xyz, transform(found, images.position[rows])))
+        rows_of.append(mine)
+        numbers.append(strip)
+        similarity.append(found)
+    if not numbers:
+        raise GeometryError("`initial` orients no strip", remedy="check `from`: initial wants the absolute orientation")
+    names = ("strip", "point", "xyz", "covariance")
+    points = StripPoints(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    return StripsOnGround(
+        origin, np.array(numbers), similarity, axes, np.concatenate(rows_of), points,
+        replace(control, xyz_m=control.xyz_m - origin),
+    )  # fmt: skip
+
+
+def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_image: Float) -> Similarity:
+    """Ground from strip, of the same images in both: rotation from their attitudes, scale from their distances."""
+    rotation = nearest_rotation((ground_from_image @ strip_from_image.swapaxes(1, 2)).sum(0))
+    dx, dX = (x - x.mean(0)) @ rotation.T, X - X.mean(0)
+    scale = float((dx * dX).sum() / (dx**2).sum())
+    return Similarity(X.mean(0) - scale * rotation @ x.mean(0), scale, rotation)
+
+
+def adjust_strips(
+    block: Block, strips: Strips, initial: Solution, *, degree: int, limit: float, max_sigma0: float
+) -> AdjustedStrips:
+    """Adjust the strips that `initial` orients.
+
+    Raises
+    ------
+    GeometryError
+        If `initial` orients no strip, or something is not determined.
+    ConvergenceError
+        If the result does not fit.
+    """
+    ground = on_the_ground(block, strips, initial)
+    control, names = ground.control, strips.strips.id[ground.strips]
+    strip, point = tables.tie_names(block, strips, ground)
+    began = ~np.concatenate([
+        pieces.rejected_before(initial.suspects, "strip_tie", strip, point),
+        pieces.rejected_rows(initial.suspects, "control", control.row),
+    ])  # fmt: skip
+    result = adjust_strip_polynomials(
+        ground.points, len(block.points), ground.axes, control, names=names, degree=degree, active=began, limit=limit
+    )
+    left = np.setdiff1d(np.arange(len(strips.strips)), ground.strips)
+    notes = []
+    if len(left):
+        text = "strips not oriented in `initial`, left out"
+        notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
+    notes += fall_notes(result, names.tolist())
+    ids = [f"point {p} in strip {s}" for p, s in zip(point, strip)]
+    ids += [f"control point {p}" for p in block.points.id[control.point]]
+    tied = result.tied
+    text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
+    notes += [Note("note", text), *search_notes(tied, ids, "strip block")]
+    notes += sigma0_notes(
+        [tied], ["strip block"], tied.sigma0, pieces.most_models(strips), max_sigma0, "strip block adjustment"
+    )
+    return AdjustedStrips(ground, began, result, (*notes, given_note(tied)))
+
+
+def strip_block_solution(
+    block: Block, image_points: ImagePoints, strips: Strips, initial: Solution, adjusted: AdjustedStrips, method: str
+) -> tuple[Solution, list[Note]]:
+    """The Solution of adjusted strips; the orientations of the images follow by resection."""
+    ground, result = adjusted.ground, adjusted.result
+    point_m = result.point_m + ground.origin
+    position, rotation, notes = _resected(block, image_points, initial, point_m)
+    solution = pieces.solution_of(
+        block=block,
+        image_points=image_points,
+        method=method,
+        position_m=position,
+        ground_from_image=rotation,
+        point_m=point_m,
+        counts=(result.tied.observations, result.tied.unknowns),
+        sigma0=result.tied.sigma0,
+        iterations=result.tied.iterations,
+        transformations=tables.transformation_tables(result, ground, strips),
+        parameters=pieces.precision_row("all strips", result.tied.tau_m),
+        residuals=tables.residual_tables(block, strips, ground, result),
+        suspects=tables.suspect_tables(block, strips, initial.suspects, ground, result, adjusted.began),
+    )
+    return solution, notes
+
+
+def _resected(
+    block: Block, image_points: ImagePoints, initial: Solution, point_m: Float
+) -> tuple[Float, Float, list[Note]]:
+    """Orientations on the adjusted points; where a resection fails the initial orientation stays and is reported."""
+    measured = image_points.measurements
+    dropped = assemble.rejected_rows(initial.suspects, image_points)
+    rows = measured.active & finite_rows(measured.xy_mm) & initial.images.oriented[measured.image] & ~dropped
+    found = resect_images(
+        measured.xy_mm[rows],
+        measured.sigma_mm[rows],
+        measured.image[rows],
+        measured.point[rows],
+        block.cameras.principal_distance_mm[block.images.camera],
+        point_m,
+        initial.images.position_m,
+        initial.images.ground_from_image,
+    )
+    notes = []
+    failed = np.flatnonzero(initial.images.oriented & ~found.resected)
+    if len(failed):
+        text = f"resection failed, initial orientation kept ({len(failed)} of {len(block.images)} images)"
+        notes.append(Note("warning", text, tuple(block.images.id[failed].tolist())))
+    notes += pieces.left_out(block, initial.images.oriented)
+    return found.position_m, found.ground_from_image, notes

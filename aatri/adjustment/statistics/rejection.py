@@ -1,0 +1,149 @@
+"""Which records to reject, and which to take back: the rules of data snooping, for records of any kinds.
+
+Gross errors hide each other and show in good neighbours, so that of all records above the limit only the clearest are
+rejected before the next adjustment: at most one per block of the `neighbourhood` (a point is one), none with less than
+`clear` of the largest test, and of all at most `most`. Of two records of a block that share one test the one that does
+not touch the `share` group (control) is named before one that does, the less precise before the other.
+
+No more than a share of the records of a block of the `share` group (a strip), or of a kind that does not touch it, is
+rejected in all: where more disagrees the model is wrong, not the data, and to go on would cut the block off. The last
+record that ties a block of the neighbourhood to the `share` group stays, for the others of that block would be tested by
+nothing; and a record without a test is never rejected for it (`stranded`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.arrays import Bool, Float, Int
+
+
+@dataclass(frozen=True)
+class Snooping:
+    """Rules of data snooping.
+
+    Attributes
+    ----------
+    limit : float
+        Test statistic above which a record is rejected, and below which a rejected one is taken back.
+    neighbourhood : tuple of str
+        Groups of unknowns: at most one rejection per block and round.
+    share : (str, float)
+        A group of unknowns, and the largest share of a block's records that is rejected.
+    clear : float
+        Least test of a rejection, as a share of the largest.
+    most : float
+        Most rejections of a round, as a share of all records; at least one.
+    """
+
+    limit: float
+    neighbourhood: tuple[str, ...] = ("point",)
+    share: tuple[str, float] = ("strip", 0.15)
+    clear: float = 0.5
+    most: float = 0.01
+
+
+@dataclass(frozen=True)
+class Pool:
+    """All records of an adjustment, kind after kind.
+
+    Attributes
+    ----------
+    neighbours : (n, groups) int64
+        Block of each group of the neighbourhood; -1 where it is not touched.
+    source : (n,) int64
+        What the share is counted over: a block of the share's group, or a kind.
+    carrier : (n,) bool
+        Records that touch the share's group.
+    counted : (n,) bool
+        Records that have a neighbour: the others are tested by nothing.
+    variance : (n,) float64
+        Trace of the covariance.
+    """
+
+    neighbours: Int
+    source: Int
+    carrier: Bool
+    counted: Bool
+    variance: Float
+
+
+def pool_of(rule: Snooping, records: Sequence[Records], variances: Sequence[Float]) -> Pool:
+    """Put records together for the rules; `variances` are the traces of their covariances, kind by kind."""
+    neighbours, source, carrier = [], [], []
+    kinds = len(records)
+    for kind, r in enumerate(records):
+        touched = dict(r.touches)
+        n = len(r.active)
+        none = np.full(n, -1, dtype=np.int64)
+        neighbours.append(np.stack([touched.get(group, none) for group in rule.neighbourhood], axis=1))
+        owner = touched.get(rule.share[0])
+        carrier.append(np.full(n, owner is not None))
+        source.append(np.full(n, kind, dtype=np.int64) if owner is None else kinds + owner.astype(np.int64))
+    near = np.concatenate(neighbours).astype(np.int64)
+    counted = np.zeros(len(near), dtype=bool)
+    for block in near.T:
+        counted |= (block >= 0) & (np.bincount(np.maximum(block, 0), block >= 0)[np.maximum(block, 0)] > 1)
+    return Pool(near, np.concatenate(source), np.concatenate(carrier), counted, np.concatenate(variances))
+
+
+def clearest(rule: Snooping, pool: Pool, test: Float, active: Bool, controlled: Bool | None = None) -> Bool:
+    """The clearest gross errors among the active records, (n,) bool; none of records that are not `controlled`."""
+    wrong = np.zeros(len(test), dtype=bool)
+    candidates = np.flatnonzero(active & (test > rule.limit) & (True if controlled is None else controlled))
+    if not len(candidates):
+        return wrong
+    keys = (-pool.variance[candidates], pool.carrier[candidates], -np.round(test[candidates], 6))
+    order = candidates[np.lexsort(keys)]
+    order = order[test[order] >= rule.clear * test[order[0]]]
+    room = _room(rule, pool, active)
+    ties = [_carriers(pool, block, active) for block in pool.neighbours.T]
+    most = max(1, int(rule.most * len(test) + 1e-9))
+    taken: list[set[int]] = [set() for _ in rule.neighbourhood]
+    for k in order:
+        near = pool.neighbours[k].tolist()
+        met = any(b in seen for b, seen in zip(near, taken))
+        last = pool.carrier[k] and any(b >= 0 and count[b] < 2 for b, count in zip(near, ties))
+        if met or last or room[pool.source[k]] <= 0:
+            continue
+        wrong[k] = True
+        room[pool.source[k]] -= 1
+        for b, seen in zip(near, taken):
+            if b >= 0:
+                seen.add(b)
+        if wrong.sum() >= most:
+            break
+    return wrong
+
+
+def fitting(rule: Snooping, test: Float, active: Bool) -> Bool:
+    """Rejected records whose prediction fits after all, (n,) bool."""
+    return np.asarray(~active & (test < rule.limit))
+
+
+def stranded(pool: Pool, test: Float, active: Bool) -> Bool:
+    """Rejected records without a test, whose block nothing ties any more: the most precise tie of each, (n,) bool."""
+    found = np.zeros(len(test), dtype=bool)
+    for block in pool.neighbours.T:
+        rows = np.flatnonzero(~active & ~np.isfinite(test) & pool.carrier & (block >= 0))
+        rows = rows[_carriers(pool, block, active)[block[rows]] == 0]
+        rows = rows[np.lexsort((pool.variance[rows], block[rows]))]
+        found[rows[np.diff(block[rows], prepend=-1) > 0]] = True
+    return found
+
+
+def _carriers(pool: Pool, block: Int, active: Bool) -> Float:
+    """Active records that tie each block of the neighbourhood to the share's group."""
+    tied = active & pool.carrier & (block >= 0)
+    return np.bincount(block[tied], minlength=int(block.max(initial=0)) + 1).astype(np.float64)
+
+
+def _room(rule: Snooping, pool: Pool, active: Bool) -> Int:
+    """How many more records of each source may be rejected."""
+    n = int(pool.source.max()) + 1
+    room = np.ceil(rule.share[1] * np.bincount(pool.source[pool.counted], minlength=n)).astype(np.int64)
+    return np.asarray(room - np.bincount(pool.source[~active & pool.counted], minlength=n))

@@ -1,0 +1,104 @@
+"""The search for gross errors: adjust, estimate the added variance, reject the clearest, take back what fits.
+
+Every round adjusts once. In this order: the added standard deviation to 2 %, robust at first; the clearest rejections
+(`rejection`); then, with the added standard deviation from all residuals, the same again; last each rejected record
+that fits is taken back, once. It ends when nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from aatri.adjustment.statistics.record_tests import RecordTests
+from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, fitting, stranded
+from aatri.arrays import Bool
+
+ROUNDS = 100
+SETTLED = 0.02
+"""Change of the added standard deviation, as a share of it, that counts no more."""
+
+
+class Solved(Protocol):
+    """An adjustment with some active records, and the tests of all."""
+
+    @property
+    def tests(self) -> RecordTests:
+        """Of all records, kind after kind; predicted where not active."""
+
+    @property
+    def controlled(self) -> Bool:
+        """Records whose gross error would be known well enough to reject them, (n,)."""
+
+    def added_sigma(self, *, robust: bool) -> float:
+        """The standard deviation that the residuals ask for beyond the covariances."""
+
+
+A = TypeVar("A", bound=Solved)
+
+
+@dataclass(frozen=True)
+class Searched(Generic[A]):
+    """Result of the search.
+
+    Attributes
+    ----------
+    solved : A
+        Adjusted with the active records and the added standard deviation.
+    active : (n,) bool
+    tau : float
+        The added standard deviation.
+    rounds : int
+    settled : bool
+        False if it was broken off.
+    above : (n,) bool
+        Active records above the limit that the rules do not let reject, or that nothing controls well.
+    """
+
+    solved: A
+    active: Bool
+    tau: float
+    rounds: int
+    settled: bool
+    above: Bool
+
+
+def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snooping, pool: Pool) -> Searched[A]:
+    """Search for gross errors.
+
+    Parameters
+    ----------
+    solve : callable
+        (adjustment before, active records, added standard deviation) -> adjustment.
+    active : (n,) bool
+        Records to begin with; the others are tested for re-admission.
+    rule, pool
+        See `rejection`.
+    """
+    use, readmitted = active.copy(), np.zeros(len(active), dtype=bool)
+    tau, robust, rounds, settled = 0.0, True, 1, False
+    solved = solve(None, use, tau)
+    while rounds < ROUNDS:
+        test = solved.tests.test
+        new = solved.added_sigma(robust=robust)
+        wrong = clearest(rule, pool, test, use, solved.controlled)
+        back = ~readmitted & (fitting(rule, test, use) | stranded(pool, test, use))
+        if abs(new - tau) > SETTLED * max(new, tau):
+            tau = new
+        elif wrong.any():
+            use = use & ~wrong
+        elif robust and new > 0:
+            robust = False
+            continue
+        elif back.any():
+            use, readmitted = use | back, readmitted | back
+        else:
+            settled = True
+            break
+        solved = solve(solved, use, tau)
+        rounds += 1
+    above = use & (solved.tests.test > rule.limit)
+    return Searched(solved, use, tau, rounds, settled, above)

@@ -1,0 +1,135 @@
+"""How far strips are deformed, and whether that can be.
+
+Each model of a strip joins the one before with errors of rotation and scale of the size of its points' own errors s.
+They add up twice along the strip (Vermeir 1954; Ackermann 1965). White noise summed twice over n models, less its best
+shift and tilt, is about 0.05 n^1.5 s (RMS; the root of 1/420 is 0.049), so that strips of n models are expected to
+differ from each other and from the ground by
+
+    expected = 1 + 0.05 n^1.5
+
+times the standard deviations of their points: 8 times for 27 models, 50 times for 100. That is the ratio sigma0 of the
+adjustments of whole strips, in which tau, the deformation added to the standard deviations of the points, is *not*
+counted. How much strips in fact deform depends on their points and overlaps, hence this is a gauge of one digit: beyond
+`max_sigma0` times what is expected points, ids or frames are mixed up.
+
+With tau counted sigma0 is near 1 by construction wherever tau had to be added, so that its test warns where gross errors
+are left. Where strips agree better than the standard deviations of their points say it is small, which the stages before
+have told of their image points: here that is a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from aatri.adjustment.statistics.global_test import (
+    GlobalTest,
+    global_test,
+    pooled_test,
+    sigma0_note,
+    single_misfits,
+)
+from aatri.arrays import Float, Int
+from aatri.errors import ConvergenceError
+from aatri.notes import Note
+from aatri.orientation.free_block.tied_adjustment import TiedResult
+
+GROWTH = 0.05
+OF_GIVEN = "of control and positions"
+
+
+def expected_ratio(models: int) -> float:
+    """Expected ratio of the deformation of strips of so many models to the standard deviations of their points."""
+    return 1.0 + GROWTH * float(models * np.sqrt(models))
+
+
+def refuse_deformed(sigma0: float, models: int, max_sigma0: float, what: str) -> None:
+    """Refuse strips that no deformation explains.
+
+    Parameters
+    ----------
+    sigma0 : float
+        Ratio to the a priori standard deviations; NaN counts as not determined.
+    models : int
+        Of the longest strip.
+    max_sigma0 : float
+    what : str
+
+    Raises
+    ------
+    ConvergenceError
+    """
+    expected = expected_ratio(models)
+    if np.isfinite(sigma0) and sigma0 > max_sigma0 * expected:
+        raise ConvergenceError(
+            f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g} times the {expected:.2g} that strips of "
+            f"{models} models lead one to expect: strips and control do not fit each other",
+            remedy="check ids of points and control, units and axes of control, strips and models of the images; "
+            "standard deviations that are too small by this factor are to be corrected in the block",
+        )
+
+
+def sigma0_notes(
+    tied: Sequence[TiedResult[Any]], names: Sequence[str], sigma0: float, models: int, max_sigma0: float, what: str
+) -> list[Note]:
+    """sigma0 of one or several adjustments of strips: its test, pooled, the single ones, and what the ratio means.
+
+    Parameters
+    ----------
+    tied : sequence of TiedResult
+    names : sequence of str
+        Of each, for messages.
+    sigma0 : float
+        Ratio to the a priori standard deviations of all together.
+    models : int
+        Of the longest strip.
+    max_sigma0 : float
+    what : str
+
+    Raises
+    ------
+    ConvergenceError
+        If no deformation explains the misfit.
+    """
+    refuse_deformed(sigma0, models, max_sigma0, what)
+    ratios: Float = np.array([t.weighted_sigma0 for t in tied])
+    redundancy: Int = np.array([max(t.observations - t.unknowns, 0) for t in tied])
+    test = pooled_test(ratios, redundancy)
+    note = sigma0_note(test, "with the deformation of the strips counted")
+    notes = [note if test.sigma0 > 1 else Note("note", note.text)]
+    if test.sigma0 > max_sigma0:
+        refuse_deformed(test.sigma0, 0, max_sigma0, f"{what}, deformation counted")
+    misfits = np.flatnonzero(single_misfits(ratios, redundancy))
+    if len(tied) > 1 and len(misfits):
+        notes.append(Note("warning", "adjustments that do not fit by themselves", tuple(names[k] for k in misfits.tolist())))
+    if np.isfinite(sigma0):
+        notes.append(
+            Note("note", f"strips deform by {sigma0:.3g} times the standard deviations of their points; strips of "
+                 f"{models} models lead one to expect about {expected_ratio(models):.2g} times")
+        )  # fmt: skip
+    return notes
+
+
+def given_note(tied: TiedResult[Any]) -> Note:
+    """Whether control fits the strips, the deformation counted; a warning beyond 0.5 to 2.
+
+    What polynomials leave of the deformation is smooth, so that control fits somewhat worse than ties: less than that
+    is a note.
+    """
+    test: GlobalTest = global_test(tied.given_sigma0, int(round(tied.given_redundancy)))
+    note = sigma0_note(test, OF_GIVEN)
+    return note if test.verdict == "far" and test.sigma0 > 1 else Note("note", note.text)
+
+
+def search_notes(tied: TiedResult[Any], ids: Sequence[str], what: str) -> list[Note]:
+    """What the search for gross errors leaves open; `ids` name all observations."""
+    notes = []
+    kept = np.flatnonzero(tied.above)
+    if len(kept):
+        text = f"{what}: above the limit but not rejected, as too little else controls them or too many are rejected"
+        notes.append(Note("warning", text, tuple(ids[k] for k in kept.tolist())))
+    if not tied.settled:
+        notes.append(Note("warning", f"{what}: the search for gross errors was broken off before it settled"))
+    return notes

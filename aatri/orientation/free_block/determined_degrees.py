@@ -1,0 +1,164 @@
+"""The degree of each strip's polynomial: what control and ties determine, for plan and height apart.
+
+It begins at the degree asked for, for plan (a and b) and height (c) of every strip, and falls until all coefficients are
+determined:
+
+- by rank: eigenvalues of the unit-diagonal normal matrix below `RANK`; the strips in their null vectors fall by one;
+- by sense: a strip falls if the corrections of its points, RMS, would be less precise than `WORST` times a single point
+  of a strip: it would extrapolate.
+
+Both are judged with equal weights of all strips' points and control held, so that they depend on geometry alone: then
+plan and height have nothing to do with each other, and with D the terms of a point in the axes of its strip and S the
+weight of a ground coordinate (the number of its strips, and 1 / HELD^2 of control)
+
+    N = sum_o D_o'D_o - sum_(o,p) D_o' S^-1 D_p,     (o, p) over the pairs of observations of each point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.polynomials import TERMS, StripAxes
+from aatri.observations.control import Control
+from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, terms_of_points
+
+RANK = 1e-7
+WORST = 2.0
+HELD = 1e-2
+"""Standard deviation of control, as a share of that of the strips' points."""
+
+PART = np.repeat([0, 0, 1], 5)
+"""Plan (0) or height (1), per coefficient."""
+
+TERM_DEGREE = np.tile([0, 1, 1, 2, 2], 3)
+PARTS = ("plan", "height")
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A strip that fell to a lower degree, and why."""
+
+    strip: int
+    part: str
+    degree: int
+    reason: str
+
+
+def kept_coefficients(degrees: Int) -> Bool:
+    """Coefficients within the degrees, (n_strips, 15), from the degrees of plan and height, (n_strips, 2)."""
+    return np.asarray(degrees[:, PART] >= TERM_DEGREE)
+
+
+def determined_degrees(
+    points: StripPoints, axes: Sequence[StripAxes], control: Control, use: Bool, highest: Int
+) -> tuple[Int, list[Fall]]:
+    """Degrees of plan and height of every strip, and what fell.
+
+    Parameters
+    ----------
+    points : StripPoints
+        On the ground; unit m.
+    axes : (n_strips,) sequence of StripAxes
+    control : Control
+    use : (n + n_control,) bool
+        Observations that count: strip points, then control.
+    highest : (n_strips, 2) int
+        Degrees of plan and height to begin with.
+
+    Returns
+    -------
+    degrees : (n_strips, 2) int
+        -1 without correction.
+    falls : list of Fall
+    """
+    degrees, falls = highest.copy(), []
+    p = terms_of_points(points, axes)
+    N = _normal_matrix(points, axes, control, use, p)
+    for part in (0, 1):
+        while (degrees[:, part] >= 0).any():
+            kept = np.flatnonzero(kept_coefficients(degrees) & (part == PART))
+            reasons = _undetermined(N[np.ix_(kept, kept)], kept)
+            if not reasons:
+                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, points.strip, p)
+            if not reasons:
+                break
+            for strip, reason in sorted(reasons.items()):
+                degrees[strip, part] -= 1
+                falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
+    return degrees, falls
+
+
+def _normal_matrix(points: StripPoints, axes: Sequence[StripAxes], control: Control, use: Bool, p: Float) -> Float:
+    """N of all coefficients, the ground points eliminated."""
+    n, k = len(points.strip), len(axes)
+    rows = np.flatnonzero(use[:n])
+    strip, terms = points.strip[rows], p[rows]
+    present, point = np.unique(points.point[rows], return_inverse=True)
+    weight = np.tile(np.bincount(point, minlength=len(present)).astype(np.float64)[:, None], (1, 3))
+    place = np.full(max(int(present.max(initial=-1)), int(control.point.max(initial=-1))) + 1, -1)
+    place[present] = np.arange(len(present))
+    mine = np.flatnonzero(use[n:] & (place[control.point] >= 0))
+    np.add.at(weight, place[control.point[mine]], control.given[mine] / HELD**2)
+    G = np.stack([a.ground_from_axes for a in axes])
+    own = np.zeros((k, 5, 5))
+    for i in range(5):
+        for j in range(5):
+            own[:, i, j] = np.bincount(strip, terms[:, i] * terms[:, j], k)
+    # G'G = I: the strip's own part is the same for each of its axes.
+    N = np.zeros((k, 3, 5, k, 3, 5))
+    for axis in range(3):
+        N[np.arange(k), axis, :, np.arange(k), axis, :] = own
+    flat = N.reshape(COEFFICIENTS * k, COEFFICIENTS * k)
+    column = (COEFFICIENTS * strip[:, None] + np.arange(COEFFICIENTS)).ravel()
+    row = np.repeat(point, COEFFICIENTS)
+    for ground in range(3):
+        D = (G[strip, ground, :, None] * terms[:, None, :]).reshape(len(rows), COEFFICIENTS)
+        D /= np.sqrt(weight[point, ground])[:, None]
+        A = csr_array((D.ravel(), (row, column)), shape=(len(present), COEFFICIENTS * k))
+        flat -= (A.T @ A).toarray()
+    return np.asarray(0.5 * (flat + flat.T))
+
+
+def _undetermined(N: Float, kept: Int) -> dict[int, str]:
+    """Strips in the null vectors of the unit-diagonal normal matrix, with what is open."""
+    diagonal = np.diag(N)
+    empty = diagonal <= 1e-12 * diagonal.max(initial=1.0)
+    scale = np.where(empty, 1.0, np.sqrt(np.where(empty, 1.0, diagonal)))
+    unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(unit)
+    missing = values < RANK
+    weight = (vectors[:, missing] ** 2).sum(1)
+    strip, coefficient = np.divmod(kept, COEFFICIENTS)
+    involved = np.bincount(strip, weight)
+    reasons = {}
+    for k in np.flatnonzero(involved > 0.1 * max(involved.max(), 1e-9)):
+        mine = np.flatnonzero(strip == k)
+        largest = mine[np.argsort(-weight[mine], kind="stable")][:4]
+        named = [f"{'abc'[c // 5]}_{TERMS[c % 5]}" for c in coefficient[largest[weight[largest] > 0.05]]]
+        reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
+    return reasons
+
+
+def _extrapolating(N: Float, kept: Int, part: int, point_strip: Int, p: Float) -> dict[int, str]:
+    """Strips whose corrections would be far less precise than a single point."""
+    scale = np.sqrt(np.diag(N))
+    Q = np.linalg.inv(N / np.outer(scale, scale)) / np.outer(scale, scale)
+    strip, coefficient = np.divmod(kept, COEFFICIENTS)
+    factor = np.zeros(int(strip.max()) + 1)
+    for k in np.unique(strip):
+        mine = strip == k
+        terms = p[point_strip == k]
+        # The axes are orthogonal, so that the variances along them add up to those on the ground.
+        axis, term = np.divmod(coefficient[mine], 5)
+        moment = np.where(axis[:, None] == axis, (terms.T @ terms)[np.ix_(term, term)], 0.0)
+        spread = float((Q[np.ix_(mine, mine)] * moment).sum()) / max(len(terms), 1)
+        factor[k] = np.sqrt(spread / (2 - part)) if len(terms) else np.inf
+    # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
+    lower = (factor > WORST / 2) & (factor.max() > WORST)
+    return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}

@@ -1,0 +1,95 @@
+"""Points of strips that go to the ground by one similarity each.
+
+    x_o = T_j + s_j R_j x + R_j b,     dx_o = dT + [s R x + R b]x' d + s R x m
+
+with the seven unknowns of geometry.similarity per strip; x are coordinates in the strip, reduced to a centre of its own,
+b lever arms along the strip's axes in metres. Covariances turn with the strip: s^2 R C R'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.unknowns import Unknowns
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.geometry.rotations import exp_rotation, skew
+from aatri.geometry.similarity import Similarity
+from aatri.orientation.free_block.tie_records import STRIP, Ties
+
+LABELS = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z", "scale")
+
+
+@dataclass(frozen=True)
+class Similarities:
+    """One similarity per strip: shift (n, 3), scale (n,) and rotation (n, 3, 3)."""
+
+    translation: Float
+    scale: Float
+    rotation: Float
+
+    def __getitem__(self, strip: int) -> Similarity:
+        """That of one strip."""
+        return Similarity(self.translation[strip], float(self.scale[strip]), self.rotation[strip])
+
+
+def similarities_of(single: Sequence[Similarity]) -> Similarities:
+    """Similarities side by side."""
+    return Similarities(
+        np.stack([s.translation for s in single]),
+        np.array([s.scale for s in single]),
+        np.stack([s.rotation for s in single]),
+    )
+
+
+def moved(value: Similarities, step: Float) -> Similarities:
+    """After a step, (n, 7)."""
+    return Similarities(
+        value.translation + step[:, :3],
+        value.scale * np.exp(step[:, 6]),
+        exp_rotation(step[:, 3:6]) @ value.rotation,
+    )
+
+
+def similarity_ties(
+    strip: Int, point: Int, x: Float, covariance: Float, *, names: Sequence[str] | Text, n_points: int,
+    free: Bool | None = None, offset_m: Float | None = None,
+) -> Ties[Similarities]:  # fmt: skip
+    """Ties by similarities.
+
+    Parameters
+    ----------
+    strip, point : (n,) int
+    x : (n, 3) float64, unit of the strip
+        Reduced to a centre of the strip.
+    covariance : (n, 3, 3) float64, unit of the strip squared
+    names : (n_strips,) sequence of str
+    n_points : int
+    free : (n_strips,) bool, optional
+        False for strips that are held.
+    offset_m : (n, 3) float64, m, optional
+        Lever arms, along the strip's axes.
+    """
+    strip, point = strip.astype(np.int32), point.astype(np.int32)
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.maximum(values, 0.0)
+
+    def on_ground(state: Similarities, rows: Int) -> tuple[Float, Float]:
+        k = strip[rows]
+        R = state.rotation[k]
+        scaled = state.scale[k][:, None] * np.einsum("nij,nj->ni", R, x[rows])
+        arm = scaled if offset_m is None else scaled + np.einsum("nij,nj->ni", R, offset_m[rows])
+        J = np.empty((len(rows), 3, 7))
+        J[:, :, :3] = np.eye(3)
+        J[:, :, 3:6] = -skew(arm)
+        J[:, :, 6] = scaled
+        return state.translation[k] + arm, J
+
+    def spectrum(state: Similarities) -> tuple[Float, Float]:
+        return state.scale[strip][:, None] ** 2 * values, state.rotation[strip] @ vectors
+
+    moving = np.ones(len(names), dtype=bool) if free is None else free
+    unknowns = Unknowns(STRIP, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
+    return Ties(strip, point, on_ground, spectrum, unknowns, n_points)

@@ -1,0 +1,137 @@
+"""Points of strips and given ground coordinates, as observations of ground points.
+
+A strip's point, brought to the ground with the strip's unknowns t, and a given coordinate are both observations of the
+same unknown ground point X:
+
+    v = X - x_o(t),     dv/dX = I,  dv/dt = -dx_o/dt             strips' points, weight (C_o + tau^2 I)^-1
+    v = X - X_given,    dv/dX = I                                 control, positions, weight C^-1
+
+X is eliminated by the adjustment. For k strips of equal weight that leaves the factor (I - 11'/k): own block (k-1)/k,
+mutual block -1/k, for any number of strips (photogrammetry.md E10, E12). X is reduced to a place of its own, so that it
+keeps the digits of small discrepancies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.small_matrices import inverse_cholesky
+from aatri.adjustment.unknowns import State, Unknowns
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.coordinates import value_records
+
+S = TypeVar("S")
+
+STRIP, POINT = "strip", "point"
+EXACT = 1e-2
+"""Standard deviation of exact control, as a share of that of the strips' points: its residuals stay below 1e-4 of the
+discrepancies, and its redundancy can still be told from rounding."""
+
+
+@dataclass(frozen=True)
+class Ties(Generic[S]):
+    """Points of strips as functions of the strips' unknowns.
+
+    Attributes
+    ----------
+    strip, point : (n,) int32
+    on_ground : callable
+        (state, rows) -> ground coordinates (n, 3), derivatives by the strip's unknowns (n, 3, k).
+    spectrum : callable
+        state -> eigenvalues (n, 3), m^2, and eigenvectors (n, 3, 3), by columns, of the covariances on the ground.
+    unknowns : Unknowns
+        The group of the strips' unknowns, named `STRIP`.
+    n_points : int
+    """
+
+    strip: Int
+    point: Int
+    on_ground: Callable[[S, Int], tuple[Float, Float]]
+    spectrum: Callable[[S], tuple[Float, Float]]
+    unknowns: Unknowns
+    n_points: int
+
+    @property
+    def rows(self) -> Int:
+        """All rows."""
+        return np.arange(len(self.strip))
+
+
+@dataclass(frozen=True)
+class GivenPoints:
+    """Given ground coordinates of one kind.
+
+    Attributes
+    ----------
+    kind : str
+    point : (n,) int
+        Number of the point among those of the ties.
+    xyz_m : (n, 3) float64, m
+    covariance_m2 : (n, 3, 3) float64, m^2
+        Zero where exact.
+    given : (n, 3) bool
+        Coordinates that are given: all, plan only, height only.
+    """
+
+    kind: str
+    point: Int
+    xyz_m: Float
+    covariance_m2: Float
+    given: Bool
+
+
+def tie_records(ties: Ties[S], base_m: Float) -> Records:
+    """Records of the strips' points; the ground points are reduced to `base_m`, (n_points, 3)."""
+    eye = np.eye(3)
+
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        xyz, J = ties.on_ground(state[STRIP], rows)
+        point = ties.point[rows]
+        v = state[POINT][point] - (xyz - base_m[point])
+        return v, (-J, np.broadcast_to(eye, (len(rows), 3, 3)))
+
+    n = len(ties.strip)
+    touches = ((STRIP, ties.strip), (POINT, ties.point))
+    return Records("strip_tie", touches, evaluate, np.zeros((n, 3, 3)), np.ones(n, dtype=bool))
+
+
+def given_records(given: GivenPoints, base_m: Float) -> Records:
+    """Records of given coordinates."""
+    point = given.point.astype(np.int32)
+    unit = np.broadcast_to(np.eye(3), given.covariance_m2.shape)  # weighted later, see `given_whitener`
+    return value_records(given.kind, POINT, point, given.xyz_m - base_m[point], unit, given.given)
+
+
+def weighted(records: Records, whitener: Float, active: Bool) -> Records:
+    """The records with weights."""
+    return replace(records, whitener=whitener, active=active)
+
+
+def tie_whitener(eigenvalues: Float, eigenvectors: Float, tau_m: float) -> Float:
+    """T with T'T = (C + tau^2 I)^-1; of equal weights where there is neither."""
+    values = eigenvalues + tau_m**2
+    if not values.any():
+        values = np.ones_like(values)
+    return np.asarray(eigenvectors.swapaxes(1, 2) / np.sqrt(values)[:, :, None])
+
+
+def typical_variance(eigenvalues: Float, tau_m: float) -> float:
+    """Median variance of a coordinate of the strips' points, m^2; 1 where they have none."""
+    variance = float(np.median(eigenvalues.mean(axis=1))) + tau_m**2 if len(eigenvalues) else 0.0
+    return variance or 1.0
+
+
+def given_whitener(given: GivenPoints, typical_m2: float) -> Float:
+    """T with T'T = C^-1; rows of coordinates that are not given are zero.
+
+    Exact coordinates get `EXACT` times the standard deviation of the strips' points.
+    """
+    exact = np.einsum("nii->ni", given.covariance_m2) < EXACT**2 * typical_m2
+    C = given.covariance_m2 + np.where(exact, EXACT**2 * typical_m2, 0.0)[:, :, None] * np.eye(3)
+    both = given.given[:, :, None] & given.given[:, None, :]
+    return np.asarray(np.where(both, inverse_cholesky(np.where(both, C, np.eye(3))), 0.0))
