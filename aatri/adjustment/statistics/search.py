@@ -13,9 +13,8 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, fitting, stranded
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Float
 
 ROUNDS = 100
 SETTLED = 0.02
@@ -26,8 +25,8 @@ class Solved(Protocol):
     """An adjustment with some active records, and the tests of all."""
 
     @property
-    def tests(self) -> RecordTests:
-        """Of all records, kind after kind; predicted where not active."""
+    def test(self) -> Float:
+        """Test statistics of all records, kind after kind; predicted where not active, NaN where not defined."""
 
     @property
     def controlled(self) -> Bool:
@@ -82,7 +81,7 @@ def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snoo
     tau, robust, rounds, settled = 0.0, True, 1, False
     solved = solve(None, use, tau)
     while rounds < ROUNDS:
-        test = solved.tests.test
+        test = solved.test
         new = solved.added_sigma(robust=robust)
         wrong = clearest(rule, pool, test, use, solved.controlled)
         back = ~readmitted & (fitting(rule, test, use) | stranded(pool, test, use))
@@ -100,5 +99,5 @@ def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snoo
             break
         solved = solve(solved, use, tau)
         rounds += 1
-    above = use & (solved.tests.test > rule.limit)
+    above = use & (solved.test > rule.limit)
     return Searched(solved, use, tau, rounds, settled, above)

@@ -14,7 +14,7 @@ keeps the digits of small discrepancies.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -105,11 +105,6 @@ def given_records(given: GivenPoints, base_m: Float) -> Records:
     point = given.point.astype(np.int32)
     unit = np.broadcast_to(np.eye(3), given.covariance_m2.shape)  # weighted later, see `given_whitener`
     return value_records(given.kind, POINT, point, given.xyz_m - base_m[point], unit, given.given)
-
-
-def weighted(records: Records, whitener: Float, active: Bool) -> Records:
-    """The records with weights."""
-    return replace(records, whitener=whitener, active=active)
 
 
 def tie_whitener(eigenvalues: Float, eigenvectors: Float, tau_m: float) -> Float:

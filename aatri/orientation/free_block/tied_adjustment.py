@@ -10,35 +10,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from aatri.adjustment.adjust import Adjusted, adjust_large
-from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.records import Records
-from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
 from aatri.adjustment.statistics.rejection import Snooping, pool_of
 from aatri.adjustment.statistics.search import Searched, search
-from aatri.adjustment.statistics.variance_components import added_sigma
-from aatri.adjustment.unknowns import Unknowns, add_step
-from aatri.arrays import Bool, Float, Text
-from aatri.errors import ConvergenceError, GeometryError
-from aatri.orientation.free_block.tied_solution import TiedProblem, TiedSolution, solve_tied, tied_problem, weighted_means
+from aatri.arrays import Bool, Float
 from aatri.orientation.free_block.tie_records import (
     POINT,
     STRIP,
     GivenPoints,
     Ties,
-    given_records,
     given_whitener,
-    tie_records,
     tie_whitener,
     typical_variance,
-    weighted,
+)
+from aatri.orientation.free_block.tied_solution import (
+    TiedProblem,
+    TiedSolution,
+    solve_tied,
+    tied_problem,
+    weighted_means,
 )
 
 S = TypeVar("S")
+
 
 @dataclass(frozen=True)
 class TiedResult(Generic[S]):
@@ -140,43 +137,54 @@ def adjust_tied(
 def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]]) -> TiedResult[S]:
     solved, ties, use = found.solved, problem.ties, found.active
     n = len(ties.strip)
-    values, vectors = solved.spectrum
     point = np.concatenate([ties.point, *(g.point for g in problem.given)])
     observed = np.concatenate([np.ones((n, 3), dtype=bool), *(g.given for g in problem.given)])
     xyz = ties.on_ground(solved.state, ties.rows)[0] - problem.base_m[ties.point]
     mean, covariance = weighted_means(ties, xyz, solved.whiteners[0], use[:n])
-    reduced = np.where(np.isfinite(mean), solved.adjusted.state[POINT], np.nan)
-    counted = solved.used & (np.bincount(point[solved.used], minlength=ties.n_points)[point] > 1)
+    reduced = np.where(np.isfinite(mean), solved.solved.state[POINT], np.nan)
+    used = use & solved.held
+    counted = used & (np.bincount(point[used], minlength=ties.n_points)[point] > 1)
     observations = int(observed[counted].sum())
     unknowns = int(ties.unknowns.free.sum()) + 3 * len(np.unique(point[counted]))
     redundancy = observations - unknowns
-    typical = typical_variance(values, 0.0)
-    apriori = (tie_whitener(values, vectors, 0.0), *(given_whitener(g, typical) for g in problem.given))
-    residual = np.nan_to_num(solved.residual_m)
-    v = np.einsum("nij,nj->ni", np.concatenate(apriori), residual)[counted]
-    squares = (np.einsum("nij,nj->ni", np.concatenate(solved.whiteners), residual) ** 2).sum(axis=1)
-    of_given = solved.used & (np.arange(len(point)) >= n)
+    residual = np.where(observed, np.nan_to_num(solved.residual_m), 0.0)
+    apriori = _squares(_apriori(problem, solved), residual)
+    squares = _squares(solved.whiteners, residual)
+    of_given = used & (np.arange(len(point)) >= n)
+    of_strips = solved.solved.covariances().groups[STRIP]
     return TiedResult(
         state=solved.state,
-        sigma=solved.sigma,
+        sigma=np.sqrt(np.einsum("nii->ni", of_strips)),
         point_m=reduced + problem.base_m,
         mean_m=mean + problem.base_m,
         mean_covariance_m2=covariance,
         residual_m=np.where(observed, solved.residual_m, np.nan),
         active=use,
-        size_m=np.where(observed, solved.size_m(), np.nan),
-        test=solved.tests.test,
+        size_m=np.where(observed, solved.size_m, np.nan),
+        test=solved.test,
         above=found.above,
         tau_m=found.tau,
         observations=observations,
         unknowns=unknowns,
-        sigma0=_ratio((v**2).sum(), redundancy),
+        sigma0=_ratio(apriori[counted].sum(), redundancy),
         weighted_sigma0=_ratio(squares[counted].sum(), redundancy),
-        given_sigma0=_ratio(squares[of_given].sum(), solved.tests.redundancy[of_given].sum()),
-        given_redundancy=float(solved.tests.redundancy[of_given].sum()),
+        given_sigma0=_ratio(squares[of_given].sum(), solved.redundancy[of_given].sum()),
+        given_redundancy=float(solved.redundancy[of_given].sum()),
         iterations=solved.iterations,
         settled=found.settled,
     )
+
+
+def _apriori(problem: TiedProblem[S], solved: TiedSolution[S]) -> Sequence[Float]:
+    """Whiteners without the added standard deviation."""
+    typical = typical_variance(solved.eigenvalues, 0.0)
+    own = tie_whitener(solved.eigenvalues, solved.eigenvectors, 0.0)
+    return (own, *(given_whitener(g, typical) for g in problem.given))
+
+
+def _squares(whiteners: Sequence[Float], residual_m: Float) -> Float:
+    """Sum of squares of each observation's whitened residuals."""
+    return np.asarray((np.einsum("nij,nj->ni", np.concatenate(whiteners), residual_m) ** 2).sum(axis=1))
 
 
 def _ratio(squares: float, redundancy: float) -> float:

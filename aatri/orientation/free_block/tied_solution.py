@@ -4,28 +4,28 @@ An observation whose gross error could be told only with a standard deviation of
 of a strip's point together is not rejected: hardly anything else determines what it determines, and without it the strips
 would extrapolate.
 
-Rejected observations stay in the adjustment with a weight of 1e-12: so they are predicted by the same adjustment, and
-its index never changes. Points without an active observation in a strip take no part: their given coordinates count for
-nothing, and they have no test.
+Rejected observations stay in the index and are predicted by the others. Points without an active observation in a strip
+take no part: their given coordinates count for nothing, and they have no test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from aatri.adjustment.adjust import Adjusted, adjust_large
-from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.records import Records
-from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
-from aatri.adjustment.statistics.rejection import Snooping, pool_of
-from aatri.adjustment.statistics.search import Searched, search
+from aatri.adjustment.solve import Solved, solve
+from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.variance_components import added_sigma
+from aatri.adjustment.structure.index_problem import prepare
+from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.weights import Weights
 from aatri.adjustment.unknowns import Unknowns, add_step
-from aatri.arrays import Bool, Float, Text
+from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.free_block.tie_records import (
     POINT,
@@ -37,87 +37,137 @@ from aatri.orientation.free_block.tie_records import (
     tie_records,
     tie_whitener,
     typical_variance,
-    weighted,
 )
 
 S = TypeVar("S")
 
 MAX_ITERATIONS = 30
-DECREMENT = 1e-4
+LINEAR = 1e-5
+"""An iteration ends when no residual departs from the linear model by more of its standard deviation."""
+
 WEAK = 10.0
 """A redundancy number of 0.01: the limit of what counts as controlled at all (Foerstner 1980)."""
-
-PREDICTED = 1e-6
-"""Factor of the weight's root of what is only predicted."""
 
 
 @dataclass(frozen=True)
 class TiedProblem(Generic[S]):
-    """Ties and given coordinates with their records; ground points are reduced to `base_m`."""
+    """Ties and given coordinates with the index of their adjustment; ground points are reduced to `base_m`."""
 
     ties: Ties[S]
     given: Sequence[GivenPoints]
-    records: tuple[Records, ...]
+    index: Problem
     base_m: Float
-    point_ids: Text
     what: str
+
+    @property
+    def records(self) -> tuple[Records, ...]:
+        """Ties, then given coordinates kind by kind."""
+        return self.index.records
 
 
 @dataclass(frozen=True)
 class TiedSolution(Generic[S]):
-    """An adjustment with its tests; see adjustment.statistics.search."""
+    """An adjustment with its tests; see adjustment.statistics.search.
+
+    Attributes
+    ----------
+    problem : TiedProblem
+    solved : Solved
+    whiteners : tuple of (n, 3, 3) float64, 1/m
+    eigenvalues, eigenvectors : (n, 3), (n, 3, 3) float64
+        Of the covariances of the ties, tau not counted.
+    tau_m : float, m
+    held : (n,) bool
+        Observations whose point some active tie holds.
+    use : (n,) bool
+        Active observations.
+    iterations : int
+        Up to here.
+    """
 
     problem: TiedProblem[S]
-    adjusted: Adjusted
+    solved: Solved
     whiteners: tuple[Float, ...]
-    spectrum: tuple[Float, Float]
-    root: Float
-    sigma_m: Float
-    residual_m: Float
-    tests: RecordTests
-    sigma: Float
-    used: Bool
+    eigenvalues: Float
+    eigenvectors: Float
+    tau_m: float
+    held: Bool
+    use: Bool
     iterations: int
 
     @property
     def state(self) -> S:
         """Unknowns of the strips."""
-        found: Any = self.adjusted.state[STRIP]
+        found: Any = self.solved.state[STRIP]
         return found  # type: ignore[no-any-return]
+
+    @cached_property
+    def tests(self) -> Mapping[str, RecordTests]:
+        """By kind."""
+        return self.solved.tests()
+
+    def _all(self, column: str) -> Float:
+        return np.concatenate([getattr(self.tests[r.name], column) for r in self.problem.records])
+
+    @cached_property
+    def test(self) -> Float:
+        """Test statistics of all observations; NaN where not defined."""
+        return np.where(self.held, self._all("test"), np.nan)
+
+    @cached_property
+    def residual_m(self) -> Float:
+        """Adjusted minus observed, (n, 3), m; NaN where no tie holds the point."""
+        return np.where(self.held[:, None], self._all("v"), np.nan)
+
+    @cached_property
+    def redundancy(self) -> Float:
+        """Sum of the redundancy numbers of each observation, (n,)."""
+        return np.asarray(np.einsum("nii->n", self._all("redundancy")))
+
+    @cached_property
+    def size_m(self) -> Float:
+        """Estimated gross errors, (n, 3), m."""
+        size = np.where(self.held[:, None], self._all("size"), np.nan)
+        n = len(self.problem.ties.strip)
+        ties = np.einsum("nij,nj->ni", self.eigenvectors, size[:n] * np.sqrt(self._variances()))
+        others = [np.linalg.pinv(T) for T in self.whiteners[1:]]
+        given = np.einsum("nij,nj->ni", np.concatenate(others), size[n:]) if others else np.zeros((0, 3))
+        return np.concatenate([ties, given])
+
+    def _variances(self) -> Float:
+        values = self.eigenvalues + self.tau_m**2
+        return values if values.any() else np.ones_like(values)
 
     @property
     def controlled(self) -> Bool:
         """Observations whose gross error would be known well enough to reject them."""
-        size = np.linalg.norm(self.size_m(), axis=1)
+        own = [self._variances().sum(axis=1)]
+        own += [np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in self.problem.given]
+        sigma = np.sqrt(np.concatenate(own) + 3 * typical_variance(self.eigenvalues, self.tau_m))
         with np.errstate(invalid="ignore"):
-            return np.asarray(size < WEAK * self.sigma_m * self.tests.test)
-
-    def size_m(self) -> Float:
-        """Estimated gross errors, (n, 3), m."""
-        n = len(self.problem.ties.strip)
-        ties = np.einsum("nij,nj->ni", self.spectrum[1], self.tests.size[:n] * self.root)
-        others = [np.linalg.pinv(T) for T in self.whiteners[1:]]
-        given = np.einsum("nij,nj->ni", np.concatenate(others), self.tests.size[n:]) if others else np.zeros((0, 3))
-        return np.concatenate([ties, given])
+            return np.asarray(np.linalg.norm(self.size_m, axis=1) < WEAK * sigma * self.test)
 
     def added_sigma(self, *, robust: bool) -> float:
         """The deformation that the residuals of the strips' points ask for, m."""
-        n = len(self.problem.ties.strip)
-        rows = self.used[:n]
-        values, vectors = self.spectrum[0][rows], self.spectrum[1][rows]
-        along = np.einsum("nji,nj->ni", vectors, self.residual_m[:n][rows])
-        return added_sigma(along**2, values, self.tests.redundancy[:n][rows] / 3, robust=robust)
+        rows = np.flatnonzero((self.use & self.held)[: len(self.problem.ties.strip)])
+        along = np.einsum("nji,nj->ni", self.eigenvectors[rows], self.residual_m[rows])
+        return added_sigma(along**2, self.eigenvalues[rows], self.redundancy[rows] / 3, robust=robust)
 
 
 def tied_problem(ties: Ties[S], given: Sequence[GivenPoints], start: S, what: str) -> TiedProblem[S]:
-    """The records of a problem; `what` is for messages."""
+    """Index a problem; `what` is for messages."""
     base = np.zeros((ties.n_points, 3))
     base[ties.point[::-1]] = ties.on_ground(start, ties.rows)[0][::-1]
+    tied = np.bincount(ties.point, minlength=ties.n_points) > 0
+    points = Unknowns(POINT, np.repeat(tied[:, None], 3, axis=1), ("X", "Y", "Z"), np.arange(ties.n_points).astype(str),
+                      add_step, eliminated=True)  # fmt: skip
     records = (tie_records(ties, base), *(given_records(g, base) for g in given))
-    return TiedProblem(ties, given, records, base, np.arange(ties.n_points).astype(np.str_), what)
+    return TiedProblem(ties, given, prepare([ties.unknowns, points], records), base, what)
 
 
-def solve_tied(problem: TiedProblem[S], state: S, use: Bool, tau_m: float, before: TiedSolution[S] | None) -> TiedSolution[S]:
+def solve_tied(
+    problem: TiedProblem[S], state: S, use: Bool, tau_m: float, before: TiedSolution[S] | None
+) -> TiedSolution[S]:
     """Adjust with some active observations and an added standard deviation.
 
     Raises
@@ -129,42 +179,27 @@ def solve_tied(problem: TiedProblem[S], state: S, use: Bool, tau_m: float, befor
     """
     ties = problem.ties
     values, vectors = ties.spectrum(state)
-    root = np.sqrt(values + tau_m**2) if (values + tau_m**2).any() else np.ones_like(values)
     typical = typical_variance(values, tau_m)
-    variances = [(root**2).sum(axis=1), *(np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in problem.given)]
     whiteners = (tie_whitener(values, vectors, tau_m), *(given_whitener(g, typical) for g in problem.given))
     n = len(ties.strip)
-    held = np.bincount(ties.point[use[:n]], minlength=ties.n_points) > 0
-    uses = np.split(use, np.cumsum([len(r.active) for r in problem.records])[:-1])
-    records = [
-        weighted(r, np.where(mine[:, None, None], T, PREDICTED * T), held[dict(r.touches)[POINT]])
-        for r, T, mine in zip(problem.records, whiteners, uses)
-    ]
-    points = Unknowns(POINT, np.repeat(held[:, None], 3, axis=1), ("X", "Y", "Z"), problem.point_ids, add_step,
-                      eliminated=True)  # fmt: skip
-    start = {STRIP: state, POINT: _means(problem, state, whiteners[0], use[:n])}
-    try:
-        adjusted = adjust_large(
-            [ties.unknowns, points], records, start, max_iterations=MAX_ITERATIONS, tolerance=DECREMENT
-        )
-    except (GeometryError, ConvergenceError) as error:
-        raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
-    covariances = marginal_covariances(adjusted)
-    iterations = len(adjusted.history) + (before.iterations if before else 0)
-    sigma = np.sqrt(np.einsum("nii->ni", covariances.groups[STRIP]))
-    residuals, tests = [], []
-    for k, (r, T, mine, R) in enumerate(zip(records, whiteners, uses, covariances.records)):
-        v = np.where(r.active[:, None], r.residuals(adjusted.state), np.nan)
-        adjusted_value = np.where(mine[:, None, None], R, R / PREDICTED**2)
-        observed = None if k == 0 else problem.given[k - 1].given
-        residuals.append(v)
-        tests.append(record_tests(np.einsum("nij,nj->ni", T, v), adjusted_value, mine, observed))
-    pooled = RecordTests(*(np.concatenate(parts) for parts in zip(*((t.size, t.test, t.redundancy) for t in tests))))
-    used = use & np.concatenate([r.active for r in records])
-    return TiedSolution(
-        problem, adjusted, whiteners, (values, vectors), root, np.sqrt(np.concatenate(variances) + 3 * typical),
-        np.concatenate(residuals), pooled, sigma, used, iterations,
-    )  # fmt: skip
+    points = np.bincount(ties.point[use[:n]], minlength=ties.n_points) > 0
+    held = points[np.concatenate([dict(r.touches)[POINT] for r in problem.records])]
+    parts = np.split(use & held, np.cumsum([len(T) for T in whiteners])[:-1])
+    weights = {r.name: Weights(mine, T) for r, T, mine in zip(problem.records, whiteners, parts)}
+    full: dict[str, Any] = {STRIP: state, POINT: _means(problem, state, whiteners[0], use[:n])}
+    done = before.iterations if before else 0
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        try:
+            solved = solve(problem.index, full, weights)
+        except (GeometryError, ConvergenceError) as error:
+            raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
+        if solved.departure <= LINEAR:
+            return TiedSolution(problem, solved, whiteners, values, vectors, tau_m, held, use, done + iteration)
+        full = solved.state
+    raise ConvergenceError(
+        f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
+        remedy="look for wrong point numbers in the largest discrepancies",
+    )
 
 
 def _means(problem: TiedProblem[S], state: S, T: Float, use: Bool) -> Float:

@@ -7,7 +7,6 @@ import pytest
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.small_matrices import inverse_cholesky, solve_symmetric
-from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.statistics.rejection import Snooping, clearest, fitting, pool_of, stranded
 from aatri.adjustment.statistics.variance_components import added_sigma
 
@@ -40,29 +39,6 @@ def test_of_small_matrices_the_inverse_factor_and_the_solution_are_those_of_nump
     assert solve_symmetric(np.zeros((1, 2, 2)), np.ones((1, 2)))[2][0] <= 0
     with pytest.raises(np.linalg.LinAlgError):
         inverse_cholesky(-C)
-
-
-def test_the_test_of_a_record_is_that_of_one_more_unknown_for_its_error():
-    # The gross error of record 2 as an unknown of its own: its estimate and the decrease of v'v.
-    A, observed = RNG.normal(size=(6, 2, 3)), RNG.normal(size=(6, 2))
-    J, rhs = A.reshape(12, 3), observed.ravel()
-    Q = np.linalg.inv(J.T @ J)
-    v = (J @ Q @ J.T @ rhs - rhs).reshape(6, 2)
-    found = record_tests(v, A @ Q @ A.swapaxes(1, 2), np.ones(6, bool))
-    more = np.hstack([J, np.zeros((12, 2))])
-    more[4, 3] = more[5, 4] = 1.0
-    x = np.linalg.lstsq(more, rhs, rcond=None)[0]
-    decrease = (v**2).sum() - ((more @ x - rhs) ** 2).sum()
-    np.testing.assert_allclose(found.size[2], x[3:], rtol=1e-10)
-    assert found.test[2] == pytest.approx(np.sqrt(decrease / 2), rel=1e-10)
-    assert found.redundancy.sum() == pytest.approx(12 - 3)
-
-
-def test_a_record_without_redundancy_or_residual_has_no_test():
-    v = np.array([[3.0, 4.0], [np.nan, 1.0], [3.0, 4.0]])
-    found = record_tests(v, np.tile(np.eye(2), (3, 1, 1)), np.array([True, True, False]))
-    assert np.isnan(found.test[:2]).all()
-    assert found.test[2] == pytest.approx(np.sqrt(25 / 2 / 2))  # predicted: cofactor 2 I
 
 
 def test_of_two_records_of_a_point_one_is_rejected_control_before_a_strip():

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.reference import reduced_matrix
+from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.statistics.rejection import Snooping
-from aatri.adjustment.structure.layout import layout_of
+from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.orientation.free_block.tie_records import (
     POINT,
@@ -87,7 +87,7 @@ def test_a_point_in_k_strips_has_own_block_k_minus_1_over_k_and_mutual_block_min
     records = replace(tie_records(ties, np.zeros((1, 3))), whitener=eye)
     unknowns = [ties.unknowns, Unknowns(POINT, np.ones((1, 3), dtype=bool), tuple("XYZ"), ["1"], add_step, True)]
     state = {STRIP: np.zeros((k, 3)), POINT: np.zeros((1, 3))}
-    N = reduced_matrix(unknowns, [records], layout_of(unknowns, [records]), state)
+    N = reduced_normals(prepare(unknowns, [records]), state).N
     np.testing.assert_allclose(N, np.kron(np.eye(k) - np.ones((k, k)) / k, np.eye(3)), atol=1e-14)
 
 
