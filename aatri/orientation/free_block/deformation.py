@@ -37,7 +37,7 @@ from aatri.notes import Note
 from aatri.orientation.free_block.tied_adjustment import TiedResult
 
 GROWTH = 0.05
-OF_GIVEN = "of control and positions"
+OF_GIVEN = "of control, the deformation counted,"
 
 
 def expected_ratio(models: int) -> float:
