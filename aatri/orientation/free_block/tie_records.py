@@ -7,7 +7,7 @@ same unknown ground point X:
     v = X - X_given,    dv/dX = I                                 control, positions, weight C^-1
 
 X is eliminated by the adjustment. For k strips of equal weight that leaves the factor (I - 11'/k): own block (k-1)/k,
-mutual block -1/k, for any number of strips (photogrammetry.md E10, E12). X is reduced to a place of its own, so that it
+mutual block -1/k, for any number of strips (docs/formulas.md 4.3). X is reduced to a place of its own, so that it
 keeps the digits of small discrepancies.
 """
 
