@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adjustment.elimination.panels import Panels
 from aatri.adjustment.records import Fill, Records, active_lane
 from aatri.adjustment.structure.index import KeptRecords, Rays
 from aatri.adjustment.structure.layout import Layout
@@ -16,6 +16,9 @@ from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Float, Int
+
+if TYPE_CHECKING:
+    from aatri.adjustment.elimination.panels import Panels
 
 
 @dataclass(frozen=True)

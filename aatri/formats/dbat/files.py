@@ -26,8 +26,8 @@ from pathlib import Path, PureWindowsPath
 
 from aatri.errors import InputError, raise_all
 from aatri.formats.text.text_file import read_lines
-from aatri.formats.wucaps.files import Record
-from aatri.ids import is_valid, clipped
+from aatri.formats.text.text_line import TextLine
+from aatri.ids import clipped, is_valid
 from aatri.progress import SILENT, Reporter
 
 ROUNDING_MM = 6e-4
@@ -52,7 +52,7 @@ class Photo:
     name: str
     position_m: tuple[float, ...]
     kappa_phi_omega_deg: tuple[float, ...]
-    record: Record
+    entry: TextLine
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Given:
 
     xyz_m: tuple[float, ...]
     sigma_m: tuple[float, ...]
-    record: Record
+    entry: TextLine
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Mark:
     point: str
     xy_px: tuple[float, ...]
     sigma_px: tuple[float, ...]
-    record: Record
+    entry: TextLine
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
     InputError
         If the file is missing or a line is not of its form.
     """
-    lines = [Record(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
+    lines = [TextLine(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
     title = " ".join(lines[0].words)
     source = _Lines(lines, 1)
     size = _numbers(source.next(4, "tolerance, iterations, image width and height"))
@@ -132,9 +132,9 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, Given]:
     for k, text in enumerate(read_lines(path, reporter), 1):
         if not text.strip() or text.lstrip().startswith("#"):
             continue
-        record = Record([cell.strip() for cell in text.split(",")], path, k)
+        entry = TextLine([cell.strip() for cell in text.split(",")], path, k)
         try:
-            _add(control, _control_point(record), record)
+            _add(control, _control_point(entry), entry)
         except InputError as error:
             problems.append(error)
     raise_all(problems)
@@ -147,22 +147,22 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, Given]:
 class _Lines:
     """Lines being read, and the next one."""
 
-    lines: list[Record]
+    lines: list[TextLine]
     at: int
 
     def more(self) -> bool:
         """Whether the next line belongs to this part: it is there and not blank."""
         return self.at < len(self.lines) and bool(self.lines[self.at].words)
 
-    def next(self, width: int, what: str) -> Record:
+    def next(self, width: int, what: str) -> TextLine:
         """The next line, of at least one and (but for paths, width 0) exactly `width` words."""
         if self.at >= len(self.lines):
             raise self.lines[-1].error(f"the file ends where {what} should stand", "export the project again")
-        record = self.lines[self.at]
-        if len(record.words) != width and width:
-            raise record.error(f"{len(record.words)} words where {what} should stand", f"write {width} of them")
+        entry = self.lines[self.at]
+        if len(entry.words) != width and width:
+            raise entry.error(f"{len(entry.words)} words where {what} should stand", f"write {width} of them")
         self.at += 1
-        return record
+        return entry
 
     def skip_blank(self) -> None:
         """Pass the blank line between two parts."""
@@ -170,10 +170,10 @@ class _Lines:
             self.at += 1
 
 
-def _camera(record: Record, size: list[float]) -> DefaultCamera:
-    value = _numbers(record)
+def _camera(entry: TextLine, size: list[float]) -> DefaultCamera:
+    value = _numbers(entry)
     if not (value[0] > 0 and min(*value[3:5], *size[2:]) > 0):
-        raise record.error("principal distance, format and image size are not all positive", "mend the camera")
+        raise entry.error("principal distance, format and image size are not all positive", "mend the camera")
     return DefaultCamera((size[2], size[3]), value[0], (value[1], value[2]), (value[3], value[4]), tuple(value[5:]))
 
 
@@ -188,13 +188,13 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
     orientation = source.next(7, "photo X Y Z kappa phi omega")
     source.next(7, "their standard deviations")
     source.skip_blank()
-    record = source.next(11, "photo and its camera")
+    entry = source.next(11, "photo and its camera")
     source.next(11, "standard deviations of the camera")
-    own = _camera(Record(record.words[1:], record.path, record.line), [0.0, 0.0, *camera.size_px])
+    own = _camera(TextLine(entry.words[1:], entry.path, entry.line), [0.0, 0.0, *camera.size_px])
     pairs = zip((own.c_mm, *own.principal_point_mm, *own.format_mm),
                 (camera.c_mm, *camera.principal_point_mm, *camera.format_mm))  # fmt: skip
     if any(abs(a - b) > ROUNDING_MM for a, b in pairs):
-        raise record.error(f"photo {name} has another camera than the default", "exports of one camera are read")
+        raise entry.error(f"photo {name} has another camera than the default", "exports of one camera are read")
     value = _numbers(orientation)
     return Photo(name, tuple(value[1:4]), tuple(value[4:]), orientation)
 
@@ -202,47 +202,47 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
 def _points(source: _Lines) -> dict[str, Given]:
     points: dict[str, Given] = {}
     while source.more():
-        record = source.next(7, "id X Y Z sX sY sZ")
-        value = [record.number(k) for k in range(1, 7)]
-        _add(points, Given(tuple(value[:3]), tuple(value[3:]), record), record)
+        entry = source.next(7, "id X Y Z sX sY sZ")
+        value = [entry.number(k) for k in range(1, 7)]
+        _add(points, Given(tuple(value[:3]), tuple(value[3:]), entry), entry)
     return points
 
 
 def _marks(source: _Lines, photos: int) -> list[Mark]:
     marks = []
     while source.more():
-        record = source.next(6, "photo id x y sx sy")
-        photo, value = record.count(0), [record.number(k) for k in range(2, 6)]
+        entry = source.next(6, "photo id x y sx sy")
+        photo, value = entry.count(0), [entry.number(k) for k in range(2, 6)]
         if photo >= photos:
-            raise record.error(f"photo {photo}, but the photos are 0 to {photos - 1}", "mend the number")
+            raise entry.error(f"photo {photo}, but the photos are 0 to {photos - 1}", "mend the number")
         if min(value[2:]) < 0 or min(value[2:]) == 0 < max(value[2:]):
-            raise record.error(f"standard deviations {value[2]:g}, {value[3]:g}",
+            raise entry.error(f"standard deviations {value[2]:g}, {value[3]:g}",
                                "they are positive, in pixels; or both 0: not given")  # fmt: skip
-        marks.append(Mark(photo, record.words[1], tuple(value[:2]), tuple(value[2:]), record))
+        marks.append(Mark(photo, entry.words[1], tuple(value[:2]), tuple(value[2:]), entry))
     return marks
 
 
-def _control_point(record: Record) -> Given:
-    if len(record.words) not in (5, 6, 8):
-        raise record.error(
-            f"{len(record.words)} values", "write `id, name, X, Y, Z`, and no, one or three standard deviations"
+def _control_point(entry: TextLine) -> Given:
+    if len(entry.words) not in (5, 6, 8):
+        raise entry.error(
+            f"{len(entry.words)} values", "write `id, name, X, Y, Z`, and no, one or three standard deviations"
         )
-    value = [record.number(k) for k in range(2, len(record.words))]
-    sigma = {5: [0.0] * 3, 6: value[3:] * 3, 8: value[3:]}[len(record.words)]
+    value = [entry.number(k) for k in range(2, len(entry.words))]
+    sigma = {5: [0.0] * 3, 6: value[3:] * 3, 8: value[3:]}[len(entry.words)]
     if min(sigma) < 0:
-        raise record.error(f"a standard deviation of {min(sigma):g}", "it is 0 (fixed) or positive")
-    return Given(tuple(value[:3]), tuple(sigma), record)
+        raise entry.error(f"a standard deviation of {min(sigma):g}", "it is 0 (fixed) or positive")
+    return Given(tuple(value[:3]), tuple(sigma), entry)
 
 
-def _add(points: dict[str, Given], point: Given, record: Record) -> None:
-    name = record.words[0]
+def _add(points: dict[str, Given], point: Given, entry: TextLine) -> None:
+    name = entry.words[0]
     if not is_valid(name):
-        raise record.error(f"{clipped(name)!r} is no id")
+        raise entry.error(f"{clipped(name)!r} is no id")
     if name in points:
-        earlier = points[name].record.line
-        raise record.error(f"point {clipped(name)} twice, first in line {earlier}", "remove one")
+        earlier = points[name].entry.line
+        raise entry.error(f"point {clipped(name)} twice, first in line {earlier}", "remove one")
     points[name] = point
 
 
-def _numbers(record: Record) -> list[float]:
-    return [record.number(k) for k in range(len(record.words))]
+def _numbers(entry: TextLine) -> list[float]:
+    return [entry.number(k) for k in range(len(entry.words))]

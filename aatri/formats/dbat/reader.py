@@ -111,7 +111,7 @@ def read_dbat(
     photos = _distinct(source.photos)
     image_ids = canonical(p.name for p in photos)
     point_ids = canonical([*(m.point for m in source.marks), *source.points, *given])
-    names, lines = [p.name for p in photos], [p.record.line for p in photos]
+    names, lines = [p.name for p in photos], [p.entry.line for p in photos]
     pixel_mm = _pixel_mm(source.camera)
     _warn_of_aspect(export, source.camera, camera_model, reporter)
     block = plain_block(
@@ -136,12 +136,12 @@ def _refuse_undetermined(source: Export, given: dict[str, Given]) -> None:
     """Object points that their image points cannot determine: none at all, or one without control."""
     rays = Counter(name for name, _ in {(m.point, m.photo) for m in source.marks})
     remedy = "measure it in two images at least, remove it, or set `undetermined_points: set_aside`"
-    listed = {m.point: m.record for m in reversed(source.marks)} | {p: g.record for p, g in source.points.items()}
+    listed = {m.point: m.entry for m in reversed(source.marks)} | {p: g.entry for p, g in source.points.items()}
     problems = []
-    for name, record in sorted(listed.items(), key=lambda item: item[1].line):
+    for name, entry in sorted(listed.items(), key=lambda item: item[1].line):
         if name not in given and rays[name] < 2:
             seen = "one image only, which does not determine it" if rays[name] else "no image"
-            where = f"{record.path}:{record.line}"
+            where = f"{entry.path}:{entry.line}"
             problems.append(GeometryError(f"object point {name} is seen in {seen}", where=where, remedy=remedy))
     raise_all(problems)
 
@@ -152,7 +152,7 @@ def _not_seen(source: Export, given: dict[str, Given]) -> Rejects:
     n = len(names)
     return Rejects(
         kind=texts(["ground_point"] * n), id=texts(names), reason=texts([NOT_SEEN] * n),
-        file=np.full(n, EXPORT, np.int32), line=np.array([source.points[p].record.line for p in names], np.int32),
+        file=np.full(n, EXPORT, np.int32), line=np.array([source.points[p].entry.line for p in names], np.int32),
     )  # fmt: skip
 
 
@@ -162,8 +162,8 @@ def _distinct(photos: list[Photo]) -> list[Photo]:
     problems = []
     for photo in photos:
         if first.setdefault(photo.name, photo) is not photo:
-            earlier = first[photo.name].record.line
-            problems.append(photo.record.error(f"photo {photo.name} twice, first in line {earlier}", "rename one"))
+            earlier = first[photo.name].entry.line
+            problems.append(photo.entry.error(f"photo {photo.name} twice, first in line {earlier}", "rename one"))
     raise_all(problems)
     return photos
 
@@ -203,8 +203,10 @@ def _aspect(camera: DefaultCamera, model: CameraModel) -> float:
 def _warn_of_aspect(export: Path, camera: DefaultCamera, model: CameraModel, reporter: Reporter) -> None:
     edge_px = abs(_wider(camera)) * camera.size_px[0] / 2
     if model == "brown" and edge_px > LARGEST_ASPECT_PX:
-        reporter.warn(f"{export}: pixels are {100 * _wider(camera):+.3f} % wider than high, {edge_px:.2f} px at the edge;"
-                      " DBAT's model 1 (camera_model: brown) takes them as square, of their height: dbat3 has the aspect")  # fmt: skip
+        reporter.warn(
+            f"{export}: pixels are {100 * _wider(camera):+.3f} % wider than high, {edge_px:.2f} px at the edge; DBAT's"
+            " model 1 (camera_model: brown) takes them as square, of their height: dbat3 has the aspect"
+        )
 
 
 def _cameras(camera: DefaultCamera, model: CameraModel) -> Cameras:
@@ -236,18 +238,19 @@ def _image_points(source: Export, image_ids: list[str], point_ids: list[str], pi
                   sigma_px: float | None, reporter: Reporter) -> ImagePoints:  # fmt: skip
     n = len(source.marks)
     row_of_photo = rows_of([p.name for p in source.photos], image_ids)
-    sigma = np.array([m.sigma_px for m in source.marks]).reshape(n, 2) if sigma_px is None else np.full((n, 2), sigma_px)
+    own = np.array([m.sigma_px for m in source.marks]).reshape(n, 2)
+    sigma = own if sigma_px is None else np.full((n, 2), sigma_px)
     not_given = np.flatnonzero((sigma == 0).all(axis=1))
     if len(not_given):
-        record = source.marks[not_given[0]].record
-        reporter.warn(f"{record.path}:{record.line}: {len(not_given)} of {n} image points have standard deviations 0, 0:"
+        entry = source.marks[not_given[0]].entry
+        reporter.warn(f"{entry.path}:{entry.line}: {len(not_given)} of {n} image points have standard deviations 0, 0:"
                       f" {NOT_GIVEN_SIGMA_PX:g} px is taken; image_sigma_px gives another")  # fmt: skip
         sigma[not_given] = NOT_GIVEN_SIGMA_PX
     table = ImagePoints(
         image=row_of_photo[[m.photo for m in source.marks]], point=rows_of([m.point for m in source.marks], point_ids),
         xy=np.array([m.xy_px for m in source.marks]), sigma_mm=sigma * pixel_mm, group=texts([""] * n),
         active=np.ones(n, bool), row_time_s=np.full(n, np.nan), file=np.full(n, EXPORT, np.int32),
-        line=np.array([m.record.line for m in source.marks], np.int32),
+        line=np.array([m.entry.line for m in source.marks], np.int32),
     )  # fmt: skip
     return table.take(image_point_order(table))
 
@@ -265,5 +268,5 @@ def _ground_points(source: Export, given: dict[str, Given], point_ids: list[str]
         covariance_m2=sigma[:, :, None] ** 2 * np.eye(3),
         role=np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE).astype(np.int32),
         datum=np.zeros(n, bool), file=np.where(is_control, CONTROL_FILE, EXPORT).astype(np.int32),
-        line=np.array([p.record.line for p in points], np.int32),
+        line=np.array([p.entry.line for p in points], np.int32),
     )  # fmt: skip

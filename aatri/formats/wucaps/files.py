@@ -19,40 +19,14 @@ from typing import TypeVar
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
-from aatri.formats.text.number_text import number_of
 from aatri.formats.text.text_file import missing, read_lines
-from aatri.ids import did_you_mean, is_valid, clipped
+from aatri.formats.text.text_line import TextLine
+from aatri.ids import clipped, did_you_mean, is_valid
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
 END = ("-99", "-99.0")
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Record:
-    """The words of a line, and where it stands."""
-
-    words: list[str]
-    path: Path
-    line: int
-
-    def error(self, what: str, remedy: str = "") -> InputError:
-        """An error at this line."""
-        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
-
-    def number(self, k: int) -> float:
-        """The word as a number."""
-        try:
-            return number_of(self.words[k])
-        except ValueError as error:
-            raise self.error(f"{clipped(self.words[k])!r}: {error}", "write it like -1234.5") from error
-
-    def count(self, k: int) -> int:
-        """The word as a whole number, not negative."""
-        if not (self.words[k].isascii() and self.words[k].isdigit() and len(self.words[k]) < 9):
-            raise self.error(f"{clipped(self.words[k])!r} is no count", "write a whole number")
-        return int(self.words[k])
 
 
 @dataclass(frozen=True)
@@ -70,7 +44,7 @@ class Photo:
     id: str
     strip: int
     sequence: int
-    record: Record
+    entry: TextLine
 
 
 @dataclass(frozen=True)
@@ -80,7 +54,7 @@ class Measured:
     photo: str
     point: str
     xy: tuple[float, float]
-    record: Record
+    entry: TextLine
 
 
 @dataclass(frozen=True)
@@ -88,7 +62,7 @@ class GroundPoint:
     """A ground point: east, north, up, m."""
 
     xyz_m: tuple[float, float, float]
-    record: Record
+    entry: TextLine
 
 
 @dataclass(frozen=True)
@@ -115,12 +89,12 @@ def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
     if not folder.is_dir():
         raise missing(folder)
     paths = [_find(folder, name) for name in NAMES]
-    records = [_records(path, reporter) for path in paths]
+    entries = [_entries(path, reporter) for path in paths]
     problems: list[AatriError] = []
-    camera = _collected(lambda: _camera(records[0], paths[0]), problems)
-    images = _collected(lambda: _image_coordinates(records[1]), problems)
-    ground = _collected(lambda: _ground(records[2], paths[2]), problems)
-    roles = _collected(lambda: _roles(records[3], paths[3], ground), problems) if ground is not None else None
+    camera = _collected(lambda: _camera(entries[0], paths[0]), problems)
+    images = _collected(lambda: _image_coordinates(entries[1]), problems)
+    ground = _collected(lambda: _ground(entries[2], paths[2]), problems)
+    roles = _collected(lambda: _roles(entries[3], paths[3], ground), problems) if ground is not None else None
     raise_all(problems)
     assert camera is not None
     assert images is not None
@@ -151,31 +125,31 @@ def _find(folder: Path, name: str) -> Path:
     return found[0]
 
 
-def _records(path: Path, reporter: Reporter) -> list[Record]:
-    lines = read_lines(path, reporter)
-    records = [Record(words, path, k) for k, text in enumerate(lines, 1) if (words := text.replace("\x1a", "").split())]
-    if not records:
+def _entries(path: Path, reporter: Reporter) -> list[TextLine]:
+    lines = enumerate(read_lines(path, reporter), 1)
+    entries = [TextLine(words, path, k) for k, text in lines if (words := text.replace("\x1a", "").split())]
+    if not entries:
         raise InputError("the file has no rows", where=str(path), remedy="put the data in")
-    return records
+    return entries
 
 
-def _camera(records: list[Record], path: Path) -> Camera:
+def _camera(entries: list[TextLine], path: Path) -> Camera:
     """PRECAI."""
-    head = _of_width(records, 0, 2, path, "numbers of cameras and fiducials")
+    head = _of_width(entries, 0, 2, path, "numbers of cameras and fiducials")
     if head.count(0) != 1:
         raise head.error(f"{head.words[0]} cameras", "blocks of one camera are read; write others as block folder")
-    interior = _of_width(records, 1, 3, path, "c x0 y0")
+    interior = _of_width(entries, 1, 3, path, "c x0 y0")
     values = interior.number(0), interior.number(1), interior.number(2)
     if values[0] <= 0:
         raise interior.error(f"principal distance {values[0]:g}", "it is in mm and positive")
-    lens = _of_width(records, 2, 3, path, "distortion")
+    lens = _of_width(entries, 2, 3, path, "distortion")
     if any(lens.number(k) != 0 for k in range(3)):
         raise lens.error("distortion parameters, whose meaning is not known", "convert to a block folder")
     fiducials: dict[str, tuple[float, float]] = {}
-    for k in range(3, len(records)):
-        if _ends(records[k]):
+    for k in range(3, len(entries)):
+        if _ends(entries[k]):
             break
-        row = _of_width(records, k, 3, path, "fiducial x y")
+        row = _of_width(entries, k, 3, path, "fiducial x y")
         if row.words[0] in fiducials:
             raise row.error(f"fiducial {row.words[0]} twice", "remove one")
         fiducials[_id(row, 0)] = row.number(1), row.number(2)
@@ -184,92 +158,92 @@ def _camera(records: list[Record], path: Path) -> Camera:
     return Camera(values, fiducials)
 
 
-def _image_coordinates(records: list[Record]) -> tuple[list[str], list[Photo], list[Measured]]:
+def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo], list[Measured]]:
     """PREPHI: names of the strips, photos in order, measurements."""
     numbers: list[str] = []
     photos: dict[str, Photo] = {}
     measured: list[Measured] = []
     problems: list[AatriError] = []
     photo, last = "", True
-    for record in records:
+    for entry in entries:
         try:
-            if photo and len(record.words) == 3:
-                if _ends(record):
+            if photo and len(entry.words) == 3:
+                if _ends(entry):
                     photo = ""
                 else:
-                    measured.append(Measured(photo, _id(record, 0), (record.number(1), record.number(2)), record))
+                    measured.append(Measured(photo, _id(entry, 0), (entry.number(1), entry.number(2)), entry))
             elif photo:
-                raise record.error(f"{len(record.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
-            elif len(record.words) == 4:
+                raise entry.error(f"{len(entry.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
+            elif len(entry.words) == 4:
                 if not last:
-                    raise record.error(
+                    raise entry.error(
                         "a new strip, but the last one has no last photo", "make its last number negative"
                     )
-                numbers.append(_id(record, 0))
+                numbers.append(_id(entry, 0))
                 last = False
-            elif len(record.words) == 2 and numbers and not _ends(record):
-                photo, last = record.words[0].removeprefix("-"), record.words[0].startswith("-")
-                _add_photo(photos, photo, len(numbers) - 1, record)
-            elif not _ends(record):
-                raise record.error(f"{len(record.words)} words, but a strip or photo should begin here",
+            elif len(entry.words) == 2 and numbers and not _ends(entry):
+                photo, last = entry.words[0].removeprefix("-"), entry.words[0].startswith("-")
+                _add_photo(photos, photo, len(numbers) - 1, entry)
+            elif not _ends(entry):
+                raise entry.error(f"{len(entry.words)} words, but a strip or photo should begin here",
                                    "a strip is `strip count scale 0`, a photo `photo 0`")  # fmt: skip
         except InputError as error:
             problems.append(error)
     if photo:
-        problems.append(records[-1].error(f"the file ends within photo {photo}", "end it with -99 0 0"))
+        problems.append(entries[-1].error(f"the file ends within photo {photo}", "end it with -99 0 0"))
     raise_all(problems)
     names = numbers if len(set(numbers)) == len(numbers) else [str(k + 1) for k in range(len(numbers))]
     return names, list(photos.values()), measured
 
 
-def _add_photo(photos: dict[str, Photo], name: str, strip: int, record: Record) -> None:
+def _add_photo(photos: dict[str, Photo], name: str, strip: int, entry: TextLine) -> None:
     if not is_valid(name):
-        raise record.error(f"{clipped(name)!r} is no photo number")
+        raise entry.error(f"{clipped(name)!r} is no photo number")
     if name in photos:
-        earlier = photos[name].record.line
-        raise record.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
-    photos[name] = Photo(name, strip, len(photos) + 1, record)
+        earlier = photos[name].entry.line
+        raise entry.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
+    photos[name] = Photo(name, strip, len(photos) + 1, entry)
 
 
-def _ground(records: list[Record], path: Path) -> dict[str, GroundPoint]:
+def _ground(entries: list[TextLine], path: Path) -> dict[str, GroundPoint]:
     """PRECKI: east, north, up by id."""
     ground: dict[str, GroundPoint] = {}
     problems: list[AatriError] = []
-    for k, record in enumerate(records):
-        if _ends(record):
+    for k, entry in enumerate(entries):
+        if _ends(entry):
             break
         try:
-            row = _of_width(records, k, 4, path, "id X Y H")
+            row = _of_width(entries, k, 4, path, "id X Y H")
             name = _id(row, 0)
             if name in ground:
                 raise row.error(
-                    f"point {clipped(name)} twice, first in line {ground[name].record.line}", "remove one"
+                    f"point {clipped(name)} twice, first in line {ground[name].entry.line}", "remove one"
                 )
-            ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), record)
+            ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), entry)
         except InputError as error:
             problems.append(error)
     raise_all(problems)
     return ground
 
 
-def _roles(records: list[Record], path: Path, ground: dict[str, GroundPoint]) -> dict[str, list[int]]:
+def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) -> dict[str, list[int]]:
     """PRECPI: role of east, north, up by id."""
-    head = _of_width(records, 0, 3, path, "numbers of full, plan-only and height-only control points")
+    head = _of_width(entries, 0, 3, path, "numbers of full, plan-only and height-only control points")
     full, plan, height = (head.count(k) for k in range(3))
-    named = [record for record in records[1:] if not _ends(record)]
+    named = [entry for entry in entries[1:] if not _ends(entry)]
     if len(named) < full + plan + height:
         raise head.error(
             f"{full + plan + height} control points announced, {len(named)} ids follow", "mend the numbers"
         )
     roles: dict[str, list[int]] = {}
     problems: list[AatriError] = []
-    for k, record in enumerate(named):
-        name = record.words[0]
+    for k, entry in enumerate(named):
+        name = entry.words[0]
         if name not in ground:
             what = f"point {clipped(name)!r} is not in the ground point file{did_you_mean(name, ground)}"
-            problems.append(record.error(what, "add it to PRECKI, or mend the id"))
+            problems.append(entry.error(what, "add it to PRECKI, or mend the id"))
         elif name in roles:
-            problems.append(record.error(f"point {clipped(name)} has two roles", "a point is control or check"))
+            problems.append(entry.error(f"point {clipped(name)} has two roles", "a point is control or check"))
         elif k < full:
             roles[name] = [CONTROL] * 3
         elif k < full + plan:
@@ -282,19 +256,19 @@ def _roles(records: list[Record], path: Path, ground: dict[str, GroundPoint]) ->
     return roles
 
 
-def _of_width(records: list[Record], k: int, width: int, path: Path, what: str) -> Record:
-    if k >= len(records):
+def _of_width(entries: list[TextLine], k: int, width: int, path: Path, what: str) -> TextLine:
+    if k >= len(entries):
         raise InputError(f"ends before the line of {what}", where=str(path), remedy="complete the file")
-    if len(records[k].words) != width:
-        raise records[k].error(f"{len(records[k].words)} words where {what} should stand", f"write {width} of them")
-    return records[k]
+    if len(entries[k].words) != width:
+        raise entries[k].error(f"{len(entries[k].words)} words where {what} should stand", f"write {width} of them")
+    return entries[k]
 
 
-def _ends(record: Record) -> bool:
-    return record.words[0] in END
+def _ends(entry: TextLine) -> bool:
+    return entry.words[0] in END
 
 
-def _id(record: Record, k: int) -> str:
-    if not is_valid(record.words[k]):
-        raise record.error(f"{clipped(record.words[k])!r} is no id")
-    return record.words[k]
+def _id(entry: TextLine, k: int) -> str:
+    if not is_valid(entry.words[k]):
+        raise entry.error(f"{clipped(entry.words[k])!r} is no id")
+    return entry.words[k]

@@ -130,7 +130,7 @@ def _image_table(photos: list[Photo], strip: Int) -> Images:
         sequence=np.array([p.sequence for p in photos], float), time_s=np.full(n, np.nan), flight=blank,
         session=blank, rig=blank, member=blank, active=np.ones(n, bool),
         file=np.full(n, NAMES.index("PREPHI"), np.int32),
-        line=np.array([p.record.line for p in photos], np.int32),
+        line=np.array([p.entry.line for p in photos], np.int32),
     )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def _image_point_table(
         image=rows_of([m.photo for m in rows], image_ids), point=rows_of([m.point for m in rows], point_ids),
         xy=np.array([m.xy for m in rows], float).reshape(n, 2), sigma_mm=np.full((n, 2), sigma_mm),
         group=texts([""] * n), active=np.ones(n, bool), row_time_s=np.full(n, np.nan),
-        file=np.full(n, NAMES.index("PREPHI"), np.int32), line=np.array([m.record.line for m in rows], np.int32),
+        file=np.full(n, NAMES.index("PREPHI"), np.int32), line=np.array([m.entry.line for m in rows], np.int32),
     )  # fmt: skip
     return table.take(image_point_order(table))
 
@@ -156,5 +156,5 @@ def _ground_table(ground: dict[str, GroundPoint], roles: dict[str, list[int]], p
         covariance_m2=np.tile(np.eye(3) * (sigma_m * sigma_m), (n, 1, 1)),
         role=np.array([roles.get(p, [NO_ROLE] * 3) for p in names], np.int32).reshape(n, 3),
         datum=np.zeros(n, bool), file=np.full(n, NAMES.index("PRECKI"), np.int32),
-        line=np.array([ground[p].record.line for p in names], np.int32),
+        line=np.array([ground[p].entry.line for p in names], np.int32),
     )  # fmt: skip
