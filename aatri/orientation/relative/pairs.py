@@ -1,7 +1,7 @@
 """Dependent relative orientation of many pairs.
 
-A compiled loop over the pairs, in threads, takes those that are plain: their points clearly spread, and undamped steps
-from the parallel start lead to a solution that needs no other start. Rejections, model points and statistics follow the
+A compiled loop over the pairs, in threads, takes those that are plain: their points clearly spread, and the parallel
+start leads to a solution that needs no other start. Rejections, model points and statistics follow the
 rules of `relative.dependent`, which takes all other pairs, one by one, and gives the reasons.
 """
 
@@ -143,6 +143,7 @@ def _orient(
 
     in_threads(n, part, worth=WORTH_A_THREAD)
     done = np.flatnonzero(iterations > 0)
+    work[np.repeat(iterations == 0, np.diff(start))] = np.nan
     used = np.add.reduceat(np.append(active, False).astype(np.int64), start[:-1]) if m else np.zeros(0, np.int64)
     chosen = first + done
     found.formed[chosen] = True

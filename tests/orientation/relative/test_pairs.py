@@ -202,6 +202,9 @@ def _distance(R: np.ndarray, b: np.ndarray, rays: Rays, p: np.ndarray) -> np.nda
 
 def test_both_forms_have_the_same_constants() -> None:
     assert snooping.UNCONTROLLED == reliability.UNCONTROLLED
-    assert kernel.ROUNDING == damping.ROUNDING
+    for name in ("ROUNDING", "FIRST", "GOOD", "SHRINK"):
+        assert getattr(kernel, name) == getattr(damping, name)
+    for name in ("FADING", "BEND", "AHEAD"):
+        assert getattr(kernel, name) == getattr(dense, name)
     assert model_points.PARALLEL == intersection.PARALLEL
     assert kernel.CLEARLY_POSED > 100 * dense.RANK_TOLERANCE

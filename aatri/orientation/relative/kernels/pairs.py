@@ -1,7 +1,7 @@
 """Dependent relative orientation pair by pair, compiled; the method is that of `relative.dependent`.
 
-A pair goes from the parallel start through snooping to its model points. Whatever is not plain (a step that needs
-damping, another start, an error) leaves the pair with 0 iterations, for the NumPy form.
+A pair goes from the parallel start through snooping to its model points. Whatever is not plain (another start, an
+error) leaves the pair with 0 iterations, for the NumPy form.
 """
 
 from __future__ import annotations
@@ -72,9 +72,9 @@ def parallel_start(rays, pose, work, size):
 def adjust_in_front(pose, rays, active, limit, max_iterations, work, W, model):
     """Adjust with snooping; points behind an image are taken out and it is adjusted again. Iterations, or 0."""
     n = len(rays)
-    inside, left = np.ones(n, dtype=np.bool_), n
+    inside, left = np.empty(n, dtype=np.bool_), n
     for k in range(n):
-        active[k] = True
+        inside[k] = active[k] = True
     for _ in range(FALLBACKS):
         if left < SNOOPED:
             return 0
@@ -143,14 +143,12 @@ def orient(first, last, start, rays, plain, limit, max_iterations, min_points, p
         i, j = start[p], start[p + 1]
         if not plain[p]:
             continue
-        parallel_start(rays[i:j], pose[p], work[i:j], size)
-        done = adjust_in_front(
-            pose[p], rays[i:j], active[i:j], limit, max_iterations, work[i:j], W, model[i:j]
-        )
-        if done == 0:
-            continue
-        linearise(pose[p], rays[i:j], active[i:j], work[i:j], T, N, g)
-        statistics(work[i:j], W, active[i:j])
-        square[p] = sum_of_squares(work[i:j], active[i:j], limit, min_points, size)
-        inverse(W, Q[p])
-        iterations[p] = done if square[p] < np.inf else 0
+        of_pair, used, here = rays[i:j], active[i:j], work[i:j]
+        parallel_start(of_pair, pose[p], here, size)
+        done = adjust_in_front(pose[p], of_pair, used, limit, max_iterations, here, W, model[i:j])
+        if done > 0:
+            linearise(pose[p], of_pair, used, here, T, N, g)
+            statistics(here, W, used)
+            square[p] = sum_of_squares(here, used, limit, min_points, size)
+            inverse(W, Q[p])
+            iterations[p] = done if square[p] < np.inf else 0

@@ -1,7 +1,8 @@
-"""One undamped adjustment of the Sampson distances of a pair, compiled.
+"""Adjustment of the Sampson distances of a pair, compiled.
 
-The equations are those of `geometry.coplanarity.sampson`, the steps and their end those of `adjustment.dense.adjust`
-without damping. What needs damping, is not clearly determined or not finite is left to the NumPy form: 0 iterations.
+The equations are those of `geometry.coplanarity.sampson`; the steps, their damping and their end are those of
+`adjustment.dense.adjust`. What does not converge, is not clearly determined or not finite at its start is left to the
+NumPy form, which says why: 0 iterations.
 
 A pair is held in three arrays: `pose` (3, 4), the rotation R and in its last column the base b; `rays` (n, 10), the
 columns (x, y, -c) of the left and the right image and the variances of x1, y1, x2, y2; `work` (n, 9), per point the
@@ -20,8 +21,11 @@ from aatri.geometry.kernels.rotations import turn
 TOLERANCE = 1e-3
 """Bound of the Newton decrement, as of `adjustment.dense.adjust`."""
 
-ROUNDING = 1e-10
-"""Relative increase of the cost that rounding may cause, as of `adjustment.stepping.damping`."""
+ROUNDING, FIRST, GOOD, SHRINK = 1e-10, 1e-3, 0.75, 0.03
+"""Of the damping, as of `adjustment.stepping.damping`."""
+
+FADING, BEND, AHEAD = 0.8, 0.375, 0.1
+"""Of damped steps, as of `adjustment.dense`."""
 
 
 @njit("void(float64[:,::1], float64[:,::1], float64[:,:,::1])", **OPTIONS)
@@ -100,6 +104,51 @@ def linearise(pose, rays, active, work, T, N, g):
     return cost
 
 
+@njit("void(float64[:,::1], float64[:,::1])", **OPTIONS)
+def assign(values, target):
+    """Copy a table."""
+    for i in range(len(values)):
+        for j in range(values.shape[1]):
+            target[i, j] = values[i, j]
+
+
+@njit("void(float64[:,::1], float64[:,::1], float64[::1], float64, float64[:,::1])", **OPTIONS)
+def move(pose, T, dx, share, to_pose):
+    """Fill `to_pose` with the pose after a share of the step dx."""
+    R, square = np.empty((3, 3)), 0.0
+    for i in range(3):
+        to_pose[i, 3] = T[0, i] + share * (T[1, i] * dx[3] + T[2, i] * dx[4])
+        square += to_pose[i, 3] * to_pose[i, 3]
+        for j in range(3):
+            R[i, j] = pose[i, j]
+    turn(share * dx[0], share * dx[1], share * dx[2], R)
+    for i in range(3):
+        to_pose[i, 3] /= np.sqrt(square)
+        for j in range(3):
+            to_pose[i, j] = R[i, j]
+
+
+@njit("boolean(float64[:,::1], float64[:,::1], boolean[::1], float64[:,::1], float64[::1], float64[::1], float64[::1])", **OPTIONS)  # fmt: skip
+def bend(ahead, work, active, W, scale, h, dx):
+    """Add half of its acceleration to a damped step dx, from the distances `ahead` on it; False if it bends too much."""
+    acceleration, of_step, largest = np.empty(5), 0.0, 0.0
+    for i in range(5):
+        h[i] = 0.0
+    for n in range(len(work)):
+        if active[n]:
+            second = (ahead[n, 0] - work[n, 0]) / AHEAD
+            for i in range(5):
+                second -= work[n, 1 + i] * dx[i]
+            for i in range(5):
+                h[i] += work[n, 1 + i] * second * 2.0 / AHEAD
+    newton_step(W, h, acceleration)
+    for i in range(5):
+        of_step += (scale[i] * dx[i]) ** 2
+        largest = max(largest, abs(scale[i] * acceleration[i]))
+        dx[i] += 0.5 * acceleration[i]
+    return largest <= BEND * np.sqrt(of_step)
+
+
 @njit("int64(float64[:,::1], float64[:,::1], boolean[::1], int64, float64[:,::1], float64[:,::1])", **OPTIONS)
 def adjust(pose, rays, active, max_iterations, work, W):
     """Adjust the pose in place with the active points.
@@ -107,7 +156,7 @@ def adjust(pose, rays, active, max_iterations, work, W):
     Parameters
     ----------
     work : (n, 9) float64
-        v and J are filled in, of all points, at the solution.
+        v, J and the sigma of the parallax are filled in, of all points, at the solution.
     W : (5, 5) float64
         Filled in: the covariance of the unknowns is W'W.
 
@@ -116,26 +165,49 @@ def adjust(pose, rays, active, max_iterations, work, W):
     int
         Iterations; 0 if the pair is left to the NumPy form.
     """
-    N, g, dx, T, R = np.empty((5, 5)), np.empty(5), np.empty(5), np.empty((3, 3)), np.empty((3, 3))
-    cost, decrement = np.inf, np.inf
-    for iteration in range(max_iterations + 1):
-        after = linearise(pose, rays, active, work, T, N, g)
-        if not (after < np.inf and inverse_root(N, W) > CLEARLY_POSED):
+    N, g, M, h, T, S = np.empty((5, 5)), np.empty((1, 5)), np.empty((5, 5)), np.empty((1, 5)), np.empty((3, 3)), np.empty((3, 3))  # fmt: skip
+    trial, there, dx, scale = np.empty((3, 4)), np.empty((len(rays), 9)), np.empty(5), np.zeros(5)
+    damping, growth, threshold, iteration, ahead = 0.0, 2.0, 2.0 * FIRST, 0, False
+    cost, predicted, decrement = np.inf, 1.0, np.inf
+    assign(pose, trial)
+    while True:
+        after = linearise(trial, rays, active, there, S, M, h[0])
+        if ahead and after < np.inf and bend(there, work, active, W, scale, h[0], dx):
+            ahead = False
+            move(pose, T, dx, 1.0, trial)
+            continue
+        if not ahead and damping == 0.0 and decrement <= TOLERANCE and after < np.inf:
+            assign(trial, pose)
+            assign(there, work)
+            return iteration if inverse_root(M, W) > CLEARLY_POSED else 0
+        if not ahead and after <= cost * (1.0 + ROUNDING) and after < np.inf:
+            gain = (cost - after) / predicted if predicted > ROUNDING * cost else 1.0
+            if damping < threshold and gain > GOOD:
+                damping = 0.0
+            damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * min(max(gain, 0.0), 1.0) - 1.0) ** 3), 2.0
+            cost = after
+            assign(trial, pose)
+            assign(there, work)
+            assign(M, N)
+            assign(h, g)
+            assign(S, T)
+            for i in range(5):
+                scale[i] = max(FADING * scale[i], np.sqrt(N[i, i]))
+        elif iteration == 0:
             return 0
-        if decrement <= TOLERANCE:
-            return iteration
-        if not after <= cost * (1.0 + ROUNDING):
+        elif damping == 0.0:
+            damping, growth, threshold = min(FIRST, threshold), 2.0, SHRINK * threshold
+        else:
+            damping, growth = damping * growth, 2.0 * growth
+        iteration += 1
+        assign(N, M)
+        for i in range(5):
+            M[i, i] += damping * scale[i] * scale[i]
+        if iteration > max_iterations or not inverse_root(M, W) > CLEARLY_POSED:
             return 0
-        cost, decrement = after, newton_step(W, g, dx)
-        square = 0.0
-        for i in range(3):
-            T[0, i] += T[1, i] * dx[3] + T[2, i] * dx[4]
-            square += T[0, i] * T[0, i]
-            for j in range(3):
-                R[i, j] = pose[i, j]
-        turn(dx[0], dx[1], dx[2], R)
-        for i in range(3):
-            pose[i, 3] = T[0, i] / np.sqrt(square)
-            for j in range(3):
-                pose[i, j] = R[i, j]
-    return 0
+        decrement = newton_step(W, g[0], dx)
+        predicted = decrement * decrement
+        for i in range(5):
+            predicted += damping * (scale[i] * dx[i]) ** 2
+        ahead = damping > 0.0 and predicted > ROUNDING * cost
+        move(pose, T, dx, AHEAD if ahead else 1.0, trial)

@@ -107,27 +107,30 @@ def join(first, last, start, A, y, limit, x, sigma, done, active, work):
     for p in range(first, last):
         most = max(most, start[p + 1] - start[p])
     one, two, W = np.empty(most), np.empty(most), np.empty((A.shape[1], A.shape[1]))
-    everything = np.ones(most, dtype=np.bool_)
+    everything = np.empty(most, dtype=np.bool_)
+    for k in range(most):
+        everything[k] = True
     for p in range(first, last):
         i, j = start[p], start[p + 1]
         n, trial = j - i, -1
         if n == 0:
             continue
+        of_joint, observed, used, here = A[i:j], y[i:j], active[i:j], work[i:j]
         share = min(0.5, (n - 2.5) / n) * n if n >= CHECKED else 0.0
-        begin(A[i:j], y[i:j], limit, active[i:j], x[p], one, two)
+        begin(of_joint, observed, limit, used, x[p], one, two)
         for _ in range(2 * n + 2):
-            done[p] = fit(A[i:j], y[i:j], active[i:j], x[p], W, work[i:j])
+            done[p] = fit(of_joint, observed, used, x[p], W, here)
             if not done[p] or trial == n:
                 break
-            if trial >= 0 and not work[i + trial, 2] < limit:
-                active[i + trial], trial = False, n  # adjusted once more without it, and for good
+            if trial >= 0 and not here[trial, 2] < limit:
+                used[trial], trial = False, n  # adjusted once more without it, and for good
                 continue
-            worst, best = worst_and_best(everything, active[i:j], work[i:j], 2, limit)
-            above, trial = worst >= 0 and work[i + worst, 2] > limit, -1
-            if above and n - count(active[i:j]) < share:
-                active[i + worst] = False
+            worst, best = worst_and_best(everything, used, here, 2, limit)
+            above, trial = worst >= 0 and here[worst, 2] > limit, -1
+            if above and n - count(used) < share:
+                used[worst] = False
             elif best >= 0 and not above:
-                active[i + best], trial = True, best
+                used[best], trial = True, best
             else:
                 break
         sigma[p] = W[len(W) - 1, len(W) - 1]
