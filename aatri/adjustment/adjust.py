@@ -12,11 +12,13 @@ runs away along nearly parallel rays): its steps are shortened from then on, it 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from aatri.adjustment.adjusted import Adjusted as Adjusted
+from aatri.adjustment.adjusted import Step
 from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints, support
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease, steps
@@ -34,58 +36,15 @@ from aatri.adjustment.stepping.robust import (
     with_curvature,
 )
 from aatri.adjustment.stepping.runaways import steadied
+from aatri.adjustment.weakness import refuse_nearly_singular, weak_blocks_of, without_weak_blocks
 from aatri.adjustment.structure.index_problem import Ordering, prepare
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, Problem, counts
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError
-from aatri.ids import shown
+from aatri.notes import Note
 from aatri.progress import SILENT, Reporter
-
-
-@dataclass(frozen=True)
-class Step:
-    """One line of the history."""
-
-    cost: float
-    decrement: float
-    damping: float
-
-
-@dataclass(frozen=True)
-class Adjusted:
-    """A converged adjustment.
-
-    Attributes
-    ----------
-    state : dict
-        Adjusted values of all groups.
-    problem : Problem
-    cost : float
-        v'v at the solution, or what a robust loss makes of it.
-    observations, n_unknowns, redundancy : int
-        The redundancy counts the constraints.
-    sigma0 : float
-        sqrt(v'v / redundancy), NaN without redundancy and where observations are down-weighted.
-    history : tuple of Step
-    down_weighted : int
-        Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
-        no covariances.
-    factored : Factored, optional
-        Of a linear problem: its only factor, which serves the covariances.
-    """
-
-    state: dict[str, Any]
-    problem: Problem
-    cost: float
-    observations: int
-    n_unknowns: int
-    redundancy: int
-    sigma0: float
-    history: tuple[Step, ...]
-    down_weighted: int = 0
-    factored: Factored | None = None
 
 
 HOLD = 1e-9
@@ -141,7 +100,7 @@ def adjust_large(
     all_records = [*records, *support(unknowns, records, constraints, start)]
     problem = prepare(unknowns, all_records, ordering=ordering, threads=threads, reproducible=reproducible)
     problem = within_limit(replace(problem, constraints=tuple(constraints)), memory_gb, solver, reporter)
-    _tell_aside(problem, reporter)
+    notes = _without_observations(problem)
     state: dict[str, Any] = dict(start)
     factored = factorise_constrained(problem, state)
     _check(problem, state, factored)
@@ -153,8 +112,6 @@ def adjust_large(
     damping, history = Damping(), []
     for iteration in range(1, max_iterations + 1):
         found = steps(problem, factored, state)
-        if not linear:
-            factored.panels.clear()  # no later use; the next factorisation needs the room
         decrement = _decrement(problem, factored)
         history.append(Step(factored.cost, decrement, factored.damping))
         reporter.log(
@@ -162,17 +119,25 @@ def adjust_large(
         )
         trial = steadied(problem, retract_state(problem.unknowns, state, found), veto)
         if factored.damping == 0.0 and (linear or decrement <= tolerance) and settled(problem, state):
+            weak, hardly = weak_blocks_of(problem, factored)
+            if weak:
+                problem, factored, more = without_weak_blocks(problem, state, weak)
+                notes += more
+                _check(problem, state, factored)
+                continue
             bent, cost = after_step(problem, state, trial, found)
             if bent <= LINEAR:
-                done = _finished(problem, trial, cost, tuple(history))
+                done = _finished(problem, trial, cost, tuple(history), (*notes, *hardly))
                 return replace(done, factored=factored) if linear else done
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:
             break
-        factored.panels.clear()
+        factored.panels.clear()  # no later use; the next factorisation needs the room
         problem, state, factored, damping = _next(problem, state, trial, found, factored, damping, veto, reporter)
-        problem, factored = _with_runaways_slowed(problem, state, factored, reporter)
+        problem, factored, more = _with_runaways_slowed(problem, state, factored)
+        notes += more
         _check(problem, state, factored)
+    refuse_nearly_singular(problem, state, max_iterations)
     raise ConvergenceError(_failure(records, state, max_iterations, history[-1]), remedy=_ADVICE)
 
 
@@ -211,19 +176,19 @@ def _next(
 
 
 def _with_runaways_slowed(
-    problem: Problem, state: State, factored: Factored, reporter: Reporter
-) -> tuple[Problem, Factored]:
+    problem: Problem, state: State, factored: Factored
+) -> tuple[Problem, Factored, list[Note]]:
     """Slow down eliminated blocks that have lost their determination on the way."""
     lost = np.flatnonzero(factored.determined == 0)
     if not len(lost) or problem.rays is None:
-        return problem, factored
+        return problem, factored, []
     group = next(u for u in problem.unknowns if u.eliminated)
     names = [str(group.ids[k]) for k in np.sort(problem.rays.block[lost])]
-    reporter.warn(f"has no finite optimum, its rays are parallel: {group.name} {shown(names)}")
+    note = Note("warning", f"has no finite optimum, its rays are parallel: {group.name}", tuple(names))
     hold = problem.hold.copy()
     hold[lost] = HOLD * _size(problem, state, lost)[:, None, None] * np.eye(3)
     slowed = replace(problem, hold=hold)
-    return slowed, factorise_constrained(slowed, state, factored.damping)
+    return slowed, factorise_constrained(slowed, state, factored.damping), [note]
 
 
 def _size(problem: Problem, state: State, blocks: Int) -> Float:
@@ -239,12 +204,13 @@ def _size(problem: Problem, state: State, blocks: Int) -> Float:
     return found
 
 
-def _tell_aside(problem: Problem, reporter: Reporter) -> None:
-    aside = taking_no_part(problem)
-    for u in problem.unknowns:
-        if aside[u.name].any():
-            names = [str(name) for name, out in zip(u.ids, aside[u.name]) if out]
-            reporter.warn(f"takes no part, none of its observations is in use: {u.name} {shown(names)}")
+def _without_observations(problem: Problem) -> list[Note]:
+    aside, text = taking_no_part(problem), "takes no part, none of its observations is in use"
+    return [
+        Note("warning", f"{text}: {u.name}", tuple(str(name) for name, out in zip(u.ids, aside[u.name]) if out))
+        for u in problem.unknowns
+        if aside[u.name].any()
+    ]
 
 
 def _check(problem: Problem, state: State, factored: Factored) -> None:
@@ -254,15 +220,14 @@ def _check(problem: Problem, state: State, factored: Factored) -> None:
         refuse_undetermined(problem, state, factored)
 
 
-def _finished(problem: Problem, state: dict[str, Any], cost: float, history: tuple[Step, ...]) -> Adjusted:
+def _finished(
+    problem: Problem, state: dict[str, Any], cost: float, history: tuple[Step, ...], notes: tuple[Note, ...]
+) -> Adjusted:
     problem = with_curvature(problem, 0.0)
     weighted = down_weighted(problem, state)
-    conditions = sum(r.observations for r in problem.constraints)
-    observations = sum(r.observations for r in problem.records) - conditions
-    n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
-    redundancy = observations + conditions - n_unknowns
+    observations, n_unknowns, redundancy = counts(problem)
     sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 and not weighted else float("nan")
-    return Adjusted(state, problem, cost, observations, n_unknowns, redundancy, sigma0, history, weighted)
+    return Adjusted(state, problem, cost, observations, n_unknowns, redundancy, sigma0, history, weighted, notes=notes)
 
 
 _ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"

@@ -24,7 +24,7 @@ from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.statistics.record_tests import RecordTests, tests_of_records
 from aatri.adjustment.stepping.linearity import after_step
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, Problem, counts
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import State, retract_state
 from aatri.errors import ConvergenceError
@@ -110,11 +110,3 @@ def solve(problem: Problem, state: State, weights: Mapping[str, Weights] | None 
     observations, n_unknowns, redundancy = counts(problem)
     sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 else float("nan")
     return Solved(problem, after, factored, cost, departure, observations, n_unknowns, redundancy, sigma0)
-
-
-def counts(problem: Problem) -> tuple[int, int, int]:
-    """Observations, unknowns, and redundancy, which counts the constraints."""
-    conditions = sum(r.observations for r in problem.constraints)
-    observations = sum(r.observations for r in problem.records) - conditions
-    n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
-    return observations, n_unknowns, observations + conditions - n_unknowns

@@ -46,6 +46,8 @@ class Unknowns:
     generator : callable, optional
         State -> (n, k, 7): how the blocks move with three shifts, three rotations about the origin and a change of
         scale of the object space; absent: not at all.
+    implausible : (k,) float64, optional
+        Standard deviations a priori beyond which a scalar counts as open, see `conditioning`.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Unknowns:
     joins: str = ""
     position: Float | None = None
     generator: Callable[[State], Float] | None = None
+    implausible: Float | None = None
 
     @property
     def size(self) -> int:

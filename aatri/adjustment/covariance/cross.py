@@ -14,7 +14,7 @@ import numpy as np
 
 from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction
-from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.backsolve import solve_columns
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.robust import refuse_covariances
@@ -65,7 +65,7 @@ def _columns_of(adjusted: Adjusted, factored: Factored, block: Block) -> Float:
     kept, weights = _in_kept(adjusted, factored, block)
     right = np.zeros((problem.layout.n_kept, weights.shape[0]))
     np.add.at(right, kept[kept >= 0], weights.T[kept >= 0])
-    return solve_kept(problem, factored, right)
+    return solve_columns(problem, factored, right)
 
 
 def _rows_of(adjusted: Adjusted, factored: Factored, block: Block, columns: Float) -> Float:
@@ -93,32 +93,3 @@ def _in_kept(adjusted: Adjusted, factored: Factored, block: Block) -> tuple[Int,
     L[[0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2]] = factored.block_factor[p]
     weights = -np.linalg.solve(L.T, np.linalg.solve(L, C)) * problem.block_free[p][:, None]
     return columns.ravel(), weights
-
-
-def solve_kept(problem: Problem, factored: Factored, right: Float) -> Float:
-    """Solve the reduced normal equations for given right-hand sides.
-
-    Parameters
-    ----------
-    right : (n_kept, m) float64
-
-    Returns
-    -------
-    (n_kept, m) float64
-        Zero for held scalars.
-    """
-    x = np.where(problem.layout.held[:, None], 0.0, right)
-    nodes = problem.tree.nodes
-    for column in range(x.shape[1]):
-        for k, node in enumerate(nodes):
-            if node.panel:
-                front = x[node.columns, column]
-                lapack.forward(factored.panels[k], front)
-                x[node.columns, column] = front
-        for k in range(len(nodes) - 1, -1, -1):
-            node = nodes[k]
-            if node.panel:
-                front = x[node.columns, column]
-                lapack.backward(factored.panels[k], front)
-                x[node.columns[: node.panel], column] = front[: node.panel]
-    return np.where(problem.layout.held[:, None], 0.0, x)

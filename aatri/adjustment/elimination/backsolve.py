@@ -34,6 +34,24 @@ def kept_step(problem: Problem, factored: Factored) -> Float:
     return np.where(problem.layout.held, 0.0, -x)
 
 
+def solve_columns(problem: Problem, factored: Factored, right: Float) -> Float:
+    """Solve the reduced normal equations for several right-hand sides, (n_kept, m); zero where held."""
+    x = np.where(problem.layout.held[:, None], 0.0, right)
+    nodes = problem.tree.nodes
+    for k, node in enumerate(nodes):
+        if node.panel:
+            front = np.asfortranarray(x[node.columns])
+            lapack.forward_columns(factored.panels[k], front)
+            x[node.columns] = front
+    for k in range(len(nodes) - 1, -1, -1):
+        node = nodes[k]
+        if node.panel:
+            front = np.asfortranarray(x[node.columns])
+            lapack.backward_columns(factored.panels[k], front)
+            x[node.columns[: node.panel]] = front[: node.panel]
+    return np.where(problem.layout.held[:, None], 0.0, x)
+
+
 def steps(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:
     """Step of every group of unknowns at the state of the linearisation, (n, k) each; zero where held."""
     dx = kept_step(problem, factored)

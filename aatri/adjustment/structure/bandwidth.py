@@ -65,7 +65,7 @@ def ordering_figures(
     graph = graph_of(problem.unknowns, problem.records, problem.layout)
     layout = replace(problem.layout, position=position)
     border = border_vertices(graph) | ~np.isfinite(position).all(axis=1)
-    trees = [(used, problem.tree), *((name, tree_of(graph, layout, name, one_front=0)) for name in others)]
+    trees = [(used, problem.tree), *((name, tree_of(graph, layout, name)) for name in others)]
     return tuple(_figures(name, graph, tree, layout.size, border) for name, tree in trees)
 
 

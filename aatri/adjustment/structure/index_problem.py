@@ -23,7 +23,7 @@ from aatri.arrays import Int
 Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
 
 DENSE_VERTICES = 80
-"""Up to this many vertices (some 500 unknowns) everything is one front."""
+"""Up to this many vertices (some 500 unknowns) `auto` takes everything in one front."""
 
 MOST_COMPARED = 3000
 """Beyond this many vertices with positions nested dissection has always been the better order."""
@@ -46,7 +46,7 @@ def prepare(
     ----------
     unknowns, records
     ordering : str
-        `nested_dissection`, `minimum_degree`, `auto`: the better of the two; or the chains `across_strips` and
+        `nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the chains `across_strips` and
         `along_strips`: by the second or the first coordinate of the blocks' positions.
     threads : int, optional
         Default: all processors.
@@ -88,11 +88,11 @@ def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: L
     return _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], ray_parts)
 
 
-def tree_of(graph: Graph, layout: Layout, ordering: Ordering, one_front: int | None = None) -> Tree:
-    """The tree of an order of elimination; up to `one_front` vertices (DENSE_VERTICES) it is one front."""
+def tree_of(graph: Graph, layout: Layout, ordering: Ordering) -> Tree:
+    """The tree of an order of elimination."""
     if ordering == "auto":
         return _better_tree(graph, layout)
-    return _tree(graph, layout, _order(graph, layout, ordering, one_front))
+    return _tree(graph, layout, _order(graph, layout, ordering))
 
 
 def _sorted_out(
@@ -162,11 +162,13 @@ def _graph(layout: Layout, kept: list[Parts], rays: tuple[Int, Int, Parts] | Non
 
 
 def _better_tree(graph: Graph, layout: Layout) -> Tree:
-    """Nested dissection, or minimum degree where that is less work and finding it out is worth the while."""
+    """One front for few vertices; else nested dissection, or minimum degree where that is less work and worth trying."""
+    if graph.n <= DENSE_VERTICES:
+        return _tree(graph, layout, [OrderedNode(np.arange(graph.n), ())])
     tree = _tree(graph, layout, _order(graph, layout, "nested_dissection"))
     without_position = ~np.isfinite(layout.position).all(axis=1) & ~border_vertices(graph)
     worth = graph.n <= MOST_COMPARED and tree.flops > COMPARED_FLOPS * graph.n
-    if graph.n <= DENSE_VERTICES or not (worth or without_position.any()):
+    if not (worth or without_position.any()):
         return tree
     other = _tree(graph, layout, _order(graph, layout, "minimum_degree"))
     return other if other.flops < tree.flops else tree
@@ -176,9 +178,7 @@ def _tree(graph: Graph, layout: Layout, order: list[OrderedNode]) -> Tree:
     return build_tree(graph, order, layout.size, layout.start)
 
 
-def _order(graph: Graph, layout: Layout, ordering: Ordering, one_front: int | None = None) -> list[OrderedNode]:
-    if graph.n <= (DENSE_VERTICES if one_front is None else one_front):
-        return [OrderedNode(np.arange(graph.n), ())]
+def _order(graph: Graph, layout: Layout, ordering: Ordering) -> list[OrderedNode]:
     if ordering == "nested_dissection":
         return nested_dissection(graph, layout.position)
     if ordering == "minimum_degree":

@@ -15,7 +15,7 @@ from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State, Unknowns
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 
 if TYPE_CHECKING:
     from aatri.adjustment.elimination.panels import Panels
@@ -47,6 +47,8 @@ class Problem:
     hold : (n_blocks, 3, 3) float64
         Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
         finite optimum, whose steps it shortens.
+    set_aside : dict of str to (n,) bool
+        Blocks of any group that are held as weak, with all their records inactive.
     constraints : tuple of Records
         What must hold exactly; see `constraints`.
     spill : bool
@@ -69,6 +71,7 @@ class Problem:
     threads: int
     reproducible: bool
     hold: Float
+    set_aside: dict[str, Bool] = field(default_factory=dict)
     constraints: tuple[Records, ...] = ()
     spill: bool = False
     subtrees: tuple[tuple[int, ...], ...] | None = None
@@ -137,3 +140,11 @@ class Factored:
     def decrease(self) -> float:
         """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
         return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
+
+
+def counts(problem: Problem) -> tuple[int, int, int]:
+    """Observations, unknowns, and redundancy, which counts the constraints."""
+    conditions = sum(r.observations for r in problem.constraints)
+    observations = sum(r.observations for r in problem.records) - conditions
+    n_unknowns = sum(int(u.free.sum()) for u in problem.unknowns)
+    return observations, n_unknowns, observations + conditions - n_unknowns

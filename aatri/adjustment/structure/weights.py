@@ -67,6 +67,8 @@ def with_records(problem: Problem, changed: Mapping[int, Records]) -> Problem:
 def with_parts_taken(problem: Problem) -> Problem:
     """The problem with those blocks held whose records are all inactive."""
     aside = _aside(problem.stated, problem.records)
+    for name, more in problem.set_aside.items():
+        aside[name] = aside[name] | more
     unknowns = tuple(
         replace(u, free=u.free & ~aside[u.name][:, None]) if aside[u.name].any() else u for u in problem.stated
     )
@@ -79,8 +81,24 @@ def with_parts_taken(problem: Problem) -> Problem:
     return replace(problem, unknowns=unknowns, layout=with_held(problem.layout, unknowns), block_free=free)
 
 
+def with_set_aside(problem: Problem, blocks: Mapping[str, Bool]) -> Problem:
+    """The problem with some blocks held, and all records inactive that touch them."""
+    aside = dict(problem.set_aside)
+    for name, some in blocks.items():
+        aside[name] = aside[name] | some if name in aside else some
+    changed = {}
+    for r in problem.records:
+        touching = np.zeros(len(r.active), dtype=bool)
+        for group, number in r.touches:
+            if group in blocks:
+                touching |= blocks[group][number]
+        if (touching & r.active).any():
+            changed[id(r)] = replace(r, active=r.active & ~touching)
+    return with_parts_taken(replace(with_records(problem, changed), set_aside=aside))
+
+
 def taking_no_part(problem: Problem) -> dict[str, Bool]:
-    """Blocks with free scalars that are held because none of their records is active, (n,) by group."""
+    """Blocks with free scalars that are held: set aside, or none of their records is active; (n,) by group."""
     return {u.name: np.asarray((u.free & ~v.free).any(axis=1)) for u, v in zip(problem.stated, problem.unknowns)}
 
 

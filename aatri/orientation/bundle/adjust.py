@@ -25,6 +25,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
+from aatri.notes import tell
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
@@ -96,6 +97,7 @@ def adjust_bundle(
         reporter=reporter,
         **settings,
     )
+    tell(adjusted.notes, reporter)
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted)
     covariances = covariances and not adjusted.down_weighted

@@ -7,7 +7,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.structure.graph import Graph, OrderedNode, nested_dissection
+from aatri.adjustment.structure.index_problem import Ordering, prepare
+from tests.adjustment.block_problem import posed_problem
+
+ORDERS: tuple[Ordering, ...] = ("auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips")
 
 
 def _graph(n: int, edges: np.ndarray) -> Graph:
@@ -50,3 +55,16 @@ def test_every_vertex_is_eliminated_once_and_no_edge_joins_two_parts_that_a_sepa
     for node in nodes:
         for a, b in combinations([_below(nodes, c) for c in node.children], 2):
             assert not any({int(i), int(j)} & a and {int(i), int(j)} & b for i, j in edges)
+
+
+def test_an_order_that_is_asked_for_is_obeyed_in_a_small_problem_and_auto_takes_one_front() -> None:
+    n = 70
+    unknowns, records, start = posed_problem(1, n_kept=n, n_points=200)
+    trees = {name: prepare(unknowns, records, ordering=name).tree for name in ORDERS}
+    assert len(trees["auto"].nodes) == 1
+    for name in ("nested_dissection", "across_strips", "along_strips"):
+        assert len(trees[name].nodes) > 1
+    assert trees["across_strips"].place.tolist() == list(range(n))  # positions ascend along the first coordinate
+    expected = adjust_large(unknowns, records, start, ordering="auto").state["a"]
+    for name in ORDERS:
+        np.testing.assert_allclose(adjust_large(unknowns, records, start, ordering=name).state["a"], expected, atol=1e-9)

@@ -1,0 +1,56 @@
+"""What an adjustment gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.notes import Note
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of the history."""
+
+    cost: float
+    decrement: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """A converged adjustment.
+
+    Attributes
+    ----------
+    state : dict
+        Adjusted values of all groups.
+    problem : Problem
+    cost : float
+        v'v at the solution, or what a robust loss makes of it.
+    observations, n_unknowns, redundancy : int
+        The redundancy counts the constraints.
+    sigma0 : float
+        sqrt(v'v / redundancy), NaN without redundancy and where observations are down-weighted.
+    history : tuple of Step
+    down_weighted : int
+        Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
+        no covariances.
+    factored : Factored, optional
+        Of a linear problem: its only factor, which serves the covariances.
+    notes : tuple of Note
+        What takes no part, was set aside, has no finite optimum, or is hardly determined.
+    """
+
+    state: dict[str, Any]
+    problem: Problem
+    cost: float
+    observations: int
+    n_unknowns: int
+    redundancy: int
+    sigma0: float
+    history: tuple[Step, ...]
+    down_weighted: int = 0
+    factored: Factored | None = None
+    notes: tuple[Note, ...] = ()

@@ -1,0 +1,139 @@
+"""Numerical rank defects that no pivot shows, on crafted problems: refused or set aside by name, or a warning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.records import Records
+from aatri.adjustment.structure.weights import taking_no_part
+from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.errors import GeometryError
+from tests.adjustment.block_problem import posed_problem
+from tests.adjustment.test_diagnosis import trilateration
+
+
+def _kahan(n: int) -> np.ndarray:
+    """Upper triangular, 1 on the diagonal and -1 above: every pivot of R'R is 1, and its inverse has 4^(n - 2)."""
+    return np.triu(-np.ones((n, n)), 1) + np.eye(n)
+
+
+def _linear(J: np.ndarray, blocks: int, bend: float = 0.0, start: float = 0.0):
+    """Observations J x of `blocks` blocks of unknowns, all in one record a row, with a little curvature."""
+    rows, n = J.shape
+    size = n // blocks
+    number = [np.full(rows, k, dtype=np.int32) for k in range(blocks)]
+    target = np.linspace(-1, 1, rows)
+
+    def evaluate(state, chosen):
+        linear = state["x"].ravel() @ J[chosen].T
+        v = linear + bend * np.sin(linear) - target[chosen]
+        slope = (1 + bend * np.cos(linear))[:, None] * J[chosen]
+        return v[:, None], tuple(slope[:, None, k * size : (k + 1) * size] for k in range(blocks))
+
+    records = Records("row", tuple(("x", k) for k in number), evaluate, np.ones((rows, 1)), np.ones(rows, bool))
+    unknowns = Unknowns("x", np.ones((blocks, size), bool), tuple(f"x{i}" for i in range(size)),
+                        [f"b{i}" for i in range(blocks)], add_step)  # fmt: skip
+    return [unknowns], [records], {"x": np.full((blocks, size), start)}
+
+
+@pytest.mark.parametrize("n", [24, 26])
+def test_a_rank_defect_that_no_pivot_shows_is_refused_and_its_combination_named(n: int) -> None:
+    with pytest.raises(GeometryError, match=r"nearly leave 1 combination\(s\) of unknowns open: x0 of x b0 with x0 of x b1"):
+        adjust_large(*_linear(_kahan(n), n))
+
+
+def test_what_is_ten_times_better_is_a_warning_and_what_is_better_still_none() -> None:
+    assert [n.level for n in adjust_large(*_linear(_kahan(21), 21)).notes] == ["warning"]
+    assert not adjust_large(*_linear(_kahan(16), 16)).notes
+
+
+def test_a_single_weak_block_is_set_aside_by_name() -> None:
+    n = 25
+    J = np.zeros((n + 40, 2 * n))
+    J[:n, :n] = _kahan(n)
+    J[n:, n:] = np.random.default_rng(0).normal(size=(40, n))
+    unknowns, (all_,), start = _linear(J, 2)
+
+    def part(name: str, rows: np.ndarray, block: int) -> Records:
+        def evaluate(state, chosen):
+            v, jacobians = all_.evaluate(state, rows[chosen])
+            return v, (jacobians[block],)
+
+        return Records(name, (("x", np.full(len(rows), block, np.int32)),), evaluate, np.ones((len(rows), 1)),
+                       np.ones(len(rows), bool))  # fmt: skip
+
+    weak, good = part("weak", np.arange(n), 0), part("good", np.arange(n, n + 40), 1)
+    result = adjust_large(unknowns, [weak, good], start)
+    assert [str(note) for note in result.notes] == ["set aside, its observations hardly determine it: x b0"]
+    assert taking_no_part(result.problem)["x"].tolist() == [True, False]
+    assert (result.n_unknowns, result.observations) == (n, 40)
+    wanted = np.linalg.lstsq(J[n:, n:], np.linspace(-1, 1, n + 40)[n:], rcond=None)[0]
+    np.testing.assert_allclose(result.state["x"][1], wanted, atol=1e-9)
+    found = marginal_covariances(result).groups["x"]
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1], np.linalg.inv(J[n:, n:].T @ J[n:, n:]), rtol=1e-8)
+
+
+def _loose_net(sigma: float, implausible: float | None):
+    """Distances and, for the datum, all coordinates observed with a standard deviation."""
+    (points,), (distances,), start = trilateration(3)
+    n, distances = len(points.free), replace(distances, whitener=np.ones_like(distances.whitener))
+    target = start["point"].copy()
+    eye = np.broadcast_to(np.eye(3), (n, 3, 3))
+    given = Records("given", (("point", np.arange(n, dtype=np.int32)),),
+                    lambda state, rows: (state["point"][rows] - target[rows], (eye[rows],)),
+                    np.full((n, 3), 1 / sigma), np.ones(n, bool))  # fmt: skip
+    limit = None if implausible is None else np.full(3, implausible)
+    return [replace(points, implausible=limit)], [distances, given], start
+
+
+def test_a_datum_less_certain_than_the_limit_is_refused_by_name() -> None:
+    with pytest.raises(GeometryError, match=r"nearly leave .* open: .* of point p"):
+        adjust_large(*_loose_net(5e4, 1000.0))
+    assert not adjust_large(*_loose_net(5e4, None)).notes
+
+
+def test_a_tenth_of_the_limit_is_a_warning() -> None:
+    result = adjust_large(*_loose_net(2000.0, 1000.0))
+    sigma = np.sqrt(marginal_covariances(result).groups["point"][0, 0, 0])
+    assert 100.0 < sigma < 1000.0
+    assert result.notes
+    assert all(note.level == "warning" and "hardly determined" in note.text for note in result.notes)
+    assert not adjust_large(*_loose_net(100.0, 1000.0)).notes
+
+
+def _weak_point(scale: float):
+    """A point whose rays hardly depend on it."""
+    unknowns, records, start = posed_problem(1, n_kept=14, n_points=40)
+    whole, point = records[0].evaluate, records[0].touches[1][1]
+
+    factor = np.ones((40, 1))
+    factor[9] = scale
+
+    def evaluate(state, rows):
+        v, (a, p) = whole({**state, "p": factor * state["p"]}, rows)
+        return v, (a, factor[point[rows]][:, :, None] * p)
+
+    points = replace(unknowns[1], implausible=np.full(3, 1e4))
+    return (unknowns[0], points), (replace(records[0], evaluate=evaluate), records[1]), start
+
+
+def test_a_weak_point_is_set_aside_by_name_and_the_rest_is_as_without_it() -> None:
+    unknowns, records, start = _weak_point(1e-7)
+    result = adjust_large(unknowns, records, start, tolerance=1e-9)
+    assert [str(note) for note in result.notes] == ["set aside, its observations hardly determine it: p p9"]
+    without = replace(records[0], active=records[0].touches[1][1] != 9)
+    expected = adjust_large(unknowns, (without, records[1]), start, tolerance=1e-9)
+    np.testing.assert_allclose(result.state["a"], expected.state["a"], atol=1e-8)
+    assert np.isnan(marginal_covariances(result).groups["p"][9]).all()
+    assert not adjust_large(*_weak_point(1.0)).notes
+
+
+def test_a_nearly_singular_problem_that_does_not_converge_is_diagnosed_as_such() -> None:
+    with pytest.raises(GeometryError, match=r"no convergence in 2 iterations: .* nearly leave 1 .* x0 of x b0"):
+        adjust_large(*_linear(_kahan(24), 24, bend=0.3, start=0.5), max_iterations=2)
