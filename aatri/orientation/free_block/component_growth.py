@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.similarity import IDENTITY, Similarity, compose, robust_closed_form, transform
+from aatri.geometry.similarity import IDENTITY, Similarity, compose, robust_closed_form
 
 WEAKEST_RAD = 0.05
 """A tie whose weakest rotation is known worse than this joins nothing."""
@@ -54,13 +54,22 @@ class Tie:
     common: int
 
 
+@dataclass(frozen=True)
+class _Body:
+    """Points of a component, ascending: sums over its strips of coordinates and variances, and how many they are."""
+
+    point: Int
+    xyz: Float
+    variance: Float
+    count: Float
+
+
 def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Similarity], dict[tuple[int, int], Tie]]:
     """Join components pair by pair, the best tied first; returns label, pose of every strip and the ties left over."""
     member = np.arange(n_strips)
     pose = [IDENTITY] * n_strips
-    ties: dict[tuple[int, int], Tie] = {}
-    for a, b in _neighbours(points, member):
-        ties[a, b] = _tie(points, member, pose, a, b)
+    bodies = {k: _body(points, k) for k in range(n_strips)}
+    ties = {(a, b): _tie(bodies[a], bodies[b]) for a, b in _neighbours(points, n_strips)}
     while True:
         good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.sigma_rad <= WEAKEST_RAD]
         if not good:
@@ -70,31 +79,57 @@ def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Simil
         for k in np.flatnonzero(member == b):
             pose[k] = compose(joined, pose[k])
         member = np.where(member == b, a, member)
+        bodies[a] = _merged(bodies[a], bodies.pop(b), joined)
         ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
-        touching = np.isin(points.point, points.point[member[points.strip] == a])
-        for pair in _neighbours(points.take(touching), member):
-            if a in pair:
-                ties[pair] = _tie(points, member, pose, *pair)
+        held = np.zeros(int(points.point.max()) + 1, dtype=bool)
+        held[bodies[a].point] = True
+        for label in np.unique(member[points.strip[held[points.point]]]).tolist():
+            if label != a:
+                pair = (min(a, label), max(a, label))
+                ties[pair] = _tie(bodies[pair[0]], bodies[pair[1]])
 
 
-def _neighbours(points: StripPoints, member: Int) -> list[tuple[int, int]]:
-    """Pairs of components with common points, in order."""
-    label = member[points.strip]
-    key = np.unique(np.stack([points.point, label], 1), axis=0)
-    pairs: set[tuple[int, int]] = set()
-    for step in range(1, int(np.bincount(key[:, 0]).max(initial=0))):
-        same = key[:-step, 0] == key[step:, 0]
-        found = np.unique(np.stack([key[:-step][same, 1], key[step:][same, 1]], 1), axis=0)
-        pairs.update((int(a), int(b)) for a, b in found)
-    return sorted(pairs)
+def _neighbours(points: StripPoints, n_strips: int) -> list[tuple[int, int]]:
+    """Pairs of strips with common points, in order."""
+    key = np.unique(points.point.astype(np.int64) * n_strips + points.strip)
+    point, strip = np.divmod(key, n_strips)
+    pairs = [np.zeros(0, dtype=np.int64)]
+    for step in range(1, int(np.bincount(point).max(initial=0))):
+        same = point[:-step] == point[step:]
+        pairs.append(np.unique(strip[:-step][same] * n_strips + strip[step:][same]))
+    return [(k // n_strips, k % n_strips) for k in np.unique(np.concatenate(pairs)).tolist()]
 
 
-def _tie(points: StripPoints, member: Int, pose: list[Similarity], a: int, b: int) -> Tie:
+def _body(points: StripPoints, strip: int) -> _Body:
+    rows = np.flatnonzero(points.strip == strip)
+    variance = np.einsum("nii->n", points.covariance[rows]) / 3
+    return _summed(points.point[rows], points.xyz[rows], variance, np.ones(len(rows)))
+
+
+def _merged(first: _Body, second: _Body, similarity: Similarity) -> _Body:
+    """One body of two, the second moved."""
+    moved = second.count[:, None] * similarity.translation + similarity.scale * second.xyz @ similarity.rotation.T
+    return _summed(
+        np.concatenate([first.point, second.point]),
+        np.concatenate([first.xyz, moved]),
+        np.concatenate([first.variance, similarity.scale**2 * second.variance]),
+        np.concatenate([first.count, second.count]),
+    )
+
+
+def _summed(point: Int, xyz: Float, variance: Float, count: Float) -> _Body:
+    distinct, of = np.unique(point, return_inverse=True)
+    n = len(distinct)
+    columns = [*xyz.T, variance, count]
+    sums: Float = np.stack([np.bincount(of, c, n).astype(np.float64) for c in columns], axis=1)
+    return _Body(distinct, sums[:, :3], sums[:, 3], sums[:, 4])
+
+
+def _tie(a: _Body, b: _Body) -> Tie:
     """The similarity from component b to component a, and how well it is determined."""
-    sides = [_mean_points(points, np.flatnonzero(member == label), pose) for label in (a, b)]
-    _, first, second = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
-    X, variance_a = sides[0][1][first], sides[0][2][first]
-    x, variance_b = sides[1][1][second], sides[1][2][second]
+    _, first, second = np.intersect1d(a.point, b.point, assume_unique=True, return_indices=True)
+    X, variance_a = a.xyz[first] / a.count[first, None], a.variance[first] / a.count[first] ** 2
+    x, variance_b = b.xyz[second] / b.count[second, None], b.variance[second] / b.count[second] ** 2
     if len(X) < 3:
         return Tie(IDENTITY, np.inf, len(X))
     similarity, distance = robust_closed_form(x, X)
@@ -107,17 +142,3 @@ def _tie(points: StripPoints, member: Int, pose: list[Similarity], a: int, b: in
     spread = np.linalg.svd(X[fitting] - X[fitting].mean(0), compute_uv=False)
     across = float(np.hypot(*spread[1:3]))
     return Tie(similarity, sigma / across if across > 1e-9 * spread[0] else np.inf, len(X))
-
-
-def _mean_points(points: StripPoints, strips: Int, pose: list[Similarity]) -> tuple[Int, Float, Float]:
-    """Points of a component, coordinates as plain means over its strips, and their mean variances."""
-    number, xyz, variance = [], [], []
-    for k in strips:
-        rows = points.strip == k
-        number.append(points.point[rows])
-        xyz.append(transform(pose[k], points.xyz[rows]))
-        variance.append(pose[k].scale ** 2 * np.einsum("nii->n", points.covariance[rows]) / 3)
-    distinct, of = np.unique(np.concatenate(number), return_inverse=True)
-    count = np.bincount(of)
-    mean = np.stack([np.bincount(of, column) for column in np.concatenate(xyz).T], 1) / count[:, None]
-    return distinct, mean, np.bincount(of, np.concatenate(variance)) / count**2

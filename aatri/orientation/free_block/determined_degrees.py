@@ -8,10 +8,7 @@ determined:
   of a strip: it would extrapolate.
 
 Both are judged with equal weights of all strips' points and control held, so that they depend on geometry alone: then
-plan and height have nothing to do with each other, and with D the terms of a point in the axes of its strip and S the
-weight of a ground coordinate (the number of its strips, and 1 / HELD^2 of control)
-
-    N = sum_o D_o'D_o - sum_(o,p) D_o' S^-1 D_p,     (o, p) over the pairs of observations of each point.
+plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
 """
 
 from __future__ import annotations
@@ -20,13 +17,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.polynomials import TERMS, StripAxes
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, terms_of_points
+from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, polynomial_ties, terms_of_points
+from aatri.orientation.free_block.tie_records import GivenPoints
+from aatri.orientation.free_block.tied_solution import reduced_matrix, tied_problem
 
 RANK = 1e-7
 WORST = 2.0
@@ -56,7 +54,7 @@ def kept_coefficients(degrees: Int) -> Bool:
 
 
 def determined_degrees(
-    points: StripPoints, axes: Sequence[StripAxes], control: Control, use: Bool, highest: Int
+    points: StripPoints, n_points: int, axes: Sequence[StripAxes], control: Control, use: Bool, highest: Int
 ) -> tuple[Int, list[Fall]]:
     """Degrees of plan and height of every strip, and what fell.
 
@@ -64,6 +62,7 @@ def determined_degrees(
     ----------
     points : StripPoints
         On the ground; unit m.
+    n_points : int
     axes : (n_strips,) sequence of StripAxes
     control : Control
     use : (n + n_control,) bool
@@ -79,7 +78,7 @@ def determined_degrees(
     """
     degrees, falls = highest.copy(), []
     p = terms_of_points(points, axes)
-    N = _normal_matrix(points, axes, control, use, p)
+    N = _normal_matrix(points, axes, control, use, n_points)
     for part in (0, 1):
         while (degrees[:, part] >= 0).any():
             kept = np.flatnonzero(kept_coefficients(degrees) & (part == PART))
@@ -94,35 +93,16 @@ def determined_degrees(
     return degrees, falls
 
 
-def _normal_matrix(points: StripPoints, axes: Sequence[StripAxes], control: Control, use: Bool, p: Float) -> Float:
+def _normal_matrix(points: StripPoints, axes: Sequence[StripAxes], control: Control, use: Bool, n_points: int) -> Float:
     """N of all coefficients, the ground points eliminated."""
-    n, k = len(points.strip), len(axes)
-    rows = np.flatnonzero(use[:n])
-    strip, terms = points.strip[rows], p[rows]
-    present, point = np.unique(points.point[rows], return_inverse=True)
-    weight = np.tile(np.bincount(point, minlength=len(present)).astype(np.float64)[:, None], (1, 3))
-    place = np.full(max(int(present.max(initial=-1)), int(control.point.max(initial=-1))) + 1, -1)
-    place[present] = np.arange(len(present))
-    mine = np.flatnonzero(use[n:] & (place[control.point] >= 0))
-    np.add.at(weight, place[control.point[mine]], control.given[mine] / HELD**2)
-    G = np.stack([a.ground_from_axes for a in axes])
-    own = np.zeros((k, 5, 5))
-    for i in range(5):
-        for j in range(5):
-            own[:, i, j] = np.bincount(strip, terms[:, i] * terms[:, j], k)
-    # G'G = I: the strip's own part is the same for each of its axes.
-    N = np.zeros((k, 3, 5, k, 3, 5))
-    for axis in range(3):
-        N[np.arange(k), axis, :, np.arange(k), axis, :] = own
-    flat = N.reshape(COEFFICIENTS * k, COEFFICIENTS * k)
-    column = (COEFFICIENTS * strip[:, None] + np.arange(COEFFICIENTS)).ravel()
-    row = np.repeat(point, COEFFICIENTS)
-    for ground in range(3):
-        D = (G[strip, ground, :, None] * terms[:, None, :]).reshape(len(rows), COEFFICIENTS)
-        D /= np.sqrt(weight[point, ground])[:, None]
-        A = csr_array((D.ravel(), (row, column)), shape=(len(present), COEFFICIENTS * k))
-        flat -= (A.T @ A).toarray()
-    return np.asarray(0.5 * (flat + flat.T))
+    k = len(axes)
+    free, names = np.ones((k, COEFFICIENTS), dtype=bool), [str(strip) for strip in range(k)]
+    ties = polynomial_ties(points, axes, names=names, n_points=n_points, free=free)
+    given = GivenPoints("control", control.point, control.xyz_m, control.covariance_m2, control.given)
+    start = np.zeros((k, COEFFICIENTS))
+    problem = tied_problem(ties, [given], start, "degree of the strips")
+    equal = (np.broadcast_to(np.eye(3), (len(points.strip), 3, 3)), np.eye(3) / HELD * control.given[:, :, None])
+    return reduced_matrix(problem, start, use, equal)
 
 
 def _undetermined(N: Float, kept: Int) -> dict[int, str]:
@@ -131,6 +111,8 @@ def _undetermined(N: Float, kept: Int) -> dict[int, str]:
     empty = diagonal <= 1e-12 * diagonal.max(initial=1.0)
     scale = np.where(empty, 1.0, np.sqrt(np.where(empty, 1.0, diagonal)))
     unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
+    if not empty.any() and _above_rank(unit):
+        return {}
     values, vectors = np.linalg.eigh(unit)
     missing = values < RANK
     weight = (vectors[:, missing] ** 2).sum(1)
@@ -143,6 +125,15 @@ def _undetermined(N: Float, kept: Int) -> dict[int, str]:
         named = [f"{'abc'[c // 5]}_{TERMS[c % 5]}" for c in coefficient[largest[weight[largest] > 0.05]]]
         reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
     return reasons
+
+
+def _above_rank(unit: Float) -> bool:
+    """Whether all eigenvalues are above `RANK`: what a Cholesky factor tells at less cost."""
+    try:
+        np.linalg.cholesky(unit - RANK * np.eye(len(unit)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _extrapolating(N: Float, kept: Int, part: int, point_strip: Int, p: Float) -> dict[int, str]:

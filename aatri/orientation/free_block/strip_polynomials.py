@@ -93,14 +93,15 @@ def adjust_strip_polynomials(
     given = GivenPoints("control", control.point, control.xyz_m, control.covariance_m2, control.given)
     strip_names = [str(k) for k in range(len(axes))] if names is None else names
     while True:
-        degrees, fell = determined_degrees(points, axes, control, use, degrees)
+        degrees, fell = determined_degrees(points, n_points, axes, control, use, degrees)
         falls += fell
         free = kept_coefficients(degrees)
         ties = polynomial_ties(points, axes, names=strip_names, n_points=n_points, free=free)
         start = np.zeros((len(axes), COEFFICIENTS))
         tied = adjust_tied(ties, [given], start, Snooping(limit), what="strip block adjustment", active=use)
-        # What is rejected determines nothing any more: if a degree falls for it, all is adjusted once more.
-        if not determined_degrees(points, axes, control, tied.active, degrees)[1]:
+        # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
+        lost = (use & ~tied.active)[len(points.strip) :].any()
+        if not lost or not determined_degrees(points, n_points, axes, control, tied.active, degrees)[1]:
             break
         use = tied.active
     return StripPolynomials(

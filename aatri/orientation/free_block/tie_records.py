@@ -97,7 +97,8 @@ def tie_records(ties: Ties[S], base_m: Float) -> Records:
 
     n = len(ties.strip)
     touches = ((STRIP, ties.strip), (POINT, ties.point))
-    return Records("strip_tie", touches, evaluate, np.zeros((n, 3, 3)), np.ones(n, dtype=bool))
+    unit = np.broadcast_to(np.eye(3), (n, 3, 3))  # weighted later, see `tie_whitener`
+    return Records("strip_tie", touches, evaluate, unit, np.ones(n, dtype=bool))
 
 
 def given_records(given: GivenPoints, base_m: Float) -> Records:

@@ -17,13 +17,14 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Solved, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.variance_components import added_sigma
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import Problem
-from aatri.adjustment.structure.weights import Weights
+from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
@@ -182,10 +183,8 @@ def solve_tied(
     typical = typical_variance(values, tau_m)
     whiteners = (tie_whitener(values, vectors, tau_m), *(given_whitener(g, typical) for g in problem.given))
     n = len(ties.strip)
-    points = np.bincount(ties.point[use[:n]], minlength=ties.n_points) > 0
-    held = points[np.concatenate([dict(r.touches)[POINT] for r in problem.records])]
-    parts = np.split(use & held, np.cumsum([len(T) for T in whiteners])[:-1])
-    weights = {r.name: Weights(mine, T) for r, T, mine in zip(problem.records, whiteners, parts)}
+    held = _held(problem, use)
+    weights = _weights(problem, use & held, whiteners)
     full: dict[str, Any] = {STRIP: state, POINT: _means(problem, state, whiteners[0], use[:n])}
     done = before.iterations if before else 0
     for iteration in range(1, MAX_ITERATIONS + 1):
@@ -200,6 +199,25 @@ def solve_tied(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
         remedy="look for wrong point numbers in the largest discrepancies",
     )
+
+
+def reduced_matrix(problem: TiedProblem[S], state: S, use: Bool, whiteners: Sequence[Float]) -> Float:
+    """Normal matrix of the strips' unknowns, the ground points eliminated, of some observations with given weights."""
+    weights = _weights(problem, use & _held(problem, use), whiteners)
+    full: dict[str, Any] = {STRIP: state, POINT: np.zeros((problem.ties.n_points, 3))}
+    return reduced_normals(with_weights(problem.index, weights), full).N
+
+
+def _held(problem: TiedProblem[S], use: Bool) -> Bool:
+    """Observations whose point some active tie holds."""
+    ties = problem.ties
+    points = np.bincount(ties.point[use[: len(ties.strip)]], minlength=ties.n_points) > 0
+    return np.asarray(points[np.concatenate([dict(r.touches)[POINT] for r in problem.records])])
+
+
+def _weights(problem: TiedProblem[S], use: Bool, whiteners: Sequence[Float]) -> dict[str, Weights]:
+    parts = np.split(use, np.cumsum([len(T) for T in whiteners])[:-1])
+    return {r.name: Weights(mine, T) for r, T, mine in zip(problem.records, whiteners, parts)}
 
 
 def _means(problem: TiedProblem[S], state: S, T: Float, use: Bool) -> Float:
