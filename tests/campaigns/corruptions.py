@@ -3,7 +3,8 @@
     python -m tests.campaigns.corruptions 1000 [--seed S] [--workers W] [--made-up]
 
 The damages: one bit flipped, a page of zeros, truncation, growth, the file of another stage, a stale one of an earlier
-result of the same stage, removal. They hit artifacts, records, and the pointers in `current/`. Afterwards `aatri run`
+result of the same stage, removal, a symbolic link to a file of somebody else, and JSON that parses but that no record
+can hold. They hit artifacts, records, the pointers in `current/`, and run.json. Afterwards `aatri run`
 must end with whole files and the content digests of the undisturbed run, and it must have made again the stage whose
 artifact or record was hit.
 
@@ -24,8 +25,13 @@ from pathlib import Path
 from tests.campaigns import harness
 
 PAGE = 4096
-WAYS = ("bit flip", "zeroed page", "truncation", "growth", "swap", "stale file", "removal")
-FILES = ("artifact.h5", "artifact.h5", "record.json", "pointer", "link", "silent")
+WAYS = ("bit flip", "zeroed page", "truncation", "growth", "removal", "symlink", "swap", "stale file", "odd JSON")
+FILES = ("artifact.h5", "artifact.h5", "record.json", "pointer", "link", "silent", "run.json")
+ODD_JSON = (
+    b'{"schema": 2, "x": NaN}', b'{"schema": 2, "x": 1e999}', b'{"schema": 2, "x": "\\ud800"}', b"[]", b"null", b'"x"',
+    b'{"x": ' + b"[" * 100_000 + b"]" * 100_000 + b"}", b'{"schema": 2}', b'{"stages": [1], "status": "done"}',
+)  # fmt: skip
+ELSE = b"a file of somebody else\n"
 
 
 def main() -> None:
@@ -72,6 +78,8 @@ def _round(place: Path, subject: harness.Subject, expected: dict[str, str], chan
         wrong.append(f"exit {code}: {output.read_text()[-600:]}")
     elif file in ("artifact.h5", "record.json", "silent") and stage not in _made_last(run):
         wrong.append("not noticed")
+    if (place / "else").exists() and (place / "else").read_bytes() != ELSE:
+        wrong.append("the file that the link leads to was changed")
     wrong += harness.problems(run)
     if code == 0 and harness.digests_of(run) != expected:
         wrong.append("other digests")
@@ -89,14 +97,22 @@ def _damage(run: Path, stage: str, file: str, chance: random.Random) -> tuple[st
     if file in objects:
         path = run / "objects" / stage / key / objects[file]
         others = {"swap": run.glob(f"objects/*/*/{path.name}"), "stale file": path.parents[1].glob(f"*/{path.name}")}
+    elif file == "run.json":
+        path, others = run / "run.json", {}
     else:
         path = pointer if file == "pointer" else pointer.with_suffix(".h5")
         older = "record.json" if file == "pointer" else "artifact.h5"
         others = {"swap": path.parent.glob(f"*{path.suffix}"), "stale file": run.glob(f"objects/{stage}/*/{older}")}
-    way = chance.choice(WAYS[:2] if file == "silent" else WAYS)
+    ways = WAYS[:2] if file == "silent" else WAYS if path.suffix == ".json" else WAYS[:-1]
+    way = chance.choice([w for w in ways if others or w not in ("swap", "stale file")])
     before, data = path.stat(), bytearray(path.read_bytes())
     if way == "removal":
         path.unlink()
+        return file, way
+    if way == "symlink":
+        path.unlink()
+        (run.parent / "else").write_bytes(ELSE)
+        path.symlink_to(run.parent / "else")
         return file, way
     damaged = _damaged(data, way, [p.read_bytes() for p in sorted(others.get(way, ()))], chance)
     if file == "link":  # an editor or a copy put a file in the place of the link
@@ -109,6 +125,8 @@ def _damage(run: Path, stage: str, file: str, chance: random.Random) -> tuple[st
 
 def _damaged(data: bytearray, way: str, others: list[bytes], chance: random.Random) -> bytes:
     at = chance.randrange(len(data))
+    if way == "odd JSON":
+        return chance.choice(ODD_JSON)
     if way == "bit flip":
         data[at] ^= 1 << chance.randrange(8)
     elif way == "zeroed page":

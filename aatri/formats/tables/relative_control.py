@@ -7,6 +7,7 @@ unit. Conditions come out sorted by type, axis, members and value; the order of 
 
 from __future__ import annotations
 
+import os
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -70,7 +71,7 @@ def relative_control_tables(source: Source, images: Iterable[str],
                             points: Iterable[str]) -> tuple[RelativeControl, RelativeControlMembers]:  # fmt: skip
     """Read relative_control.yaml, if it is there."""
     path = source.folder / FILE
-    if not path.exists():
+    if not os.path.lexists(path):
         return RelativeControl.empty(), RelativeControlMembers.empty()
     document = load(path, InputError)
     if not isinstance(document.value, list):

@@ -272,3 +272,16 @@ def test_a_pointer_to_another_stage_is_damage(path: Path) -> None:
         store.current_record(out, "s")
     assert run(path)[0] == []
     assert read_record(out, "current", "s.json")["stage"] == "s"  # type: ignore[index]
+
+
+def test_a_run_that_lost_its_run_json_goes_on(path: Path) -> None:
+    _, first = run(path)
+    out = path.parent / "out"
+    (out / "report.html").write_text("")
+    (out / "accepted").mkdir()
+    for harm in (lambda p: p.unlink(), lambda p: (p.unlink(), p.symlink_to("gone"))):
+        harm(out / "run.json")
+        made, again = run(path)
+        assert made == []
+        assert digests(again) == digests(first)
+        assert not (out / "run.json").is_symlink()
