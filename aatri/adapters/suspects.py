@@ -6,10 +6,13 @@ number, which a robust adjustment does not have: the limit is to be generous, an
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.artifacts.suspects import Suspects
+from aatri.orientation.bundle.blunders import Searched
 from aatri.orientation.bundle.result import BundleResult
 
 
@@ -37,3 +40,41 @@ def with_gross_errors(result: BundleResult, suspects: Suspects, limit: float) ->
         verdict=np.full(n, "rejected"),
     )
     return assemble.stacked([suspects, new])
+
+
+def with_search(suspects: Suspects, searched: Searched) -> Suspects:
+    """The suspects after a search for gross errors: those of earlier stages with their verdict, and the new ones."""
+    state = searched.result.adjusted.state
+    parts, before = [], set(zip(suspects.kind.tolist(), suspects.row.tolist()))
+    out = {(o.kind, int(r)) for o in searched.given.observed if o.rejected is not None for r in o.row[o.rejected]}
+    known = [pair in out for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
+    tested = np.isin(suspects.kind, [o.kind for o in searched.given.observed]) & (suspects.row >= 0)
+    back = tested & ~np.array(known, dtype=bool) & (suspects.verdict == "rejected")
+    verdict = np.where(back, "readmitted", suspects.verdict)
+    for found, test in zip(searched.result.observations, searched.tests):
+        o = found.observed
+        if o.rejected is None or o.components:
+            continue
+        rows = np.flatnonzero(o.rejected)
+        rows = rows[[(o.kind, int(r)) not in before for r in o.row[rows]]]
+        predicted = np.isin(rows, found.rows)
+        v = np.full((len(rows), o.records.rows), np.nan)
+        v[predicted] = o.records.evaluate(state, rows[predicted])[0]
+        size = np.where(predicted, np.sqrt(np.nansum(v**2, axis=1)), np.nan)
+        image, point = o.names(rows)
+        n, w = len(rows), test[rows]
+        parts.append(
+            Suspects(
+                kind=np.full(n, o.kind),
+                row=o.row[rows].astype(np.int32),
+                image=image,
+                point=point,
+                stage=np.full(n, "bundle_adjustment"),
+                size=size,
+                unit=np.full(n, o.unit),
+                sigma=np.where(w > 0, size / np.where(w > 0, w, 1.0), np.nan),
+                test=w,
+                verdict=np.full(n, "rejected"),
+            )
+        )
+    return assemble.stacked([replace(suspects, verdict=verdict), *parts])

@@ -102,6 +102,8 @@ class Observed:
         Rejected earlier: not used, but predicted, and held against the prediction.
     veto : callable, optional
         Rows -> (old state, new state) -> why a step is refused on account of them, or an empty text.
+    whole : Observed, optional
+        The same with nothing rejected.
     """
 
     records: Records
@@ -115,6 +117,7 @@ class Observed:
     holds: Holds | None = None
     rejected: Bool | None = None
     veto: Callable[[Int], Veto] | None = None
+    whole: Observed | None = None
 
     @property
     def kind(self) -> str:
@@ -145,7 +148,11 @@ class Observed:
         if holds is not None:
             records = replace(records, whitener=_nearly_exact(records.whitener, holds.scalar & rejected[:, None]))
             holds = replace(holds, scalar=holds.scalar & ~rejected[:, None])
-        return replace(self, records=records, holds=holds, rejected=rejected)
+        return replace(self, records=records, holds=holds, rejected=rejected, whole=self.whole or self)
+
+    def again(self) -> Observed:
+        """With all that was rejected in use again; the start stays."""
+        return self if self.whole is None else replace(self.whole, start=self.start)
 
 
 def _nearly_exact(whitener: Float, exact: Bool) -> Float:

@@ -37,7 +37,7 @@ from aatri.adapters.bundle_input import bundle_input, with_parameters, with_read
 from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
-from aatri.adapters.suspects import with_gross_errors
+from aatri.adapters.suspects import with_gross_errors, with_search
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
@@ -51,6 +51,7 @@ from aatri.observations.kinds import with_kinds
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.adjust import Datum, DatumOver
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders import Method, Rule, search
 from aatri.notes import tell
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice, without_idle
@@ -61,6 +62,16 @@ from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
 from ._uses import used
+
+
+class Blunders(Options):
+    """The search for gross errors."""
+
+    method: Method = Field(
+        "none", description="robust_snooping: data snooping from a robust adjustment; data_snooping: from least squares"
+    )
+    limit: float = Field(4.0, gt=1, description="|w| above which an observation is rejected")
+    max_share: float = Field(0.05, gt=0, le=0.5, description="largest share of a kind that is rejected")
 
 
 @with_kinds
@@ -102,6 +113,9 @@ class BundleOptions(Options):
         description="with huber: image points beyond this many standard deviations are left to the next bundle"
         " as rejected",
     )
+    blunders: Blunders = Field(
+        Blunders(), description="search for gross errors: a method, or a mapping with method, limit, max_share"
+    )
     ordering: Ordering = Field(
         "auto",
         description="order of elimination of the images; auto: the better of nested_dissection and minimum_degree",
@@ -119,6 +133,11 @@ class BundleOptions(Options):
     def _set_by_name(cls, value: object) -> object:
         return {"set": value} if isinstance(value, str) else value
 
+    @field_validator("blunders", mode="before")
+    @classmethod
+    def _method_by_name(cls, value: object) -> object:
+        return {"method": value} if isinstance(value, str) else value
+
     @model_validator(mode="after")
     def _no_statistics_of_weights(self) -> Self:
         if self.huber_rejects is not None and self.huber is None:
@@ -126,6 +145,8 @@ class BundleOptions(Options):
         if self.datum_over != "points" and self.datum != "free":
             raise ValueError("datum_over goes with datum: free")
         removes = self.self_calibration is not None and self.self_calibration.remove
+        if self.huber is not None and self.blunders.method != "none":
+            raise ValueError("blunders are searched by least squares in the end: leave out huber")
         if self.huber is not None and (self.reliability or removes):
             wanted = "reliability" if self.reliability else "self_calibration.remove"
             raise ValueError(
@@ -158,7 +179,13 @@ def bundle(
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
     given = bundle_input(block, image_points, initial, options, parameters)
-    given, result, suspects = _adjusted_with_readmission(given, suspects, options, context)
+    if options.blunders.method == "none":
+        given, result, suspects = _adjusted_with_readmission(given, suspects, options, context)
+    else:
+        rule = Rule(options.blunders.method, options.blunders.limit, options.blunders.max_share)
+        searched = search(given, lambda b, bound: _adjusted(b, options, context, bound), rule)
+        given, result, suspects = searched.given, searched.result, with_search(suspects, searched)
+        tell(searched.notes, context)
     if options.self_calibration is not None and options.self_calibration.remove:
         given, result = _adjusted_without_idle(given, result, options, context)
     notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
@@ -189,7 +216,9 @@ def _adjusted_with_readmission(
     return again, _adjusted(again, options, context), replace(suspects, verdict=verdict)
 
 
-def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> BundleResult:
+def _adjusted(
+    given: BundleInput, options: BundleOptions, context: Context, bound: float | None = None
+) -> BundleResult:
     try:
         return adjust_bundle_from_afar(
             given,
@@ -198,7 +227,8 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context) -> B
             max_iterations=options.max_iterations,
             tolerance=options.tolerance,
             covariances=options.standard_deviations or options.reliability,
-            huber=options.huber,
+            huber=options.huber if bound is None else bound,
+            loss_on_all=bound is not None,
             ordering=options.ordering,
             reproducible=options.reproducible,
             memory_gb=options.memory_gb,

@@ -44,6 +44,7 @@ def adjust_bundle(
     datum_over: DatumOver = "points",
     covariances: bool = True,
     huber: float | None = None,
+    loss_on_all: bool = False,
     reporter: Reporter = SILENT,
     **settings: Any,
 ) -> BundleResult:
@@ -62,6 +63,8 @@ def adjust_bundle(
         There are none where observations are down-weighted.
     huber : float, optional
         Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
+    loss_on_all : bool
+        The loss is that of all kinds of observations but priors.
     reporter : Reporter
     **settings
         Of `adjust_large`.
@@ -77,7 +80,7 @@ def adjust_bundle(
     start = start_of(given)
     poses = _free_poses(given, part.of[POSE], datum)
     unknowns = unknowns_of(given, part, poses, _places(given, settings.get("ordering", "auto")))
-    records, constraints = _records(given, part, huber)
+    records, constraints = _records(given, part, huber, loss_on_all)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
             "there is nothing to adjust: no image and no point has enough observations that tie it to others",
@@ -138,7 +141,9 @@ def _is_ray(records: Records) -> bool:
     return POSE in groups and POINT in groups
 
 
-def _records(given: BundleInput, part: Participants, huber: float | None) -> tuple[list[Records], list[Records]]:
+def _records(
+    given: BundleInput, part: Participants, huber: float | None, loss_on_all: bool
+) -> tuple[list[Records], list[Records]]:
     """Observations and constraints of what takes part."""
     records: list[Records] = []
     constraints: list[Records] = []
@@ -146,7 +151,7 @@ def _records(given: BundleInput, part: Participants, huber: float | None) -> tup
         if not len(rows):
             continue
         chosen = o.records if len(rows) == len(o) else o.records.take(rows)
-        if huber is not None and _is_ray(chosen):
+        if huber is not None and (_is_ray(chosen) or (loss_on_all and not o.components)):
             chosen = replace(chosen, loss=Huber(huber))
         (constraints if o.exact else records).append(chosen)
     return records, constraints
