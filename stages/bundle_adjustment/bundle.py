@@ -57,7 +57,7 @@ from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice, without_idle
 from aatri.orientation.bundle.notes import down_weighted, left_out, misfit
 from aatri.orientation.bundle.readmission import readmitted
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
@@ -210,7 +210,7 @@ def _adjusted_with_readmission(
     back = {(o.kind, int(row)) for o, f in zip(given.observed, fits) for row in o.row[f]}
     for kind, (n, of) in counts.items():
         context.log(f"{n} of {of} rejected observations of kind {kind} fit the block and are re-admitted")
-    again = with_readmitted(given, options, back)
+    again = from_result(with_readmitted(given, options, back), result)
     returned = [pair in back for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
     verdict = np.where(returned, "readmitted", suspects.verdict)
     return again, _adjusted(again, options, context), replace(suspects, verdict=verdict)

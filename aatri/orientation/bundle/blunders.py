@@ -24,9 +24,9 @@ from aatri.adjustment.statistics.w_test import w_tests
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, from_result
 
 Method = Literal["robust_snooping", "data_snooping", "none"]
 
@@ -103,18 +103,18 @@ def search(given: BundleInput, adjust: Adjust, rule: Rule) -> Searched:
     except (ConvergenceError, GeometryError):
         if rule.method != "robust_snooping":
             raise
-        given = _warm(given, adjust(given, BOUND))
+        given = from_result(given, adjust(given, BOUND))
         result = adjust(given, None)
     tests = record_tests(given, result)
     rejected = [o.rejected if o.rejected is not None else np.zeros(len(o), dtype=bool) for o in given.observed]
     undecided: set[str] = set()
     if rule.method == "robust_snooping" and _wrong(given, tests, rejected, rule, undecided):
-        robust = adjust(_warm(given, result), BOUND)
+        robust = adjust(from_result(given, result), BOUND)
         far = _robust_tests(given, result, robust)
         for i, rows in _wrong(given, far, rejected, rule, undecided, clear=0.0).items():
             rejected[i] = rejected[i].copy()
             rejected[i][rows] = True
-        given = _without(_warm(given, robust), rejected)
+        given = _without(from_result(given, robust), rejected)
         result = adjust(given, None)
         tests = record_tests(given, result)
     taken_back = [np.zeros(len(o), dtype=bool) for o in given.observed]
@@ -130,7 +130,7 @@ def search(given: BundleInput, adjust: Adjust, rule: Rule) -> Searched:
                 break
             rejected = [r & ~b for r, b in zip(rejected, back)]
             taken_back = [t | b for t, b in zip(taken_back, back)]
-        given = _without(_warm(given, result), rejected)
+        given = _without(from_result(given, result), rejected)
         result = adjust(given, None)
         tests = record_tests(given, result)
     return Searched(given, result, tests, tuple(_notes(given, tests, rejected, rule, undecided)))
@@ -231,19 +231,6 @@ def _without(given: BundleInput, rejected: list[Bool]) -> BundleInput:
     """The block as it was taken from its tables, less what is rejected."""
     observed = tuple(o.again().without(r) for o, r in zip(given.observed, rejected))
     return replace(given, observed=observed)
-
-
-def _warm(given: BundleInput, result: BundleResult) -> BundleInput:
-    """The block with the adjusted values as start."""
-    state = result.adjusted.state
-    image, point = result.image_adjusted, result.point_adjusted
-    poses = type(given.poses)(
-        np.where(image[:, None], state[POSE].position_m, given.poses.position_m),
-        np.where(image[:, None, None], state[POSE].ground_from_image, given.poses.ground_from_image),
-    )
-    observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
-    xyz_m = np.where(point[:, None], state[POINT], given.xyz_m)
-    return replace(given, poses=poses, xyz_m=xyz_m, observed=observed)
 
 
 def _notes(

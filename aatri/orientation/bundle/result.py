@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bundle.block import BundleInput
 
 
 @dataclass(frozen=True)
@@ -102,3 +103,15 @@ class BundleResult:
 
 def _groups(observations: AdjustedObservations) -> set[str]:
     return {group for group, _ in observations.observed.records.touches}
+
+
+def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
+    """The block with its adjusted values as start, also those of the unknowns that kinds of observations bring."""
+    state = result.adjusted.state
+    image, point = result.image_adjusted, result.point_adjusted
+    poses = Poses(
+        np.where(image[:, None], state[POSE].position_m, given.poses.position_m),
+        np.where(image[:, None, None], state[POSE].ground_from_image, given.poses.ground_from_image),
+    )
+    observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
+    return replace(given, poses=poses, xyz_m=np.where(point[:, None], state[POINT], given.xyz_m), observed=observed)
