@@ -23,7 +23,7 @@ class Reporter(Protocol):
         """Take a line for the log that the user must see."""
 
     def progress(self, done: int, total: int, what: str = "") -> None:
-        """Take how many of `total` steps are done."""
+        """Take how many of `total` steps are done; a total of 0: nobody knows how many there will be."""
 
 
 class Checkpoint(Protocol):
@@ -74,3 +74,23 @@ class Silent:
 
 
 SILENT = Silent()
+
+
+def tell_iteration(
+    reporter: Reporter, number: int, cost: float, redundancy: int, decrement: float, damping: float
+) -> None:
+    """Tell of an iteration of an adjustment: to the log in full, to who waits in one line.
+
+    Parameters
+    ----------
+    cost : float
+        Sum of squares of the weighted residuals before the step.
+    decrement : float
+        Newton decrement: no unknown moves by more than so many of its standard deviations.
+    damping : float
+        Of Levenberg and Marquardt; 0 is Gauss-Newton.
+    """
+    sigma0 = (cost / redundancy) ** 0.5 if redundancy > 0 else float("nan")
+    line = f"iteration {number}: sigma0 {sigma0:.4g}, steps up to {decrement:.2g} sigma, damping {damping:.1g}"
+    reporter.log(f"{line}, cost {cost:.6f}")
+    reporter.progress(number, 0, line)

@@ -44,7 +44,7 @@ from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
-from aatri.progress import SILENT, Reporter
+from aatri.progress import SILENT, Reporter, tell_iteration
 
 
 HOLD = 1e-9
@@ -114,9 +114,7 @@ def adjust_large(
         found = steps(problem, factored, state)
         decrement = _decrement(problem, factored)
         history.append(Step(factored.cost, decrement, factored.damping))
-        reporter.log(
-            f"iteration {iteration}: cost {factored.cost:.6f}, decrement {decrement:.3g}, damping {damping.value:.1g}"
-        )
+        tell_iteration(reporter, iteration, factored.cost, counts(problem)[2], decrement, damping.value)
         trial = steadied(problem, retract_state(problem.unknowns, state, found), veto)
         if factored.damping == 0.0 and (linear or decrement <= tolerance) and settled(problem, state):
             weak, hardly = weak_blocks_of(problem, factored)

@@ -1,10 +1,12 @@
-"""Tells what happens during a run, on stderr: a live line on a terminal, else a line now and then.
+"""Tells what happens during a run, on stderr: bars on a terminal (`live`), else a line now and then.
 
-The live line shows the stages under way with the time since they began and the time they took before.
+A line per stage that is done and per iteration of a long adjustment; warnings always. While code is compiled, how many
+kernels are ready.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Mapping
@@ -12,15 +14,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
+from aatri.cli.compiling import Compiling
 from aatri.cli.console import is_terminal, narrate
 from aatri.cli.figures import highlights
 
 if TYPE_CHECKING:
+    from aatri.cli.live import Live
     from aatri.pipeline.plan.plan import Plan
 
-_LIVE_S, _HEARTBEAT_S = 0.2, 10.0
+_LIVE_S, _HEARTBEAT_S = 0.25, 10.0
+LONG_S = 1.0
+"""Iterations of a stage under way for longer are told one by one."""
 
 
 @dataclass
@@ -38,16 +42,21 @@ class Narrator:
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
-        self._live = is_terminal() and not quiet
+        self._live: Live | None = None
         self._under_way: dict[str, _UnderWay] = {}
         self._heads: dict[str, str] = {}
         self._expected: Mapping[str, float] = {}
         self._turn = threading.RLock()
         self._ended = threading.Event()
+        self._compiling = Compiling()
         self._clock = threading.Thread(target=self._tick, daemon=True)
 
     def __enter__(self) -> Narrator:
         if not self._quiet:
+            if is_terminal() and os.environ.get("TERM") != "dumb":
+                from aatri.cli.live import Live
+
+                self._live = Live().__enter__()
             self._clock.start()
         return self
 
@@ -55,70 +64,84 @@ class Narrator:
         self._ended.set()
         if self._clock.is_alive():
             self._clock.join()
-        self._overwrite("")
+        if self._live is not None:
+            self._live.__exit__()
 
     def planned(self, plan: Plan, expected: Mapping[str, float]) -> None:
         """Say how much there is to do."""
         self._expected = expected
         fresh = sum(d.record is not None for d in plan.decisions)
+        if self._live is not None:
+            self._live.planned(fresh, [d.stage for d in plan.stale], expected)
         if fresh and not self._quiet:
             known = sum(expected.get(d.stage, 0.0) for d in plan.stale)
             about = f", up to {known:.0f} s as before" if known >= 1 else ""
-            narrate(f"{fresh} of {len(plan.decisions)} stages are up to date; {len(plan.stale)} to do{about}")
+            self._say(f"{fresh} of {len(plan.decisions)} stages are up to date; {len(plan.stale)} to do{about}")
 
     def started(self, stage: str, use: str, number: int, total: int) -> None:
         """Remember how the line of the stage begins."""
         with self._turn:
             self._heads[stage] = f"[{number:{len(str(total))}}/{total}] {stage}"
             self._under_way[stage] = _UnderWay(self._heads[stage], use, time.monotonic())
-            self._show()
+            if self._live is not None:
+                self._live.started(stage, self._heads[stage], self._expected.get(stage, 0.0))
 
     def warned(self, stage: str, message: str) -> None:
         """Warnings are shown even when quiet."""
-        self._say(f"warning: {stage}: {message}")
+        self._say(f"warning: {stage}: {message}", "yellow")
 
     def advanced(self, stage: str, done: int, total: int, what: str) -> None:
-        """Remember the progress; the clock shows it."""
+        """Remember the progress; the clock shows it. An iteration of a long adjustment gets a line."""
         with self._turn:
-            if stage in self._under_way:
-                self._under_way[stage].step = f"{what} {done}/{total}".strip()
+            at = self._under_way.get(stage)
+            if at is None:
+                return
+            at.step = f"{what} {done}/{total}".strip() if total else what
+            if self._live is not None:
+                self._live.advanced(stage, done, total, what)
+            if not total and self._live is not None and time.monotonic() - at.began > LONG_S:
+                self._say(f"{at.head}  {what}", "dim")
 
     def finished(self, record: Mapping[str, Any]) -> None:
         """One line per stage."""
         with self._turn:
-            self._under_way.pop(record["stage"], None)
+            self._end(record["stage"])
             if not self._quiet:
                 self._say(f"{self._heads[record['stage']]}  {record['seconds']:.2f} s  {highlights(record['metrics'])}")
 
     def failed(self, stage: str, folder: Path) -> None:
         """Say where the log is; the error itself follows at the end."""
         with self._turn:
-            self._under_way.pop(stage, None)
-            self._say(f"{self._heads[stage]}  failed; log: {folder / 'stage.log'}")
+            self._end(stage)
+            self._say(f"{self._heads[stage]}  failed; log: {folder / 'stage.log'}", "red")
 
-    def _say(self, text: str) -> None:
+    def _end(self, stage: str) -> None:
+        self._under_way.pop(stage, None)
+        if self._live is not None:
+            self._live.ended(stage)
+
+    def _say(self, text: str, style: str = "") -> None:
         with self._turn:
-            self._overwrite("")
-            narrate(text)
-            self._show()
+            if self._live is None:
+                narrate(text)
+            else:
+                from aatri.ids import printable
+
+                self._live.line(printable(text), style)
 
     def _tick(self) -> None:
-        while not self._ended.wait(_LIVE_S if self._live else _HEARTBEAT_S):
+        while not self._ended.wait(_LIVE_S if self._live is not None else _HEARTBEAT_S):
+            compiling = self._compiling.told()
             with self._turn:
-                if self._live:
-                    self._show()
-                else:
-                    for stage in self._under_way:
-                        narrate(self._line(stage))
+                for stage, at in self._under_way.items():
+                    if self._live is None:
+                        narrate(self._line(stage, compiling))
+                    elif compiling and not at.step:
+                        self._live.said(stage, compiling)
+                if self._live is not None:
+                    self._live.tick()
 
-    def _show(self) -> None:
-        self._overwrite("; ".join(map(self._line, self._under_way)))
-
-    def _line(self, stage: str) -> str:
+    def _line(self, stage: str, compiling: str) -> str:
         at = self._under_way[stage]
         expected = f" of about {self._expected[stage]:.0f} s" if self._expected.get(stage, 0) >= 1 else ""
-        return f"{at.head}: {at.use}  {time.monotonic() - at.began:.0f} s{expected}  {at.step}".rstrip()
-
-    def _overwrite(self, text: str) -> None:
-        if self._live:
-            typer.echo(f"\r\x1b[K{text[:110]}", nl=False, err=True)
+        return f"{at.head}: {at.use}  {time.monotonic() - at.began:.0f} s{expected}  {at.step or compiling}".rstrip()

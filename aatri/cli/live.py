@@ -1,0 +1,106 @@
+"""The live part of the narration on a terminal: a bar for the run, one for each stage under way.
+
+    run       ━━━━━━━━━━━╸━━━━━━━━  4/11  0:00:21  about 40 s left
+    models    ━━━━━━━━━━━━━━━━━╸━━  211/244 models  0:00:09 of about 12 s
+
+rich draws it: colours as `NO_COLOR` and `FORCE_COLOR` say, as wide as the terminal.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import TaskID
+
+UNKNOWN_S = 1.0
+"""What a stage counts for in the bar of the run if nobody knows how long it takes."""
+
+
+class Live:
+    """Bars at the foot of the terminal, and lines above them.
+
+    Parameters
+    ----------
+    console : Console, optional
+        Where to draw; stderr unless given.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self._progress = Progress(
+            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TextColumn("{task.fields[said]}", markup=False),
+            console=self.console, transient=True, refresh_per_second=5, expand=False,
+        )  # fmt: skip
+        self._run = self._progress.add_task("run", total=None, said="")
+        self._stages: dict[str, tuple[TaskID, float, float]] = {}
+        self._steps: dict[str, str] = {}
+        self._weights: dict[str, float] = {}
+        self._done_weight, self._done, self._count, self._began = 0.0, 0, 0, time.monotonic()
+        self._known = False
+
+    def __enter__(self) -> Live:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def planned(self, fresh: int, stale: list[str], expected: Mapping[str, float]) -> None:
+        """Take what there is to do, and how long it took before."""
+        self._weights = {stage: expected.get(stage) or UNKNOWN_S for stage in stale}
+        self._done, self._count = fresh, fresh + len(stale)
+        self._known = all(stage in expected for stage in stale)
+        self._progress.update(self._run, total=max(sum(self._weights.values()), 1e-9))
+        self.tick()
+
+    def started(self, stage: str, head: str, expected_s: float) -> None:
+        """Take that a stage begins."""
+        task = self._progress.add_task(head, total=None, said="")
+        self._stages[stage] = (task, time.monotonic(), expected_s)
+        self.tick()
+
+    def advanced(self, stage: str, done: int, total: int, what: str) -> None:
+        """Take how far a stage is; a total of 0 is not known."""
+        if stage in self._stages:
+            self._steps[stage] = f"{done}/{total} {what}".strip() if total else what
+            self._progress.update(self._stages[stage][0], total=total or None, completed=done if total else 0)
+
+    def said(self, stage: str, text: str) -> None:
+        """Say what a stage does that does not tell it."""
+        self._steps[stage] = text
+
+    def ended(self, stage: str) -> None:
+        """Take that a stage is over, made or not."""
+        if stage in self._stages:
+            self._progress.remove_task(self._stages.pop(stage)[0])
+            self._steps.pop(stage, None)
+            self._done += 1
+            self._done_weight += self._weights.get(stage, UNKNOWN_S)
+        self.tick()
+
+    def line(self, text: str, style: str = "") -> None:
+        """A line above the bars."""
+        from rich.text import Text
+
+        self.console.print(Text(text, style=style), soft_wrap=True)
+
+    def tick(self) -> None:
+        """Bring times and bars up to now."""
+        now = time.monotonic()
+        under_way = 0.0
+        for stage, (task, began, expected) in self._stages.items():
+            about = f" of about {expected:.0f} s" if expected >= 1 else ""
+            step = self._steps.get(stage, "")
+            self._progress.update(task, said=f"{now - began:.0f} s{about}  {step}".rstrip())
+            under_way += min(now - began, 0.99 * self._weights.get(stage, UNKNOWN_S))
+        left = sum(self._weights.values()) - self._done_weight - under_way
+        about = f", about {left:.0f} s left" if self._known and left >= 1 else ""
+        said = f"{self._done}/{self._count} stages  {now - self._began:.0f} s{about}"
+        self._progress.update(self._run, completed=self._done_weight + under_way, said=said)

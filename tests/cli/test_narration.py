@@ -1,0 +1,114 @@
+"""Long work shows itself: bars, counts, times, iterations, compilation; colours and pipes as the user wants them."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from aatri.cli.compiling import Compiling, declared
+from aatri.cli.live import Live
+from aatri.cli.narrator import Narrator
+from aatri.progress import SILENT, tell_iteration
+
+
+def _live(width: int = 100) -> tuple[Live, io.StringIO]:
+    screen = io.StringIO()
+    return Live(Console(file=screen, force_terminal=True, width=width)), screen
+
+
+def test_bars_tell_count_elapsed_expected_and_what_is_left_overall() -> None:
+    live, screen = _live()
+    with live:
+        live.planned(1, ["models", "bundle"], {"models": 12.0, "bundle": 30.0})
+        live.started("models", "[2/3] models", 12.0)
+        live.advanced("models", 211, 244, "models")
+        live.tick()
+        live._progress.refresh()
+    shown = screen.getvalue()
+    assert "1/3 stages" in shown
+    assert "about 42 s left" in shown
+    assert "[2/3] models" in shown
+    assert "0 s of about 12 s  211/244 models" in shown
+
+
+def test_nothing_is_said_of_the_time_left_where_a_stage_never_ran_before() -> None:
+    live, screen = _live()
+    with live:
+        live.planned(0, ["models", "bundle"], {"models": 12.0})
+        live._progress.refresh()
+    assert "left" not in screen.getvalue()
+
+
+def test_an_ended_stage_has_no_bar_and_counts_in_that_of_the_run() -> None:
+    live, screen = _live()
+    with live:
+        live.planned(0, ["a", "b"], {})
+        live.started("a", "[1/2] a", 0.0)
+        live.ended("a")
+        screen.truncate(0)
+        live._progress.refresh()
+    assert "1/2 stages" in screen.getvalue()
+    assert "[1/2] a" not in screen.getvalue()
+
+
+@pytest.mark.parametrize(("variables", "coloured"), [({}, True), ({"NO_COLOR": "1"}, False)])
+def test_no_color_is_respected(monkeypatch: pytest.MonkeyPatch, variables: dict[str, str], coloured: bool) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    live, screen = _live()
+    live.line("warning: models: weak", "yellow")
+    assert ("\x1b[33m" in screen.getvalue()) is coloured
+    assert "warning: models: weak" in screen.getvalue()
+
+
+def test_bars_keep_to_the_width() -> None:
+    live, screen = _live(width=50)
+    with live:
+        live.planned(0, ["a"], {})
+        live.started("a", "[1/1] a_stage_with_quite_a_long_name", 0.0)
+        live.advanced("a", 1, 0, "iteration 1: sigma0 57.97, steps up to 182 sigma, damping 0")
+        live._progress.refresh()
+    plain = [line for part in screen.getvalue().split("\x1b") for line in part.partition("m")[2].splitlines()]
+    assert max(len(line) for line in plain) <= 50
+
+
+def test_into_a_pipe_go_plain_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("aatri.cli.narrator._HEARTBEAT_S", 0.02)
+    with Narrator(quiet=False) as narrator:
+        plan: Any = SimpleNamespace(decisions=[SimpleNamespace(record=None, stage="bundle")], stale=[])
+        narrator.planned(plan, {"bundle": 30.0})
+        narrator.started("bundle", "bundle_adjustment/bundle", 1, 1)
+        narrator.advanced("bundle", 3, 0, "iteration 3: sigma0 1.01, steps up to 2e-06 sigma, damping 0")
+        narrator._ended.wait(0.2)
+        narrator.finished({"stage": "bundle", "seconds": 1.5, "metrics": {"sigma0": 1.01}})
+    told = capsys.readouterr().err
+    assert "[1/1] bundle: bundle_adjustment/bundle  0 s of about 30 s  iteration 3: sigma0 1.01" in told
+    assert "[1/1] bundle  1.50 s  sigma0 1.01" in told
+    assert "\x1b" not in told
+
+
+def test_iterations_are_told_with_sigma0_step_and_damping() -> None:
+    told: list[Any] = []
+    reporter = SimpleNamespace(log=told.append, progress=lambda *about: told.append(about), warn=told.append)
+    tell_iteration(reporter, 2, 400.0, 100, 0.037, 1e-3)
+    line = "iteration 2: sigma0 2, steps up to 0.037 sigma, damping 0.001"
+    assert told == [f"{line}, cost 400.000000", (2, 0, line)]
+    tell_iteration(SILENT, 1, 1.0, 0, 1.0, 0.0)  # without redundancy there is no sigma0, and no error
+
+
+def test_compilation_is_counted_while_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    compiling = Compiling()
+    assert compiling.told() == ""
+    (tmp_path / "assemble").mkdir()
+    (tmp_path / "assemble" / "a.nbi").write_text("")
+    assert compiling.told() == f"compiling: 1 of {declared()} kernels ready"
+    assert compiling.told() == ""  # it stands still
+    assert declared() > 20
