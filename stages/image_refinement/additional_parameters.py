@@ -12,17 +12,15 @@ Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aa
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
 from aatri.adapters.calibration import calibrated_correction, calibration_of
+from aatri.adapters.refinement.corrected import largest_length, with_corrections
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import Corrections, ImagePoints
+from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import parameter_set, with_interior
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
+from aatri.geometry.vectors import finite_rows
 from aatri.formats.text.text_file import read_lines
 from aatri.plugin import SILENT, CodePath, Context, Field, Options, stage
 
@@ -43,8 +41,7 @@ def additional_parameters(
     context: Context = SILENT,
 ) -> ImagePoints:
     """Image points corrected by the additional parameters of another block."""
-    done = image_points.corrections
-    if "additional parameters" in done.name:
+    if "additional parameters" in image_points.corrections.name:
         raise SpecError("the additional parameters have been corrected already", remedy="correct them once")
     found = calibration_of(calibration)
     if found.set != "user":
@@ -56,13 +53,6 @@ def additional_parameters(
     parameters = with_interior(parameters) if found.interior else parameters
     correction_mm = calibrated_correction(block, image_points, parameters, found)
     m = image_points.measurements
-    length = np.linalg.norm(correction_mm[m.active & np.isfinite(correction_mm).all(axis=1)], axis=1)
-    largest = float(length.max(initial=0.0))
+    largest = largest_length(correction_mm, m.active & finite_rows(correction_mm))
     context.log(f"{found.set} of {', '.join(found.ids[:4])}: at most {1e3 * largest:.2f} um")
-    return replace(
-        image_points,
-        measurements=replace(m, xy_mm=m.xy_mm + correction_mm),
-        corrections=Corrections(
-            name=np.append(done.name, "additional parameters"), largest_mm=np.append(done.largest_mm, largest)
-        ),
-    )
+    return with_corrections(image_points, m.xy_mm + correction_mm, ["additional parameters"], [largest])

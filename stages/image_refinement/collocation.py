@@ -12,18 +12,14 @@ aatri.orientation.refinement.collocation.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
-import numpy as np
-
-from aatri.adapters import solution as assemble
-from aatri.adapters.camera_parameters import units_of
-from aatri.arrays import Bool, Float
+from aatri.adapters.refinement.collocation import compensated
+from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import Corrections, ImagePoints
+from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.orientation.refinement.collocation import collocate_groups
+from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -45,42 +41,9 @@ def collocation(
     context: Context = SILENT,
 ) -> ImagePoints:
     """Image points less the common part of their residuals in a solution."""
-    assemble.check_same_block(block, solution.images.id, "solution")
-    m = image_points.measurements
-    residual_mm, used = _image_residuals(solution, len(m))
-    rows = np.flatnonzero(np.isfinite(m.xy_mm).all(axis=1))
-    units = units_of(block, options.per)
-    correction, _, found = collocate_groups(
-        units.of_image[m.image[rows]], m.xy_mm[rows], residual_mm[rows], used[rows],
-        model=options.model, cells_per_side=options.cells_per_side,
-    )  # fmt: skip
-    if not used.any():
-        context.warn("the solution has no residuals of image points: nothing is corrected")
-    for unit, one in found.items():
-        if one.function is None:
-            context.log(f"{units.id[unit]}: residuals without correlated part, nothing is corrected")
-        else:
-            context.log(f"{units.id[unit]}: signal {1e3 * np.sqrt(one.function.variance_mm2):.2f} um")
-    xy = m.xy_mm.copy()
-    xy[rows] += correction
-    largest = float(np.linalg.norm(correction, axis=1).max(initial=0.0))
-    done = image_points.corrections
-    before = sum(str(name).startswith("collocation") for name in done.name)
-    name = "collocation" if before == 0 else f"collocation {before + 1}"
-    return replace(
-        image_points,
-        measurements=replace(m, xy_mm=xy),
-        corrections=Corrections(
-            name=np.concatenate([done.name, np.array([name])]), largest_mm=np.append(done.largest_mm, largest)
-        ),
+    check_same_block(block, solution.images.id, "solution")
+    made, notes = compensated(
+        block, image_points, solution, per=options.per, model=options.model, cells_per_side=options.cells_per_side
     )
-
-
-def _image_residuals(solution: Solution, n: int) -> tuple[Float, Bool]:
-    """Residuals by row of the image points, and which of them are there and active."""
-    r = solution.residuals
-    mine = np.flatnonzero((r.kind == "image_point") & (r.row >= 0))
-    residual, used = np.zeros((n, 2)), np.zeros(n, dtype=bool)
-    residual[r.row[mine]] = r.residual[mine, :2]
-    used[r.row[mine]] = r.active[mine] & np.isfinite(r.residual[mine, :2]).all(axis=1)
-    return residual, used
+    tell(notes, context)
+    return made

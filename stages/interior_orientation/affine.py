@@ -6,9 +6,10 @@
 weighted by their standard deviations. The transformation takes out shift and rotation of the film on the comparator,
 and with them its affine deformation: two scales and a shear. Method and tests: aatri.orientation.interior.affine.
 
-A mark with a gross error is rejected where the redundancy can locate it (not with four marks). An image whose sigma0
-exceeds a limit is reported. An image with fewer than three marks, or whose marks fit nothing, is not used; more than
-5 % of such images are an error, as are marks with exchanged numbers, mirrored marks and a wrong scale.
+A mark with a gross error is rejected where the redundancy can locate it (not with four marks). sigma0 of all images
+together has the global test; single images that do not fit are listed, at the level 0.05 / count. An image with fewer
+than three marks, or whose marks fit nothing, is not used; more than 5 % of such images are an error, as are marks with
+exchanged numbers, mirrored marks and a wrong scale.
 
 Images whose camera gives photo coordinates, and digital ones, need no marks: they go the way of
 interior_orientation/calibrated, so that a block may hold both.
@@ -22,15 +23,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.interior.film_checks import check_film, film_deformation, film_suspects
+from aatri.adapters.interior.film_marks import film_images, film_marks, film_residuals, with_film_transformations
+from aatri.adapters.interior.photo_coordinates import calibrated_transformations, image_points_of
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.notes import tell
 from aatri.orientation.interior.affine import snooped_affine
 from aatri.plugin import SILENT, Context, Field, Options, stage
-
-from ._assembly import image_points_of
-from ._film import film_images, film_marks, film_residuals, with_film_transformations
-from ._film_checks import check_film, film_deformation, film_suspects
-from .calibrated import calibrated_transformations
 
 
 class AffineOptions(Options):
@@ -39,7 +40,7 @@ class AffineOptions(Options):
     test_limit: float = Field(
         4.0, gt=0, description="a fiducial mark with a larger test statistic is rejected, in standard deviations"
     )
-    sigma0_limit: float = Field(4.0, gt=0, description="an image whose sigma0 is larger is reported as suspect")
+    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="an image whose sigma0 is larger is not used")
 
 
 @stage(version=1, uses=("image_points.xy", "fiducial_points.xy"))
@@ -52,14 +53,16 @@ def affine(block: Block, *, options: AffineOptions = AffineOptions(), context: C
         context.log("no film image with comparator or pixel coordinates: no fiducial marks are needed")
     marks = film_marks(block, np.flatnonzero(film))
     fit = snooped_affine(marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, limit=options.test_limit)
-    usable = check_film(block, marks, fit, options.sigma0_limit, context)
+    usable, notes = check_film(block, marks, fit, options.max_sigma0)
+    tell(notes, context)
     fit = replace(fit, determined=usable)
     transformations = with_film_transformations(transformations, marks, fit)
-    return image_points_of(
+    made, notes = image_points_of(
         block,
         transformations,
         fiducial_residuals=film_residuals(block, marks, fit),
-        suspects=film_suspects(block, marks, fit, options.sigma0_limit),
+        suspects=film_suspects(block, marks, fit),
         film_deformation=film_deformation(block, transformations) if film.any() else None,
-        context=context,
     )
+    tell(notes, context)
+    return made

@@ -17,13 +17,14 @@ and, for the compiled loop over the pairs, pairs.py.
 
 from __future__ import annotations
 
-import numpy as np
-
-from aatri.adapters.image_pairs import doubtful_places, models_of, neighbouring_images, pairs_of
+from aatri.adapters.image_pairs import models_of, neighbouring_images, pairs_of
+from aatri.adapters.pair_notes import notes_of_pairs, refuse_misfits
 from aatri.adapters.solution import check_same_block
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
+from aatri.notes import tell
 from aatri.orientation.relative.pairs import relative_orientations
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -36,6 +37,7 @@ class DependentOptions(Options):
         4.0, gt=0, description="a point is rejected if its y-parallax is wrong by more standard deviations than this"
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
+    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
 
 
 @stage(version=1, uses=("images.strip",))
@@ -48,11 +50,6 @@ def dependent(
 ) -> Models:
     """Orient the consecutive images of every strip to each other."""
     check_same_block(block, image_points.images.id, "image_points")
-    for image, other in doubtful_places(block, image_points):
-        first, second = block.images.id[[image, other]]
-        context.warn(
-            f"image {first} shares more points with {second} than with its neighbours: is the strip's sequence right?"
-        )
     pairs = pairs_of(block, image_points, neighbouring_images(block))
     found = relative_orientations(
         pairs.rays,
@@ -62,14 +59,8 @@ def dependent(
         min_points=options.min_points,
         reporter=context,
     )
-    names = pairs.names(block)
-    for pair in sorted(found.reasons.keys() | found.warnings.keys()):
-        if pair in found.reasons:
-            context.warn(f"no model {names[pair]}: {found.reasons[pair]}")
-        for warning in found.warnings.get(pair, ()):
-            context.warn(f"model {names[pair]}: {warning}")
+    refuse_misfits(found, options.max_sigma0)
     models = models_of(block, image_points, pairs, found)
-    context.progress(len(names), len(names), "models")
-    rejected = int(np.sum(~models.model_points.active))
-    context.log(f"{len(models.orientations)} models, {len(models.unformed)} pairs without; {rejected} model points rejected")
+    context.progress(len(pairs.left), len(pairs.left), "models")
+    tell(notes_of_pairs(block, image_points, pairs, found, models), context)
     return models

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aatri.errors import ArtifactError
+from aatri.errors import ArtifactError, ConvergenceError
+from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
+from tests.stages.chain import simulated
 from tests.stages.made_strips import made_strips
 
 
@@ -60,7 +63,25 @@ def test_a_wrong_sequence_is_reported():
     log = Log()
     made = made_strips(5)
     dependent(made.block, made.image_points, context=log)
-    assert log.warnings == []
+    assert [text for text in log.warnings if "sigma0" not in text] == []  # without errors sigma0 is 0
+
+
+def test_sigma0_of_all_models_is_told_and_beyond_the_limit_there_is_no_result():
+    block = simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 6, "cross_strips": 0})
+    interior = affine(block)
+    log = Log()
+    dependent(block, interior, context=log)
+    assert [text for text in log.logs if text.startswith("sigma0 of 5 models")]
+
+    def sure(factor):
+        m = interior.measurements
+        return replace(interior, measurements=replace(m, sigma_mm=m.sigma_mm / factor))
+
+    log = Log()
+    dependent(block, sure(3), options=DependentOptions(snooping_limit=40.0), context=log)
+    assert [text for text in log.warnings if text.startswith("sigma0 of 5 models") and "too small" in text]
+    with pytest.raises(ConvergenceError, match="sigma0 of 5 models together is .*, beyond max_sigma0 = 20"):
+        dependent(block, sure(100), options=DependentOptions(snooping_limit=1000.0))
 
 
 def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size():

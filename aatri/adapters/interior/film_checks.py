@@ -1,23 +1,29 @@
-"""Checks of the fiducial marks of film images, and what is reported of them."""
+"""Checks of the fiducial marks of film images, and what is to be said of them.
+
+sigma0 of the images is tested pooled, and single images that do not fit are listed (`statistics.global_test`); an image
+whose sigma0 is beyond `max_sigma0` is not used.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from aatri.adapters.interior.film_marks import FilmMarks, nominal_matrix
+from aatri.adapters.interior.photo_coordinates import Transformations
+from aatri.adapters.interior.suspects import joined, suspects_of
 from aatri.adapters.places import place
+from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note, single_misfits
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError, GeometryError, InputError, raise_all
 from aatri.ids import shown
+from aatri.notes import Note
 from aatri.orientation.interior.affine import FEWEST_MARKS, AffineFit
 from aatri.orientation.interior.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
 from aatri.orientation.interior.film_deformation import deformation, prediction_sigma_mm, shear_or_stretch, turn_rad
-from aatri.plugin import Context
-
-from ._assembly import Transformations
-from ._film import FilmMarks, nominal_matrix
-from ._suspects import joined, suspects_of
 
 MOST_REJECTED = 0.05
 """More film images than this share without interior orientation are an error."""
@@ -28,8 +34,15 @@ LARGEST_SHEAR = 1e-3
 Bools = Bool
 
 
-def check_film(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: float, context: Context) -> Bools:
-    """Which film images can be used, with every error and warning said.
+def check_film(
+    block: Block, marks: FilmMarks, fit: AffineFit, max_sigma0: float
+) -> tuple[Bools, tuple[Note, ...]]:
+    """Which film images can be used, and what is to be said of them.
+
+    Parameters
+    ----------
+    max_sigma0 : float
+        An image whose sigma0 is larger is not used.
 
     Raises
     ------
@@ -45,7 +58,7 @@ def check_film(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: flo
         wrong = _wrong_marks(block, marks, fit, k) if usable[k] else None
         if wrong is not None:
             errors.append(wrong)
-        reason = "" if wrong is not None else _reason_to_reject(marks, fit, k)
+        reason = "" if wrong is not None else _reason_to_reject(marks, fit, k, max_sigma0)
         if reason:
             usable[k] = False
             reasons.append(f"{block.images.id[image]} ({reason})")
@@ -55,10 +68,7 @@ def check_film(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: flo
             f"{len(reasons)} of {len(usable)} film images have no interior orientation: {shown(reasons)}",
             remedy="measure at least three fiducial marks, not on one line, in every film image; four to check them",
         )
-    if reasons:
-        context.warn(f"{len(reasons)} film images are not used, without interior orientation: {shown(reasons)}")
-    _warn(block, marks, fit, usable, sigma0_limit, context)
-    return usable
+    return usable, tuple(_notes(block, marks, fit, usable, reasons))
 
 
 def _wrong_marks(block: Block, marks: FilmMarks, fit: AffineFit, k: int) -> InputError | None:
@@ -96,7 +106,7 @@ def _wrong_marks(block: Block, marks: FilmMarks, fit: AffineFit, k: int) -> Inpu
     return InputError(f"{image}: the numbers of its fiducial marks are exchanged", where=where, remedy=mapping)
 
 
-def _reason_to_reject(marks: FilmMarks, fit: AffineFit, k: int) -> str:
+def _reason_to_reject(marks: FilmMarks, fit: AffineFit, k: int, max_sigma0: float) -> str:
     count = int(marks.present[k].sum())
     if count < FEWEST_MARKS:
         return f"{count} fiducial marks"
@@ -105,31 +115,43 @@ def _reason_to_reject(marks: FilmMarks, fit: AffineFit, k: int) -> str:
     used = fit.used[k]
     if is_misfit(fit.residual_mm[k, used], marks.calibrated_mm[k, used]):
         return f"no affine transformation fits its marks, residual {np.nanmax(np.abs(fit.residual_mm[k])):.2f} mm"
+    if fit.sigma0[k] > max_sigma0:
+        return f"sigma0 {fit.sigma0[k]:.1f}, beyond max_sigma0 = {max_sigma0:g}"
     return ""
 
 
-def _warn(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, sigma0_limit: float, context: Context) -> None:
+def misfits(fit: AffineFit, usable: Bools) -> Bools:
+    """Images whose marks do not fit, at the level 0.05 / count."""
+    return single_misfits(np.where(usable, fit.sigma0, np.nan), fit.redundancy)
+
+
+def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, reasons: list[str]) -> Iterator[Note]:
     ids = block.images.id[marks.image]
+    if reasons:
+        yield Note("warning", f"{len(reasons)} film images are not used, without interior orientation", tuple(reasons))
+    if usable.any():
+        yield sigma0_note(pooled_test(fit.sigma0[usable], fit.redundancy[usable]), f"of {int(usable.sum())} film images")
     exact = usable & (fit.redundancy == 0)
     if exact.any():
-        context.warn(f"only three fiducial marks, no check of their measurement: {shown(ids[exact])}")
-    high = usable & (fit.sigma0 > sigma0_limit)
+        yield Note("warning", "only three fiducial marks, no check of their measurement", tuple(ids[exact].tolist()))
+    high = misfits(fit, usable)
     if high.any():
-        told = [f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high])]
-        context.warn(f"sigma0 of the interior orientation above {sigma0_limit:g}, a mark may be wrong: {shown(told)}")
+        told = tuple(f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high]))
+        yield Note("warning", "sigma0 of single images is too large, a mark may be wrong", told)
     rejected = usable[:, None] & marks.present & ~fit.used
     if rejected.any():
         names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
-        told = [f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names)]
-        context.warn(f"{len(told)} fiducial marks are rejected: {shown(told)}")
+        told = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
+        yield Note("warning", f"{len(told)} fiducial marks are rejected", told)
     linear = fit.matrix[:, :, :2] @ np.linalg.inv(marks.nominal)
     skewed = usable & (shear_or_stretch(linear) > LARGEST_SHEAR)
     if skewed.any():
-        context.warn(f"film deformed by more than 1e-3 (shear or unequal scales): {shown(ids[skewed])}")
-    _warn_of_turned_scans(block, marks, linear, usable, context)
+        text = "film deformed by more than 1e-3 (shear or unequal scales)"
+        yield Note("warning", text, tuple(ids[skewed].tolist()))
+    yield from _turned_scans(block, marks, linear, usable)
 
 
-def _warn_of_turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bools, context: Context) -> None:
+def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bools) -> Iterator[Note]:
     """A few scans turned by a right angle against the rest may be marks numbered from another corner."""
     angle = turn_rad(linear)
     quarter = np.rint(np.where(usable, angle, 0.0) / (np.pi / 2)).astype(np.int64) % 4
@@ -139,13 +161,12 @@ def _warn_of_turned_scans(block: Block, marks: FilmMarks, linear: Float, usable:
         usual = int(np.bincount(quarter[mine], minlength=4).argmax())
         turned = mine & (quarter != usual)
         if turned.any():
-            context.warn(
-                f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that the "
-                f"fiducial marks are numbered from the same corner: {shown(block.images.id[marks.image[turned]])}"
-            )
+            text = (f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that the "
+                    "fiducial marks are numbered from the same corner")  # fmt: skip
+            yield Note("warning", text, tuple(block.images.id[marks.image[turned]].tolist()))
 
 
-def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: float) -> Suspects:
+def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit) -> Suspects:
     """Marks rejected, images not used, images with a large sigma0."""
     ids = block.images.id[marks.image]
     image, slot = np.nonzero(fit.determined[:, None] & marks.present & ~fit.used)
@@ -163,7 +184,7 @@ def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit, sigma0_limit: 
         verdict="rejected",
     )
     unused = ids[~fit.determined]
-    high = fit.determined & (fit.sigma0 > sigma0_limit)
+    high = misfits(fit, fit.determined)
     return joined(
         rejected,
         suspects_of(kind="fiducial", row=-1, image=unused, point=np.full(len(unused), ""), verdict="rejected"),

@@ -1,4 +1,4 @@
-"""Suspects of the interior orientation."""
+"""Suspects of the interior orientation, as a table."""
 
 from __future__ import annotations
 

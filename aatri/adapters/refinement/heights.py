@@ -13,8 +13,8 @@ from aatri.errors import GeometryError
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.ids import shown
+from aatri.notes import Note
 from aatri.orientation.refinement.flying_height import station_heights_m
-from aatri.plugin import Context
 
 MOST_TILT_RAD = np.deg2rad(5.0)
 """Refraction and curvature corrections assume near-vertical images."""
@@ -35,7 +35,7 @@ class Heights:
     terrain_m: float
 
 
-def heights_of(block: Block, image_points: ImagePoints, context: Context) -> Heights:
+def heights_of(block: Block, image_points: ImagePoints) -> tuple[Heights, tuple[Note, ...]]:
     """Heights of the stations from their positions, else estimated by the photo scale; height of the terrain.
 
     Raises
@@ -47,20 +47,22 @@ def heights_of(block: Block, image_points: ImagePoints, context: Context) -> Hei
     terrain = _terrain_height(block, tangent)
     station = np.full(len(block.images), np.nan)
     station[block.exterior.image] = height_above_sea_level(block.exterior.position_m, tangent=tangent)
+    notes: list[Note] = []
     needed = np.zeros(len(station), dtype=bool)
     needed[image_points.measurements.image[np.isfinite(image_points.measurements.xy_mm).all(axis=1)]] = True
     missing = needed & np.isnan(station)
     if missing.any():
         station = np.where(missing, _estimated_by_strip(block, image_points, tangent), station)
         _refuse_unknown(block, needed & np.isnan(station))
-        context.log(f"flying height of {int(missing.sum())} images estimated from the photo scale at control points")
+        text = f"flying height of {int(missing.sum())} images estimated from the photo scale at control points"
+        notes.append(Note("note", text))
     below = needed & ~(station > terrain)
     if below.any():
         raise GeometryError(
             f"stations not above the terrain ({terrain:.1f} m): {shown(block.images.id[below])}",
             remedy="check terrain_height and the heights in exterior.csv: both count from sea level",
         )
-    return Heights(np.where(needed, station, np.nan), terrain)
+    return Heights(np.where(needed, station, np.nan), terrain), tuple(notes)
 
 
 def refuse_tilted(block: Block, corrections: list[str]) -> None:

@@ -1,11 +1,13 @@
-"""What all interior orientations share: from transformations of the images to the artifact ImagePoints."""
+"""From transformations of the images to the artifact ImagePoints: what all interior orientations share."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adapters.interior.suspects import joined, suspects_of
 from aatri.adapters.places import place
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
@@ -19,12 +21,10 @@ from aatri.artifacts.image_points import (
     PointIds,
 )
 from aatri.artifacts.suspects import Suspects
-from aatri.camera.pixels import half_format_mm
+from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
 from aatri.ids import shown
-from aatri.plugin import Context
-
-from ._suspects import joined, suspects_of
+from aatri.notes import Note
 
 MOST_OUTSIDE = 0.05
 """More points than this share outside the format of the image mean a wrong unit or origin."""
@@ -63,14 +63,18 @@ def image_points_of(
     fiducial_residuals: FiducialResiduals,
     suspects: Suspects,
     film_deformation: Float | None = None,
-    context: Context,
-) -> ImagePoints:
+) -> tuple[ImagePoints, tuple[Note, ...]]:
     """Transform all image points, subtract the principal point, and set aside what lies outside the format.
 
     Parameters
     ----------
     film_deformation : (n, 2, 2) float64, optional
         Per image: photo coordinates times this are the film deformation taken out by the transformation.
+
+    Raises
+    ------
+    InputError
+        If more than 5 % of the image points lie outside the format.
     """
     given = block.image_points
     matrix = transformations.matrix[given.image]
@@ -79,9 +83,6 @@ def image_points_of(
     active = given.active & np.isfinite(photo).all(axis=1)
     outside = active & ~_inside_format(block, photo, camera)
     _refuse_mostly_outside(block, active, outside)
-    if outside.any():
-        context.warn(f"{int(outside.sum())} image points outside the format are not used: {_names(block, outside)}")
-    _warn_of_principal_points(block, context)
     principal_point = block.cameras.principal_point_mm[camera]
     active &= ~outside
     corrections = {}
@@ -90,7 +91,7 @@ def image_points_of(
         corrections["film_deformation"] = _largest(deformation, active)
     corrections["principal_point"] = _largest(principal_point, active)
     oriented = np.flatnonzero(np.isfinite(transformations.matrix).all(axis=(1, 2))).astype(np.int32)
-    return ImagePoints(
+    made = ImagePoints(
         images=ImageIds(id=block.images.id),
         points=PointIds(id=block.points.id),
         measurements=Measurements(
@@ -112,7 +113,50 @@ def image_points_of(
         corrections=Corrections(name=np.array(list(corrections)), largest_mm=np.array(list(corrections.values()))),
         suspects=joined(suspects, _outside_suspects(block, photo, camera, outside)),
     )
+    return made, tuple(_notes(block, outside))
 
+
+def calibrated_transformations(block: Block, images: Int) -> Transformations:
+    """Transformations of the given images by the calibrated pixel size, or none where photo coordinates are given.
+
+    Raises
+    ------
+    InputError
+        If a camera's coordinates cannot be transformed without fiducial marks.
+    """
+    n = len(block.images)
+    matrix = np.full((n, 2, 3), np.nan)
+    for camera in np.unique(block.images.camera[images]):
+        rows = images[block.images.camera[images] == camera]
+        matrix[rows] = _calibrated_matrix(block, int(camera))
+    return Transformations(
+        model=np.full(n, "calibrated"),
+        matrix=matrix,
+        covariance=np.zeros((n, 6, 6)),
+        sigma0=np.full(n, np.nan),
+        redundancy=np.zeros(n, dtype=np.int32),
+    )
+
+
+def _calibrated_matrix(block: Block, camera: int) -> Float:
+    cameras = block.cameras
+    where = f"camera {cameras.id[camera]}"
+    given = cameras.image_coordinates[camera]
+    if given == "photo":
+        return np.eye(2, 3)
+    film = cameras.kind[camera] == "film"
+    if given == "comparator" or (film and cameras.pixel_origin[camera] != "image-centre"):
+        raise InputError(
+            f"{given} coordinates of film have no calibrated relation to the photo system",
+            where=where,
+            remedy="measure fiducial marks and use interior_orientation/affine",
+        )
+    try:
+        return mm_from_pixel(
+            cameras.pixel_size_mm[camera], cameras.pixel_origin[camera], cameras.pixel_y[camera], cameras.format[camera]
+        )
+    except InputError as error:
+        raise InputError(error.what, where=where, remedy=error.remedy) from error
 
 def _half_format(block: Block) -> Float:
     cameras = block.cameras
@@ -124,14 +168,15 @@ def _inside_format(block: Block, photo: Float, camera: Int) -> Bool:
     return np.asarray(~(np.abs(photo) > allowed).any(axis=1))
 
 
-def _warn_of_principal_points(block: Block, context: Context) -> None:
+def _notes(block: Block, outside: Bool) -> Iterator[Note]:
+    if outside.any():
+        text = f"{int(outside.sum())} image points outside the format are not used"
+        yield Note("warning", text, tuple(_names(block, outside)))
     cameras = block.cameras
     far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * _half_format(block)).any(axis=1)
     if far.any():
-        context.warn(
-            f"principal point more than 5 % of the format off the image centre: camera {shown(cameras.id[far])}; "
-            "it counts from the image centre, in mm, x right, y up"
-        )
+        text = "principal point more than 5 % of the format off the image centre (it counts from there, in mm, x right, y up)"
+        yield Note("warning", f"{text}: camera", tuple(cameras.id[far].tolist()))
 
 
 def _refuse_mostly_outside(block: Block, active: Bool, outside: Bool) -> None:
@@ -139,16 +184,17 @@ def _refuse_mostly_outside(block: Block, active: Bool, outside: Bool) -> None:
         return
     first = int(np.flatnonzero(outside)[0])
     raise InputError(
-        f"{int(outside.sum())} of {int(active.sum())} image points lie outside the format: {_names(block, outside)}",
+        f"{int(outside.sum())} of {int(active.sum())} image points lie outside the format: "
+        f"{shown(_names(block, outside))}",
         where=place(block, int(block.image_points.file[first]), int(block.image_points.line[first])),
         remedy="check the camera's format, image_coordinates, pixel size and pixel origin",
     )
 
 
-def _names(block: Block, rows: Bool) -> str:
+def _names(block: Block, rows: Bool) -> list[str]:
     image = block.images.id[block.image_points.image[rows]]
     point = block.points.id[block.image_points.point[rows]]
-    return shown([f"{i}/{p}" for i, p in zip(image, point)])
+    return [f"{i}/{p}" for i, p in zip(image, point)]
 
 
 def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:

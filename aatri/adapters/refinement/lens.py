@@ -9,7 +9,7 @@ from aatri.artifacts.block import Block
 from aatri.camera.models.distortion import Distortion, corner_points, corrected
 from aatri.camera.pixels import half_format_mm
 from aatri.errors import AatriError
-from aatri.plugin import Context
+from aatri.notes import Note
 
 NOT_OF_THE_LENS = ("principal_distance", "principal_point", "symmetry_point", "lever_arm", "boresight")
 """Camera parameters that are not of the distortion model; their components follow a dot."""
@@ -18,8 +18,8 @@ LARGE_AT_CORNER = 0.05
 """A distortion above this share of the corner's distance may have been meant the other way round."""
 
 
-def lens_correction(block: Block, image: Int, xy_mm: Float, context: Context) -> Float:
-    """Correction of lens distortion for points of the given images, mm, (n, 2).
+def lens_correction(block: Block, image: Int, xy_mm: Float) -> tuple[Float, tuple[Note, ...]]:
+    """Correction of lens distortion for points of the given images, mm, (n, 2), and what is to be said of the lenses.
 
     Raises
     ------
@@ -28,15 +28,16 @@ def lens_correction(block: Block, image: Int, xy_mm: Float, context: Context) ->
     """
     correction = np.zeros_like(xy_mm)
     camera = block.images.camera[image]
+    notes: list[Note] = []
     for k in np.unique(camera):
         distortion = distortion_of(block, int(k))
         mine = camera == k
         try:
-            _check_corners(block, int(k), distortion, context)
+            notes += _checked_corners(block, int(k), distortion)
             correction[mine] = corrected(distortion, xy_mm[mine]) - xy_mm[mine]
         except AatriError as error:
             raise type(error)(error.what, where=f"camera {block.cameras.id[k]}", remedy=error.remedy) from error
-    return correction
+    return correction, tuple(notes)
 
 
 def distortion_of(block: Block, camera: int) -> Distortion:
@@ -63,19 +64,19 @@ def _parameters(block: Block, camera: int) -> dict[str, float]:
     return {name: value for name, value in values.items() if name.partition(".")[0] not in NOT_OF_THE_LENS}
 
 
-def _check_corners(block: Block, camera: int, distortion: Distortion, context: Context) -> None:
+def _checked_corners(block: Block, camera: int, distortion: Distortion) -> list[Note]:
     """Refuse a distortion that folds inside the format; warn of one that is very large in the corners."""
     one = slice(camera, camera + 1)
     cameras = block.cameras
     half = half_format_mm(cameras.kind[one] == "digital", cameras.format[one], cameras.pixel_size_mm[one])[0]
     if not np.isfinite(half).all():
-        return
+        return []
     diagonal = corner_points(half) - cameras.principal_point_mm[camera]
     correction = corrected(distortion, diagonal) - diagonal
     share = float(np.sqrt((correction**2).sum(axis=1)).max() / np.sqrt((half**2).sum()))
-    if share > LARGE_AT_CORNER:
-        context.warn(
-            f"camera {cameras.id[camera]}: the {distortion.model} distortion reaches {100 * share:.1f} % in the "
+    if share <= LARGE_AT_CORNER:
+        return []
+    text = (f"camera {cameras.id[camera]}: the {distortion.model} distortion reaches {100 * share:.1f} % in the "
             "corners; brown and table are added to the measured coordinate, the others distort the ideal one: values "
-            "of a program with the other reading have the wrong signs here"
-        )
+            "of a program with the other reading have the wrong signs here")  # fmt: skip
+    return [Note("warning", text)]

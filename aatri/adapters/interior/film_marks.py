@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adapters.interior.photo_coordinates import Transformations
 from aatri.adapters.places import place
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -13,8 +14,6 @@ from aatri.artifacts.image_points import FiducialResiduals
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.orientation.interior.affine import AffineFit
-
-from ._assembly import Transformations
 
 Rows = Int
 

@@ -1,0 +1,1 @@
+"""Interior orientation: from the Block to marks and transformations as arrays, and on to ImagePoints."""

@@ -1,0 +1,66 @@
+"""What is to be said of the relative orientations of many pairs, and which of them their sigma0 refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from aatri.adapters.image_pairs import Pairs, doubtful_places
+from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.notes import Note
+from aatri.orientation.relative.pairs import RelativeOrientations
+
+
+def refuse_misfits(found: RelativeOrientations, max_sigma0: float) -> None:
+    """Pairs whose sigma0 is beyond the limit make no model; where all together are, there is no result.
+
+    Raises
+    ------
+    ConvergenceError
+        If the pooled sigma0 is beyond the limit.
+    """
+    formed = np.flatnonzero(found.formed)
+    what = f"of {len(formed)} models together"
+    refuse_misfit(pooled_test(found.sigma0[formed], found.redundancy[formed]), max_sigma0, what)
+    for pair in formed[np.nan_to_num(found.sigma0[formed]) > max_sigma0].tolist():
+        found.formed[pair] = False
+        found.reasons[pair] = f"sigma0 {found.sigma0[pair]:.1f}, beyond max_sigma0 = {max_sigma0:g}"
+
+
+def notes_of_pairs(
+    block: Block, image_points: ImagePoints, pairs: Pairs, found: RelativeOrientations, models: Models
+) -> tuple[Note, ...]:
+    """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts."""
+    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *_of_models(models))
+
+
+def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
+    for image, other in doubtful_places(block, image_points):
+        first, second = block.images.id[[image, other]]
+        yield Note("warning", f"image {first} shares more points with {second} than with its neighbours: is the strip's "
+                   "sequence right?")  # fmt: skip
+
+
+def _of_pairs(block: Block, pairs: Pairs, found: RelativeOrientations) -> Iterator[Note]:
+    names = pairs.names(block)
+    for pair in sorted(found.reasons.keys() | found.warnings.keys()):
+        if pair in found.reasons:
+            yield Note("warning", f"no model {names[pair]}: {found.reasons[pair]}")
+        for text in found.warnings.get(pair, ()):
+            yield Note("warning", f"model {names[pair]}: {text}")
+
+
+def _of_models(models: Models) -> Iterator[Note]:
+    o = models.orientations
+    if len(o):
+        yield sigma0_note(pooled_test(o.sigma0, o.redundancy), f"of {len(o)} models")
+    off = single_misfits(o.sigma0, o.redundancy)
+    if off.any():
+        told = tuple(f"{name} ({s:.2f})" for name, s in zip(o.id[off], o.sigma0[off]))
+        yield Note("warning", "sigma0 of single models is too large", told)
+    rejected = int(np.sum(~models.model_points.active))
+    yield Note("note", f"{len(o)} models, {len(models.unformed)} pairs without; {rejected} model points rejected")

@@ -1,0 +1,1 @@
+"""Image refinement: heights, tilts and lenses, as far as the Block tells them."""

@@ -1,0 +1,86 @@
+"""Systematic corrections of image points: distortion, refraction, earth curvature, in this order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aatri.adapters.refinement.corrected import largest_length, with_corrections
+from aatri.adapters.refinement.heights import Heights, heights_of, refuse_tilted
+from aatri.adapters.refinement.lens import lens_correction
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.camera.corrections.earth_curvature import earth_curvature_correction
+from aatri.camera.corrections.refraction import refraction_constant, refraction_correction
+from aatri.errors import SpecError
+from aatri.notes import Note
+
+IN_ORDER = ("distortion", "refraction", "earth_curvature")
+
+
+def systematically_corrected(
+    block: Block, image_points: ImagePoints, wanted: Sequence[str]
+) -> tuple[ImagePoints, tuple[Note, ...]]:
+    """Image points freed from what is wanted of `IN_ORDER`, and what is to be said of it.
+
+    Raises
+    ------
+    SpecError
+        If a correction has been made before.
+    GeometryError
+        If images are not near-vertical, or the block does not tell the heights.
+    InputError
+        If a distortion is not known or folds.
+    """
+    wanted, notes = _to_apply(block, image_points, wanted)
+    m = image_points.measurements
+    xy = m.xy_mm.copy()
+    rows = np.isfinite(xy).all(axis=1)
+    image = m.image[rows]
+    heights = None
+    if "refraction" in wanted or "earth_curvature" in wanted:
+        refuse_tilted(block, wanted)
+        heights, told = heights_of(block, image_points)
+        notes += told
+    largest = []
+    for name in wanted:
+        if name == "distortion":
+            correction, told = lens_correction(block, image, xy[rows])
+            notes += told
+        else:
+            assert heights is not None
+            correction = _near_vertical(name, xy[rows], heights, block, image)
+        xy[rows] += correction
+        largest.append(largest_length(correction, m.active[rows]))
+        notes.append(Note("note", f"{name}: at most {1e3 * largest[-1]:.2f} um"))
+    return with_corrections(image_points, xy, wanted, largest), tuple(notes)
+
+
+def _to_apply(block: Block, image_points: ImagePoints, wanted: Sequence[str]) -> tuple[list[str], list[Note]]:
+    """The corrections to make, in order; those that the block has no use for are left out with a note."""
+    names, notes = [name for name in IN_ORDER if name in wanted], []
+    twice = [name for name in names if name in image_points.corrections.name]
+    if twice:
+        raise SpecError(
+            f"already applied to these image points: {', '.join(twice)}",
+            where="image_refinement/systematic",
+            remedy=f"switch off here: with: {{{', '.join(f'{name}: false' for name in twice)}}}",
+        )
+    if "earth_curvature" in names and block.earth_curvature != "correct":
+        text = f"earth curvature is not corrected: the block says earth_curvature: {block.earth_curvature}"
+        notes.append(Note("note", text))
+        names.remove("earth_curvature")
+    if "distortion" in names and (block.cameras.distortion == "none").all():
+        notes.append(Note("note", "no distortion is corrected: the cameras have none"))
+        names.remove("distortion")
+    return names, notes
+
+
+def _near_vertical(name: str, xy_mm: Float, heights: Heights, block: Block, image: Int) -> Float:
+    station = heights.station_m[image]
+    c = block.cameras.principal_distance_mm[block.images.camera[image]]
+    if name == "refraction":
+        return refraction_correction(xy_mm, refraction_constant(station, heights.terrain_m), c)
+    return earth_curvature_correction(xy_mm, station - heights.terrain_m, c)
