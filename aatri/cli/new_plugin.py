@@ -26,7 +26,7 @@ class {Name}Options(Options):
     example: float = Field(1.0, gt=0, description="an example: replace it by options of your own, with their units")
 
 
-@stage(version=1)
+@stage(version=1, uses={uses})
 def {name}(
     {parameters}
 ) -> {kind}:
@@ -100,10 +100,18 @@ def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
         use=use,
         start=start.name if start else "nothing",
         kind=declared.kind.__name__,
+        uses=_uses(start),
         imports=_imports(declared, start),
         parameters=",\n    ".join([*ports, "*", *extras]) + ",",
         call=call,
     )
+
+
+def _uses(start: StageCard | None) -> str:
+    """What the built-in variant uses with its defaults, as it is written."""
+    names = (start.used_with(start.options() if start.options else None) if start else None) or ()
+    lines = "".join(f'    "{name}",\n' for name in names)
+    return f"(\n{lines})" if names else "()"
 
 
 def _imports(declared: Role, start: StageCard | None) -> str:

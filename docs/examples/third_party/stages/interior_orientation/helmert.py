@@ -29,7 +29,7 @@ class HelmertOptions(Options):
     scale_limit: float = Field(1e-3, gt=0, description="largest change of scale that passes without a warning")
 
 
-@stage(version=1)
+@stage(version=1, uses=("image_points.xy", "fiducial_points.xy"))
 def helmert(block: Block, *, options: HelmertOptions = HelmertOptions(), context: Context = SILENT) -> ImagePoints:
     """Photo coordinates of film by a similarity of its fiducial marks."""
     if not (block.cameras.image_coordinates == "comparator").all():
