@@ -10,6 +10,7 @@ import typer
 from aatri.cli.console import reports_errors, say_json, say_table
 from aatri.cli.figures import number
 from aatri.cli.locate import find_run
+from aatri.errors import ArtifactError
 
 
 @reports_errors
@@ -23,6 +24,8 @@ def metrics(
     found = find_run(run)
     records = {entry["stage"]: store.current_record(found.folder, entry["stage"]) for entry in found.stages}
     values = {name: {**r["metrics"], "seconds": r["seconds"]} for name, r in records.items() if r is not None}
+    if not values:
+        raise ArtifactError("has not been run", where=str(found.folder), remedy="aatri run")
     if json:
         say_json(values)
         return

@@ -99,7 +99,7 @@ def _transformer(source: Frame, target: Frame) -> Any:
         from pyproj.transformer import Transformer
     except ImportError as error:
         what = f"converting from frame {source.name} to {target.name} needs pyproj"
-        raise InputError(what, where=source.name, remedy="pip install 'aatri[crs]'") from error
+        raise InputError(what, where=source.name, remedy="pip install pyproj") from error
     systems = []
     for frame in (source, target):
         if frame.crs == "local":

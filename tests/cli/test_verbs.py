@@ -187,3 +187,10 @@ def test_verbs_say_when_there_is_no_run(tmp_path: Path) -> None:
     assert aatri("status", str(tmp_path)).exit_code == 7
     write_pipeline(tmp_path, LINES)
     assert aatri("report").exit_code == 7
+
+
+def test_figures_of_a_run_never_made_are_an_error(tmp_path: Path) -> None:
+    write_pipeline(tmp_path, LINES)
+    result = aatri("metrics")
+    assert result.exit_code == 7
+    assert "has not been run" in result.stderr

@@ -18,6 +18,7 @@ from aatri.errors import AatriError, InputError
 from aatri.formats.tables.source import Source, look_up
 from aatri.formats.text.csv_table import Column, CsvTable
 from aatri.frames.axes import columns_in_order, in_right_handed_order
+from aatri.frames.checks import out_of_range
 from aatri.frames.conversion import Frame, convert
 
 COORDINATES, SIGMAS, COVARIANCES = ("X", "Y", "Z"), ("sX", "sY", "sZ"), {"sXY": (0, 1), "sXZ": (0, 2), "sYZ": (1, 2)}
@@ -103,7 +104,10 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
         table.complain(
             partial, "frame", "frame {} needs all three coordinates", "only whole positions can be converted"
         )
-        rows = np.setdiff1d(rows, partial)
+        wrong = rows[out_of_range(xyz[rows], frames[number].axes)]
+        table.complain(wrong, "frame", "latitude or longitude is out of range in frame {}",
+                       "check the order of `axes`: X, Y, Z of the tables follow it")  # fmt: skip
+        rows = np.setdiff1d(rows, np.union1d(partial, wrong))
         given = xyz[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
         unknown = np.isnan(covariance[rows]).any(axis=(1, 2))
         try:

@@ -26,6 +26,8 @@ from aatri.formats.tables.settings.block import Settings
 from aatri.formats.tables.settings.reading import read_settings
 from aatri.formats.tables.source import FILES, Source, texts
 from aatri.formats.text.text_file import missing
+from aatri.frames.checks import fault_of_frame
+from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
@@ -65,6 +67,7 @@ def read_block(folder: Path, reporter: Reporter = SILENT, max_reject_share: floa
     settings, document = read_settings(folder / "block.yaml")
     source = Source(folder, settings, document, reporter)
     _check_files(source)
+    _check_frames(source)
     block = _block(source)
     return screen_block(block, reporter, max_reject_share)
 
@@ -120,6 +123,17 @@ def _check_files(source: Source) -> None:
     for name in sorted(here - set(FILES)):
         if name.endswith((".csv", ".yaml")) and not name.startswith("x_"):
             source.reporter.warn(f"{folder / name}: not a table of a block, not read{did_you_mean(name, FILES)}")
+
+
+def _check_frames(source: Source) -> None:
+    """Declared systems are known, and the axes are theirs."""
+    for name, f in source.settings.frames.items():
+        fault = fault_of_frame(Frame(name, tuple(f.axes), f.crs, f.vertical))
+        if fault is not None:
+            key, what, remedy = fault
+            where = source.document.where("frames", name, key)
+            source.problems.append(InputError(f"frame {name}: {what}", where=where, remedy=remedy))
+    raise_all(source.problems)
 
 
 def _frames(settings: Settings) -> Frames:

@@ -57,11 +57,12 @@ def key_of(parts: Mapping[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()[:12]
 
 
-def path_digest(path: Path, of_one: Callable[[Path], str]) -> str:
-    """Digest of the content of a file with its name, or of all files in a folder with their names in it.
+def file_digests(option: str, path: Path, of_one: Callable[[Path], str]) -> dict[str, str]:
+    """Digest of the content of each file that an option names, or that is in the folder it names, by option and name.
 
     Parameters
     ----------
+    option : str
     path : Path
     of_one : callable
         Digest of the content of one file.
@@ -69,12 +70,16 @@ def path_digest(path: Path, of_one: Callable[[Path], str]) -> str:
     try:
         files = [path] if path.is_file() else sorted(_files_in(path), key=lambda p: os.fsencode(p.relative_to(path)))
         if not path.exists():
-            return ABSENT
+            return {option: ABSENT}
         base = path.parent if path.is_file() else path
-        lines = [os.fsencode(p.relative_to(base)) + b"\0" + of_one(p).encode() for p in files]
+        return {f"{option}/{_named(p.relative_to(base))}": of_one(p) for p in files}
     except OSError:
-        return ABSENT
-    return hashlib.sha256(b"\n".join(lines)).hexdigest()
+        return {option: ABSENT}
+
+
+def _named(path: Path) -> str:
+    """The path as text that JSON takes, also where its bytes are no text."""
+    return os.fsencode(path).decode("utf-8", errors="backslashreplace")
 
 
 def _files_in(folder: Path) -> list[Path]:

@@ -15,6 +15,7 @@ class Why(StrEnum):
     never_run = "never_run"
     options = "options"
     input = "input"
+    file = "file"
     code = "code"
     plugin = "plugin"
     plugin_version = "plugin_version"
@@ -52,6 +53,10 @@ class Reason:
     def __str__(self) -> str:
         if self.why is Why.upstream_maybe:
             return f"perhaps other {self.about}"
+        if self.why is Why.file:
+            return f"{self.about} {'is new' if not self.old else 'is gone' if not self.new else 'changed'}"
+        if self.why is Why.input and self.old and self.new:
+            return f"{self.why.value} {self.about} changed"
         head = " ".join(filter(None, (_TEXTS.get(self.why, self.why.value), self.about)))
         if self.old or self.new:
             return f"{head}: {self.old or '-'} -> {self.new or '-'}"
@@ -82,7 +87,8 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Rea
     for port, one, other in _changed(before, known):
         yield Reason(Why.input, port, (one or "")[:12], (other or "")[:12])
     for name, one, other in _changed(old["files"], new["files"]):
-        yield Reason(Why.input, f"file of {name}", (one or "")[:12], (other or "")[:12])
+        option, _, file = name.partition("/")
+        yield Reason(Why.file, file or f"file of {option}", (one or "")[:12], (other or "")[:12])
     if old["code"] != new["code"] and old["plugin"] == new["plugin"]:
         yield Reason(Why.code, "", old["code"][:12], new["code"][:12])
     for kind, one, other in _changed(old["schemas"], new["schemas"]):

@@ -12,7 +12,7 @@ from typing import Any
 
 from aatri.errors import ArtifactError
 from aatri.pipeline.plan.graph import Node
-from aatri.pipeline.plan.keys import path_digest
+from aatri.pipeline.plan.keys import file_digests
 from aatri.pipeline.plan.plan import Integrity
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.accept import accepted_key
@@ -79,7 +79,10 @@ class StoreView:
 
     def files(self, node: Node) -> dict[str, str]:
         """Content digests of the files that options name."""
-        return {name: path_digest(Path(path), self._digest) for name, path in node.files.items()}
+        found: dict[str, str] = {}
+        for option, path in node.files.items():
+            found |= file_digests(option, Path(path), self._digest)
+        return found
 
     def save(self) -> None:
         """Keep the digests."""

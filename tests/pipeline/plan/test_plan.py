@@ -3,6 +3,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,9 +13,9 @@ from hypothesis import strategies as st
 from aatri.errors import SpecError
 from aatri.pipeline.methods.method import Method, Need
 from aatri.pipeline.plan.graph import Node, downstream, upstream
-from aatri.pipeline.plan.keys import key_of, key_parts
+from aatri.pipeline.plan.keys import file_digests, key_of, key_parts
 from aatri.pipeline.plan.plan import Decision, Integrity, Selection, State, decide, plan, select
-from aatri.pipeline.plan.reasons import Reason, Why
+from aatri.pipeline.plan.reasons import Reason, Why, differences
 
 
 @dataclass
@@ -144,7 +145,7 @@ def test_a_change_of_a_file_and_of_an_input_are_told_apart() -> None:
     run(DIAMOND, shelf)
     shelf.contents["a"] = "new"
     (reason,) = plan(DIAMOND, shelf, 1).of("a").reasons
-    assert (reason.why, reason.about, reason.old, reason.new) == (Why.input, "file of file", "absent", "new")
+    assert (reason.why, reason.about, reason.old, reason.new) == (Why.file, "file of file", "absent", "new")
     assert run(DIAMOND, shelf) == ["a", "b", "c", "d"]
     shelf.made = {at: record for at, record in shelf.made.items() if at[0] != "b"}
     assert reasons(DIAMOND, shelf, "b") == [Why.output_missing]
@@ -251,3 +252,21 @@ def test_keys_do_not_depend_on_the_order_of_options() -> None:
     parts = [key_parts(n, {"from_a": "x"}, {"file": "y"}, 1) for n in (node, turned)]
     assert key_of(parts[0]) == key_of(parts[1])
     assert isinstance(plan((DIAMOND[0],), Shelf(), 1).decisions[0], Decision)
+
+
+def test_a_changed_file_of_a_folder_is_named_and_not_its_digest(tmp_path: Path) -> None:
+    (tmp_path / "ground_points.csv").write_text("a")
+    (tmp_path / "images.csv").write_text("b")
+
+    def digests() -> dict[str, str]:
+        return file_digests("path", tmp_path, lambda p: p.read_text())
+
+    before = digests()
+    (tmp_path / "ground_points.csv").write_text("c")
+    (tmp_path / "images.csv").unlink()
+    (tmp_path / "new.csv").write_text("d")
+    parts: dict[str, Any] = {"key_schema": 2, "plugin": "a/b", "version": 1, "options": {}, "inputs": {}, "code": "x",
+                             "schemas": {}, "seed": None}  # fmt: skip
+    told = [str(r) for r in differences({**parts, "files": before}, {**parts, "files": digests()})]
+    assert told == ["ground_points.csv changed", "images.csv is gone", "new.csv is new"]
+    assert str(Reason(Why.input, "image_points", "0123", "4567")) == "input image_points changed"

@@ -54,7 +54,7 @@ def test_equal_content_ends_the_work_below(path: Path) -> None:
     assert run(path, sets=("a.shape=down",))[0] == ["a"]  # the option changes the key, not the numbers
     (path.parent / "data.txt").write_text("4 5 6\n")
     (reason,) = planned(path, sets=("a.shape=down",)).of("a").reasons
-    assert (reason.why, reason.about) == (Why.input, "file of file")
+    assert (reason.why, reason.about) == (Why.file, "data.txt")
     assert run(path, sets=("a.shape=down",))[0] == ["a"]
 
 
