@@ -29,7 +29,6 @@ from aatri.geometry.coplanarity import Rays, parallax, sampson
 from aatri.geometry.intersection import Intersection
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.orientation.relative.essential import essential_starts
-from aatri.orientation.relative.kernels.pairs import FEWEST
 from aatri.orientation.relative.pair_adjustment import AdjustedPair, State, adjust_pair, state_of
 from aatri.orientation.relative.start import parallel_start, refuse_degenerate
 
@@ -38,6 +37,9 @@ WEAK_RAD = 0.01
 
 MANY_REJECTED = 0.2
 """A larger share of rejected points is reported."""
+
+FEWEST = 0.3
+"""A smaller share of points that fit makes no model."""
 
 OPEN_RAD = 0.3
 """A direction or rotation less certain than this is not determined."""

@@ -3,7 +3,7 @@
 The observations are the Sampson distances of the points (`geometry.coplanarity.sampson`), the unknowns the rotation
 increment and the turn of the base along its tangents. With many points the largest gross errors go several at a time
 before the snooping, which tests them for re-admission. Points behind an image are taken out. Plain pairs go through
-the compiled form of this, `kernels.pairs`; this is for all others, and its reference.
+the compiled form of this, `relative.pairs`; this is for all others, and its reference.
 """
 
 from __future__ import annotations
@@ -21,13 +21,21 @@ from aatri.geometry.coplanarity import Rays, sampson
 from aatri.geometry.intersection import Intersection, intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
-from aatri.orientation.relative.kernels.pairs import ENOUGH, FALLBACKS, SNOOPED
 from aatri.orientation.relative.kernels.snooping import MANY, ROUNDS
 
 State = tuple[Float, Float, Float]
 """(left_from_right (3, 3), base (3,), tangents of the base (3, 2))."""
 
 UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base along tangent 1", "base along tangent 2")
+
+ENOUGH = 0.6
+"""Share of the points that fit and lie in front of both images in a solution that needs no other start."""
+
+FALLBACKS = 3
+"""Adjustments in all, while points fall behind an image."""
+
+SNOOPED = 7
+"""With fewer points an error is seen, but not located."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ rules of `relative.dependent`, which takes all other pairs, one by one, and give
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,8 +18,11 @@ from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import Rays
 from aatri.geometry.intersection import Intersection, inverse_of_normals
 from aatri.geometry.rotations import nearest_rotation
-from aatri.orientation.relative.dependent import MANY_REJECTED, WEAK_RAD, judged, relative_orientation
-from aatri.orientation.relative.kernels.pairs import SNOOPED, orient
+from aatri.orientation.relative.dependent import FEWEST, MANY_REJECTED, WEAK_RAD, judged, relative_orientation
+from aatri.orientation.relative.kernels.model_points import intersect
+from aatri.orientation.relative.kernels.snooping import snoop
+from aatri.orientation.relative.kernels.start import parallel_starts
+from aatri.orientation.relative.pair_adjustment import ENOUGH, FALLBACKS, SNOOPED
 from aatri.orientation.relative.start import LINE, NO_BASE
 from aatri.progress import SILENT, Reporter
 
@@ -127,31 +131,62 @@ def _orient(
     found: RelativeOrientations, all_rays: Rays, all_start: Int, first: int, last: int,
     limit: float, max_iterations: int, min_points: int,
 ) -> None:  # fmt: skip
-    """The compiled loop over the pairs first ... last - 1; what it orients is filled in."""
+    """The compiled loops over the pairs first ... last - 1; what they orient is filled in."""
     rows = slice(int(all_start[first]), int(all_start[last]))
     start = np.ascontiguousarray(all_start[first : last + 1] - rows.start, dtype=np.int64)
     rays, m, n = all_rays.take(np.arange(rows.start, rows.stop)), last - first, rows.stop - rows.start
     table = np.concatenate([rays.left, rays.right, rays.left_sigma**2, rays.right_sigma**2], axis=1)
     plain = _plain(rays, start, max(min_points, SNOOPED))
-    pose, Q, square = np.full((m, 3, 4), np.nan), np.full((m, 5, 5), np.nan), np.full(m, np.nan)
-    iterations, active = np.zeros(m, dtype=np.int64), np.zeros(n, dtype=bool)
+    pose, W, iterations = np.full((m, 3, 4), np.nan), np.full((m, 5, 5), np.nan), np.zeros(m, dtype=np.int64)
+    inside, active = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
     work, model = np.full((n, 9), np.nan), np.full((n, 15), np.nan)
+    row = np.repeat(np.arange(m), np.diff(start))
 
-    def part(a: int, b: int) -> None:
-        orient(*items_between(start, a, b), start, table, plain, limit, max_iterations, min_points,
-               pose, Q, iterations, square, active, work, model)  # fmt: skip
+    def all_pairs(work_on: Callable[[int, int], None]) -> None:
+        in_threads(n, lambda a, b: work_on(*items_between(start, a, b)), worth=WORTH_A_THREAD)
 
-    in_threads(n, part, worth=WORTH_A_THREAD)
-    done = np.flatnonzero(iterations > 0)
-    work[np.repeat(iterations == 0, np.diff(start))] = np.nan
-    used = np.add.reduceat(np.append(active, False).astype(np.int64), start[:-1]) if m else np.zeros(0, np.int64)
-    chosen = first + done
-    found.formed[chosen] = True
-    found.left_from_right[chosen], found.base[chosen] = pose[done, :, :3], pose[done, :, 3]
-    found.covariance[chosen], found.iterations[chosen] = Q[done], iterations[done]
-    found.redundancy[chosen] = redundancy = used[done] - 5
-    found.sigma0[chosen] = np.sqrt(square[done] / np.where(redundancy > 0, redundancy, np.nan))
-    _fill_points(found, rows, np.repeat(iterations > 0, np.diff(start)), active, work, model)
+    chosen, settled = plain.copy(), np.zeros(m, dtype=bool)
+    q = np.column_stack([rays.left[:, :2] / -rays.left[:, 2:], rays.right[:, :2] / -rays.right[:, 2:]])
+    all_pairs(lambda a, b: parallel_starts(a, b, start, q, chosen, pose))
+    for _ in range(FALLBACKS):  # points behind an image are taken out, and it is adjusted again
+        all_pairs(lambda a, b: snoop(a, b, start, table, chosen, limit, max_iterations, pose, W, iterations,
+                                     inside, active, work))  # fmt: skip
+        chosen &= iterations > 0
+        all_pairs(lambda a, b: intersect(a, b, start, chosen, pose, table, model))
+        newly = active & chosen[row] & ~(model[:, 12:14] > 0).all(axis=1)
+        active[newly] = inside[newly] = False
+        hit = np.bincount(row[newly], minlength=m) > 0
+        settled |= chosen & ~hit
+        chosen = chosen & hit & (np.bincount(row[active], minlength=m) >= 5)
+        chosen &= np.bincount(row[inside], minlength=m) >= SNOOPED
+        if not chosen.any():
+            break
+    settled = _good(settled, row, work, active, limit, min_points)
+    work[~settled[row]] = np.nan
+    done = np.flatnonzero(settled)
+    of_done = first + done
+    found.formed[of_done] = True
+    found.left_from_right[of_done], found.base[of_done] = pose[done, :, :3], pose[done, :, 3]
+    found.covariance[of_done], found.iterations[of_done] = W[done].swapaxes(1, 2) @ W[done], iterations[done]
+    found.redundancy[of_done] = redundancy = np.bincount(row[active], minlength=m)[done] - 5
+    square = np.bincount(row[active], work[active, 0] ** 2, minlength=m)[done]
+    found.sigma0[of_done] = np.sqrt(square / np.where(redundancy > 0, redundancy, np.nan))
+    _fill_points(found, rows, settled[row], active, work, model)
+
+
+def _good(settled: Bool, row: Int, work: Float, active: Bool, limit: float, min_points: int) -> Bool:
+    """Pairs of which enough points fit, so that no other start is tried and a model is formed."""
+    m = len(settled)
+    n, used = np.bincount(row, minlength=m), np.bincount(row[active], minlength=m)
+    size = np.abs(work[:, 0])
+    below = np.bincount(row[size <= limit], minlength=m)
+    near = 2 * below > n
+    for pair in np.flatnonzero(settled & (2 * below == n)).tolist():  # the median is between the middle two
+        near[pair] = np.median(size[row == pair]) <= limit
+    misfits = np.bincount(row[active & (work[:, 6] > limit)], minlength=m)
+    fits = ((misfits == 0) | (used <= 6)) & (used >= ENOUGH * n)
+    finite = np.bincount(row[~np.isfinite(size)], minlength=m) == 0
+    return np.asarray(settled & finite & (near | fits) & (used >= max(min_points, 5)) & (used >= FEWEST * n))
 
 
 def _fill_points(

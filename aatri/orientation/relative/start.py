@@ -20,7 +20,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import Rays
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
-from aatri.orientation.relative.kernels.pairs import FITS
+from aatri.orientation.relative.kernels.start import FITS
 
 
 LINE = 3.0

@@ -1,4 +1,4 @@
-"""Model points of one pair by intersection, compiled; the equations are those of `geometry.intersection`.
+"""Model points of pairs by intersection, compiled; the equations are those of `geometry.intersection`.
 
 `pose` and `rays` are those of `sampson`.
 """
@@ -53,54 +53,61 @@ def add_normal(axes, X, rays, n, side, N):
                 N[i, j] += J[i] * J[j] / rays[n, 6 + 2 * side + e]
 
 
-@njit("void(float64[:,::1], float64[:,::1], float64[:,::1])", **OPTIONS)
-def intersect(pose, rays, model):
-    """Intersect the points of a pair.
+@njit("void(int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,::1], float64[:,::1])", **OPTIONS)
+def intersect(first, last, start, chosen, pose, rays, model):
+    """Intersect the points of the chosen pairs among first ... last - 1.
 
     Parameters
     ----------
+    start : (n_pairs + 1,) int64
+        First point of each pair.
+    pose, rays : (n_pairs, 3, 4), (n, 10) float64
+        See `sampson`.
     model : (n, 15) float64
         Filled in: coordinates (3), covariance (9), the two projection coefficients, NaN where the rays are parallel;
         and 1 where the nine are the normal matrix instead, to be inverted with care.
     """
-    E, u, w, cross, X = np.empty((3, 3)), np.empty((2, 3)), np.empty(3), np.empty(3), np.empty(3)
+    E, u, w, X = np.empty((3, 3)), np.empty((2, 3)), np.empty(3), np.empty(3)
     N, W, eye = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 3))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        eye[i, i] = 1.0
-        for column in range(3):
-            E[i, column] = pose[j, column] * pose[k, 3] - pose[k, column] * pose[j, 3]
-    for n in range(len(rays)):
-        correct(E, rays, n, u)
-        square, of_u, of_w, l1, l2, least, most = 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0
-        for i in range(3):
-            w[i] = pose[i, 0] * u[1, 0] + pose[i, 1] * u[1, 1] + pose[i, 2] * u[1, 2]
+    eye[0, 0], eye[1, 1], eye[2, 2] = 1.0, 1.0, 1.0
+    for p in range(first, last):
+        if not chosen[p]:
+            continue
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            c = u[0, j] * w[k] - u[0, k] * w[j]
-            square, of_u, of_w = square + c * c, of_u + u[0, i] * u[0, i], of_w + w[i] * w[i]
-            l1 += (pose[j, 3] * w[k] - pose[k, 3] * w[j]) * c
-            l2 += (pose[j, 3] * u[0, k] - pose[k, 3] * u[0, j]) * c
-        if not square > PARALLEL * of_u * of_w:
-            square = np.nan
-        model[n, 12], model[n, 13] = l1 / square, l2 / square
-        for i in range(3):
-            X[i] = 0.5 * (l1 / square * u[0, i] + pose[i, 3] + l2 / square * w[i])
-            model[n, i] = X[i]
-            for j in range(3):
-                N[i, j], W[i, j] = 0.0, pose[i, j]
-        add_normal(eye, X, rays, n, 0, N)
-        for i in range(3):
-            X[i] -= pose[i, 3]
-        add_normal(W, X, rays, n, 1, N)
-        for i in range(3):
-            least, most = min(least, N[i, i]), max(most, N[i, i])
-            for j in range(i):
-                N[j, i] = N[i, j]
-        bound = inverse_root(N, W)
-        clear = bound > CLEARLY_POSED and 3.0 * most < LARGEST_CONDITION * bound * least
-        model[n, 14] = 0.0 if clear else 1.0
-        if clear:
-            inverse(W, N)
-        for i in range(9):
-            model[n, 3 + i] = N[i // 3, i % 3]
+            for column in range(3):
+                E[i, column] = pose[p, j, column] * pose[p, k, 3] - pose[p, k, column] * pose[p, j, 3]
+        for n in range(start[p], start[p + 1]):
+            correct(E, rays, n, u)
+            square, of_u, of_w, l1, l2, least, most = 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0
+            for i in range(3):
+                w[i] = pose[p, i, 0] * u[1, 0] + pose[p, i, 1] * u[1, 1] + pose[p, i, 2] * u[1, 2]
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                c = u[0, j] * w[k] - u[0, k] * w[j]
+                square, of_u, of_w = square + c * c, of_u + u[0, i] * u[0, i], of_w + w[i] * w[i]
+                l1 += (pose[p, j, 3] * w[k] - pose[p, k, 3] * w[j]) * c
+                l2 += (pose[p, j, 3] * u[0, k] - pose[p, k, 3] * u[0, j]) * c
+            if not square > PARALLEL * of_u * of_w:
+                square = np.nan
+            model[n, 12], model[n, 13] = l1 / square, l2 / square
+            for i in range(3):
+                X[i] = 0.5 * (l1 / square * u[0, i] + pose[p, i, 3] + l2 / square * w[i])
+                model[n, i] = X[i]
+                for j in range(3):
+                    N[i, j], W[i, j] = 0.0, pose[p, i, j]
+            add_normal(eye, X, rays, n, 0, N)
+            for i in range(3):
+                X[i] -= pose[p, i, 3]
+            add_normal(W, X, rays, n, 1, N)
+            for i in range(3):
+                least, most = min(least, N[i, i]), max(most, N[i, i])
+                for j in range(i):
+                    N[j, i] = N[i, j]
+            bound = inverse_root(N, W)
+            clear = bound > CLEARLY_POSED and 3.0 * most < LARGEST_CONDITION * bound * least
+            model[n, 14] = 0.0 if clear else 1.0
+            if clear:
+                inverse(W, N)
+            for i in range(9):
+                model[n, 3 + i] = N[i // 3, i % 3]

@@ -155,6 +155,8 @@ def adjust(pose, rays, active, max_iterations, work, W):
 
     Parameters
     ----------
+    max_iterations : int
+        With 0, `work` and W are filled in at the pose as it is, and 0 is returned.
     work : (n, 9) float64
         v, J and the sigma of the parallax are filled in, of all points, at the solution.
     W : (5, 5) float64
@@ -203,7 +205,7 @@ def adjust(pose, rays, active, max_iterations, work, W):
         assign(N, M)
         for i in range(5):
             M[i, i] += damping * scale[i] * scale[i]
-        if iteration > max_iterations or not inverse_root(M, W) > CLEARLY_POSED:
+        if not inverse_root(M, W) > CLEARLY_POSED or iteration > max_iterations:
             return 0
         decrement = newton_step(W, g[0], dx)
         predicted = decrement * decrement

@@ -1,4 +1,4 @@
-"""Data snooping of one pair, compiled: the rules of `pair_adjustment` and `adjustment.statistics.snooping`.
+"""Data snooping of pairs, compiled: the rules of `pair_adjustment` and `adjustment.statistics.snooping`.
 
 `pose`, `rays` and `work` are those of `sampson`; `active` are the points used.
 """
@@ -10,7 +10,7 @@ from numba import njit
 
 from aatri.adjustment.kernels.small import OPTIONS, leverage
 from aatri.adjustment.kernels.snooping import UNCONTROLLED, count, worst_and_best
-from aatri.orientation.relative.kernels.sampson import adjust
+from aatri.orientation.relative.kernels.sampson import adjust, assign
 
 MANY = 20
 """With more points, gross errors are first rejected several at a time."""
@@ -47,64 +47,66 @@ def clean_coarsely(inside, active, work, limit):
     return True
 
 
-@njit("void(float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])", **OPTIONS)
-def copy(pose, W, to_pose, to_W):
-    """Copy a solution: orientation and root of the covariance."""
-    for i in range(5):
-        for j in range(5):
-            to_W[i, j] = W[i, j]
-            if i < 3 and j < 4:
-                to_pose[i, j] = pose[i, j]
-
-
-@njit("int64(float64[:,::1], float64[:,::1], boolean[::1], boolean[::1], float64, int64, float64[:,::1], float64[:,::1])", **OPTIONS)  # fmt: skip
-def snoop(pose, rays, inside, active, limit, max_iterations, work, W):
-    """Adjust the pose in place with data snooping.
+@njit("void(int64, int64, int64[::1], float64[:,::1], boolean[::1], float64, int64, float64[:,:,::1], float64[:,:,::1], int64[::1], boolean[::1], boolean[::1], float64[:,::1])", **OPTIONS)  # fmt: skip
+def snoop(first, last, start, all_rays, chosen, limit, max_iterations, pose, W, iterations, all_inside, all_active, all_work):  # fmt: skip
+    """Adjust the chosen pairs among first ... last - 1 with data snooping.
 
     Parameters
     ----------
-    inside : (n,) bool
-        Points that may be used, seven or more.
-    active : (n,) bool
-        Points to begin with; changed.
-    work : (n, 9) float64
-        Room to work in.
-    W : (5, 5) float64
+    start : (n_pairs + 1,) int64
+        First point of each pair.
+    all_rays : (n, 10) float64
+        See `sampson`.
+    limit, max_iterations
+        Of the method.
+    pose : (n_pairs, 3, 4) float64
+        Start; adjusted.
+    W : (n_pairs, 5, 5) float64
         Filled in: the covariance of the unknowns is W'W.
-
-    Returns
-    -------
-    int
-        Iterations of the last adjustment; 0 if the pair is left to the NumPy form.
+    iterations : (n_pairs,) int64
+        Of the last adjustment; 0 where the pair is left to the NumPy form.
+    all_inside : (n,) bool
+        Points that may be used, seven or more of a pair.
+    all_active : (n,) bool
+        Points to begin with; changed.
+    all_work : (n, 9) float64
+        See `sampson`, at the solution.
     """
-    n, used, cleaned, trial, most, iterations = count(inside), count(active), 0, -1, -1.0, 0
-    pose_before, W_before = np.empty((3, 4)), np.empty((5, 5))
-    for _ in range(ROUNDS + 2 * n + 1):
-        cleaning = most < 0.0 and cleaned < ROUNDS and used > MANY
-        if most < 0.0 and not cleaning:
-            most = min(max(0.4 * n, 0.1 * n + n - used), n - 6.5) / n * n
-        now = adjust(pose, rays, active, max_iterations, work, W)
-        if now == 0:
-            return 0
-        statistics(work, W, active)
-        if cleaning:
-            cleaned = cleaned + 1 if clean_coarsely(inside, active, work, limit) else ROUNDS
-            used = count(active)
+    before = np.empty((3, 4))
+    for p in range(first, last):
+        if not chosen[p]:
             continue
-        if trial >= 0 and not work[trial, 6] < limit:
-            active[trial] = False
-            copy(pose_before, W_before, pose, W)
-            break
-        trial, iterations = -1, now
-        worst, best = worst_and_best(inside, active, work, 6, limit)
-        above = worst >= 0 and work[worst, 6] > limit
-        if above and n - used < most:
-            active[worst] = False
-            used -= 1
-        elif best >= 0 and not above:
-            copy(pose, W, pose_before, W_before)
-            active[best], trial = True, best
-            used += 1
-        else:
-            break
-    return iterations
+        i, j = start[p], start[p + 1]
+        rays, inside, active, work = all_rays[i:j], all_inside[i:j], all_active[i:j], all_work[i:j]
+        n, used, cleaned, trial, most, iterations[p] = count(inside), count(active), 0, -1, -1.0, 0
+        for _ in range(ROUNDS + 2 * n + 2):
+            cleaning = most < 0.0 and cleaned < ROUNDS and used > MANY
+            if most < 0.0 and not cleaning:
+                most = min(max(0.4 * n, 0.1 * n + n - used), n - 6.5) / n * n
+            done = adjust(pose[p], rays, active, 0 if trial == n else max_iterations, work, W[p])
+            if done == 0 and trial != n:
+                iterations[p] = 0
+                break
+            statistics(work, W[p], active)
+            if trial == n:
+                break
+            if cleaning:
+                cleaned = cleaned + 1 if clean_coarsely(inside, active, work, limit) else ROUNDS
+                used = count(active)
+                continue
+            if trial >= 0 and not work[trial, 6] < limit:
+                active[trial], trial = False, n  # back to the solution without it
+                assign(before, pose[p])
+                continue
+            trial, iterations[p] = -1, done
+            worst, best = worst_and_best(inside, active, work, 6, limit)
+            above = worst >= 0 and work[worst, 6] > limit
+            if above and n - used < most:
+                active[worst] = False
+                used -= 1
+            elif best >= 0 and not above:
+                assign(pose[p], before)
+                active[best], trial = True, best
+                used += 1
+            else:
+                break
