@@ -97,7 +97,7 @@ def open_request(request: Request) -> Opened:
     spec = with_set(spec, request.set_)
     compiled = use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
     if compiled is not None and not compiled.exists():
-        narrate("compiling the inner loops for this processor, once; it takes some 20 s")
+        narrate("compiling the inner loops for this processor, once; it takes some 35 s")
     nodes = wire(spec, catalogue)
     for note in notes:
         narrate(f"note: {note}")
