@@ -83,13 +83,6 @@ def with_parameters(made: BundleInput, options: object, parameters: tuple[Parame
     return replace(made, observed=observed, parameters=parameters, given=given)
 
 
-def with_readmitted(made: BundleInput, options: object, back: set[tuple[str, int]]) -> BundleInput:
-    """The same block with some of the rejected observations in use again."""
-    assert made.given is not None
-    rejected = rejected_rows(made.observed) - back
-    return replace(made, observed=tuple(without_rows(o, rejected) for o in observe(made.given, options)))
-
-
 def rejected_rows(observed: Sequence[Observed]) -> set[tuple[str, int]]:
     """What is rejected, by kind and row of its table."""
     return {(o.kind, int(row)) for o in observed if o.rejected is not None for row in o.row[o.rejected]}

@@ -12,7 +12,8 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.artifacts.suspects import Suspects
-from aatri.orientation.bundle.blunders import Searched
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders import tests_of
 from aatri.orientation.bundle.result import BundleResult
 
 
@@ -42,21 +43,22 @@ def with_gross_errors(result: BundleResult, suspects: Suspects, limit: float) ->
     return assemble.stacked([suspects, new])
 
 
-def with_search(suspects: Suspects, searched: Searched) -> Suspects:
-    """The suspects after a search for gross errors: those of earlier stages with their verdict, and the new ones."""
-    state = searched.result.adjusted.state
+def after(suspects: Suspects, given: BundleInput, result: BundleResult) -> Suspects:
+    """The suspects after an adjustment: those of earlier stages with their verdict, and what it rejected itself."""
+    state = result.adjusted.state
     parts, before = [], set(zip(suspects.kind.tolist(), suspects.row.tolist()))
-    out = {(o.kind, int(r)) for o in searched.given.observed if o.rejected is not None for r in o.row[o.rejected]}
+    out = {(o.kind, int(r)) for o in given.observed if o.rejected is not None for r in o.row[o.rejected]}
     known = [pair in out for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
-    tested = np.isin(suspects.kind, [o.kind for o in searched.given.observed]) & (suspects.row >= 0)
+    tested = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
     back = tested & ~np.array(known, dtype=bool) & (suspects.verdict == "rejected")
     verdict = np.where(back, "readmitted", suspects.verdict)
-    for found, test in zip(searched.result.observations, searched.tests):
+    for found in result.observations:
         o = found.observed
-        if o.rejected is None or o.components:
+        rows = np.flatnonzero(o.rejected) if o.rejected is not None and not o.components else np.zeros(0, dtype=int)
+        rows = rows[[(o.kind, int(r)) not in before for r in o.row[rows]]] if len(rows) else rows
+        if not len(rows):
             continue
-        rows = np.flatnonzero(o.rejected)
-        rows = rows[[(o.kind, int(r)) not in before for r in o.row[rows]]]
+        test = tests_of(found, state)
         predicted = np.isin(rows, found.rows)
         v = np.full((len(rows), o.records.rows), np.nan)
         v[predicted] = o.records.evaluate(state, rows[predicted])[0]

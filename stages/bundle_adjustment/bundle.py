@@ -33,11 +33,11 @@ import numpy as np
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle_input import bundle_input, with_parameters, with_readmitted
+from aatri.adapters.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
-from aatri.adapters.suspects import with_gross_errors, with_search
+from aatri.adapters.suspects import after, with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
@@ -54,10 +54,10 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import Method, Rule, search
 from aatri.notes import tell
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice, without_idle
+from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
 from aatri.orientation.bundle.notes import down_weighted, left_out, misfit
-from aatri.orientation.bundle.readmission import readmitted
-from aatri.orientation.bundle.result import BundleResult, from_result
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
@@ -179,17 +179,10 @@ def bundle(
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
     given = bundle_input(block, image_points, initial, options, parameters)
-    if options.blunders.method == "none":
-        given, result, suspects = _adjusted_with_readmission(given, suspects, options, context)
-    else:
-        rule = Rule(options.blunders.method, options.blunders.limit, options.blunders.max_share)
-        searched = search(given, lambda b, bound: _adjusted(b, options, context, bound), rule)
-        given, result, suspects = searched.given, searched.result, with_search(suspects, searched)
-        tell(searched.notes, context)
-    if options.self_calibration is not None and options.self_calibration.remove:
-        given, result = _adjusted_without_idle(given, result, options, context)
+    done = _in_rounds(given, options, context)
+    given, result, suspects = done.given, done.result, after(suspects, done.given, done.result)
     notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
-    tell([*notes, *parameter_notes(given, result)], context)
+    tell([*done.notes, *notes, *parameter_notes(given, result)], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.huber_rejects is not None:
@@ -198,22 +191,17 @@ def bundle(
     return with_datum(block, made, options.datum, options.datum_over)
 
 
-def _adjusted_with_readmission(
-    given: BundleInput, suspects: Suspects, options: BundleOptions, context: Context
-) -> tuple[BundleInput, BundleResult, Suspects]:
-    """Adjust without what was rejected, then once more with those of it that fit."""
-    result = _adjusted(given, options, context)
-    fits = [readmitted(o, result.adjusted.state) for o in result.observations]
-    if not any(f.any() for f in fits):
-        return given, result, suspects
-    counts = {o.kind: (int(f.sum()), int(o.rejected.sum())) for o, f in zip(given.observed, fits) if o.rejected is not None}
-    back = {(o.kind, int(row)) for o, f in zip(given.observed, fits) for row in o.row[f]}
-    for kind, (n, of) in counts.items():
-        context.log(f"{n} of {of} rejected observations of kind {kind} fit the block and are re-admitted")
-    again = from_result(with_readmitted(given, options, back), result)
-    returned = [pair in back for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
-    verdict = np.where(returned, "readmitted", suspects.verdict)
-    return again, _adjusted(again, options, context), replace(suspects, verdict=verdict)
+def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> Round:
+    def adjust(block: BundleInput, bound: float | None = None) -> BundleResult:
+        return _adjusted(block, options, context, bound)
+
+    if options.blunders.method == "none":
+        done = with_readmission(given, adjust)
+    else:
+        done = search(given, adjust, Rule(options.blunders.method, options.blunders.limit, options.blunders.max_share))
+    if options.self_calibration is not None and options.self_calibration.remove:
+        done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
+    return done
 
 
 def _adjusted(
@@ -241,22 +229,3 @@ def _adjusted(
         if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
-
-
-def _adjusted_without_idle(
-    given: BundleInput, result: BundleResult, options: BundleOptions, context: Context
-) -> tuple[BundleInput, BundleResult]:
-    """Adjust once more without additional parameters that are not worth keeping."""
-    if not options.standard_deviations:
-        raise SpecError("self_calibration.remove needs standard deviations", remedy="standard_deviations: true")
-    if result.adjusted.problem.subtrees is not None:
-        raise ResourceError(
-            "self_calibration.remove needs standard deviations, and conjugate gradients give none",
-            remedy="raise memory_gb, or leave out remove",
-        )
-    parameters, notes = without_idle(given, result)
-    tell(notes, context)
-    if parameters is None:
-        return given, result
-    reduced = with_parameters(given, options, parameters)
-    return reduced, _adjusted(reduced, options, context)

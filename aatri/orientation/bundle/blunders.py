@@ -21,12 +21,14 @@ from typing import Literal
 import numpy as np
 
 from aatri.adjustment.statistics.w_test import w_tests
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.result import BundleResult, from_result
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+from aatri.orientation.bundle.rounds import Round
 
 Method = Literal["robust_snooping", "data_snooping", "none"]
 
@@ -63,27 +65,7 @@ class Rule:
     max_share: float = 0.05
 
 
-@dataclass(frozen=True)
-class Searched:
-    """A block without its gross errors.
-
-    Attributes
-    ----------
-    given : BundleInput
-        What is rejected is not active in it.
-    result : BundleResult
-    tests : tuple of (n,) float64
-        Largest |w| of each record, observation by observation as in `given`; NaN without test.
-    notes : tuple of Note
-    """
-
-    given: BundleInput
-    result: BundleResult
-    tests: tuple[Float, ...]
-    notes: tuple[Note, ...]
-
-
-def search(given: BundleInput, adjust: Adjust, rule: Rule) -> Searched:
+def search(given: BundleInput, adjust: Adjust, rule: Rule) -> Round:
     """Adjust a block and leave out its gross errors.
 
     Parameters
@@ -105,18 +87,18 @@ def search(given: BundleInput, adjust: Adjust, rule: Rule) -> Searched:
             raise
         given = from_result(given, adjust(given, BOUND))
         result = adjust(given, None)
-    tests = record_tests(given, result)
+    tests = record_tests(result)
     rejected = [o.rejected if o.rejected is not None else np.zeros(len(o), dtype=bool) for o in given.observed]
     undecided: set[str] = set()
     if rule.method == "robust_snooping" and _wrong(given, tests, rejected, rule, undecided):
         robust = adjust(from_result(given, result), BOUND)
-        far = _robust_tests(given, result, robust)
+        far = _robust_tests(result, robust)
         for i, rows in _wrong(given, far, rejected, rule, undecided, clear=0.0).items():
             rejected[i] = rejected[i].copy()
             rejected[i][rows] = True
         given = _without(from_result(given, robust), rejected)
         result = adjust(given, None)
-        tests = record_tests(given, result)
+        tests = record_tests(result)
     taken_back = [np.zeros(len(o), dtype=bool) for o in given.observed]
     for _ in range(ROUNDS):
         wrong = _wrong(given, tests, rejected, rule, undecided)
@@ -132,29 +114,31 @@ def search(given: BundleInput, adjust: Adjust, rule: Rule) -> Searched:
             taken_back = [t | b for t, b in zip(taken_back, back)]
         given = _without(from_result(given, result), rejected)
         result = adjust(given, None)
-        tests = record_tests(given, result)
-    return Searched(given, result, tests, tuple(_notes(given, tests, rejected, rule, undecided)))
+        tests = record_tests(result)
+    return Round(given, result, tuple(_notes(given, tests, rejected, rule, undecided)))
 
 
-def record_tests(given: BundleInput, result: BundleResult) -> tuple[Float, ...]:
+def record_tests(result: BundleResult) -> tuple[Float, ...]:
     """Largest |w| of the components of each record, for every kind; NaN without test."""
-    found = []
-    for o in result.observations:
-        records, rows = o.observed.records, o.rows
-        test = np.full(len(o.observed), np.nan)
-        v = o.residuals(result.adjusted.state)
-        L = records.whitener[rows]
-        v = L * v if L.ndim == 2 else np.einsum("nij,nj->ni", L, v)
-        w = w_tests(v, o.covariance[rows], o.used[rows], records.observed_components()[rows])
-        test[rows] = _largest(np.abs(w))
-        found.append(test)
-    return tuple(found)
+    return tuple(tests_of(o, result.adjusted.state) for o in result.observations)
 
 
-def _robust_tests(given: BundleInput, result: BundleResult, robust: BundleResult) -> tuple[Float, ...]:
+def tests_of(found: AdjustedObservations, state: State) -> Float:
+    """Largest |w| of the components of each record of one kind, (n,); NaN without test."""
+    records, rows = found.observed.records, found.rows
+    test = np.full(len(found.observed), np.nan)
+    v = found.residuals(state)
+    L = records.whitener[rows]
+    v = L * v if L.ndim == 2 else np.einsum("nij,nj->ni", L, v)
+    w = w_tests(v, found.covariance[rows], found.used[rows], records.observed_components()[rows])
+    test[rows] = _largest(np.abs(w))
+    return test
+
+
+def _robust_tests(result: BundleResult, robust: BundleResult) -> tuple[Float, ...]:
     """The same with the residuals of the robust adjustment and the cofactors of least squares."""
     observations = tuple(replace(o, observed=r.observed) for o, r in zip(result.observations, robust.observations))
-    return record_tests(given, replace(result, observations=observations, adjusted=robust.adjusted))
+    return record_tests(replace(result, observations=observations, adjusted=robust.adjusted))
 
 
 def _largest(w: Float) -> Float:

@@ -35,6 +35,8 @@ def readmitted(found: AdjustedObservations, state: State, limit: float = 3.0) ->
         return fits
     rows = found.rows[rejected[found.rows]]
     R = found.covariance[rows]
+    if not np.isfinite(found.covariance[found.rows]).any():
+        R = np.zeros_like(R)  # adjusted without standard deviations: held against the measurement's alone
     known = np.isfinite(R).all(axis=(1, 2))
     rows, R = rows[known], R[known]
     records = found.observed.records
