@@ -114,7 +114,8 @@ MOST_SHOWN = 50
 
 
 def raise_all(errors: Sequence[AatriError]) -> None:
-    """Raise the error, or all of them as one, if there are any."""
+    """Raise the error, or all of them as one, if there are any; what was found twice is told once."""
+    errors = list({str(error): error for error in errors}.values())
     if len(errors) == 1:
         raise errors[0]
     if errors:

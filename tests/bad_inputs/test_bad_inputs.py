@@ -1,0 +1,44 @@
+"""Every bad input of this folder is answered with the message beside it.
+
+    APPROVE=1 pytest tests/bad_inputs        writes the messages anew; read the difference before you commit it
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from aatri.cli.main import app
+
+HERE = Path(__file__).parent
+ROWS = sorted(path.parent.name for path in HERE.glob("*/recipe.py"))
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_bad_input_is_answered_with_the_approved_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: str
+) -> None:
+    recipe = importlib.import_module(f"tests.bad_inputs.{row}.recipe")
+    monkeypatch.chdir(tmp_path)
+    arguments = recipe.make(tmp_path) or ["run", "-q"]
+    monkeypatch.setattr("sys.argv", ["aatri", *arguments])
+    done = CliRunner().invoke(app, arguments)
+    told = f"exit {done.exit_code}\n{done.stderr.replace(str(tmp_path), '.')}"
+    told = re.sub(r"[0-9]+\.[0-9]+ s\b", "N s", told)
+    approved = HERE / row / "message.txt"
+    if os.environ.get("APPROVE"):
+        approved.write_text(told, encoding="utf-8")
+    assert told == approved.read_text(encoding="utf-8")
+    assert "internal error" not in told
+    assert done.exit_code != 1
+
+
+def test_every_recipe_says_which_row_it_is() -> None:
+    for row in ROWS:
+        assert importlib.import_module(f"tests.bad_inputs.{row}.recipe").__doc__
+        assert re.fullmatch(r"row_\d{3}_[a-z0-9_]+", row)
