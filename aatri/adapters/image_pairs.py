@@ -61,7 +61,7 @@ def neighbouring_images(block: Block) -> Int:
     return np.concatenate([np.zeros((0, 2), dtype=np.intp), *pairs])
 
 
-def doubtful_places(block: Block, image_points: ImagePoints, margin: float = 1.5) -> list[tuple[int, int]]:
+def doubtful_sequences(block: Block, image_points: ImagePoints, margin: float = 1.5) -> list[tuple[int, int]]:
     """Images whose place in their strip is doubtful: they share more points with an image that is not beside them.
 
     Parameters

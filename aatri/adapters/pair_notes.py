@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adapters.image_pairs import Pairs, doubtful_places
+from aatri.adapters.image_pairs import Pairs, doubtful_sequences
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -39,7 +39,7 @@ def notes_of_pairs(
 
 
 def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
-    for image, other in doubtful_places(block, image_points):
+    for image, other in doubtful_sequences(block, image_points):
         first, second = block.images.id[[image, other]]
         yield Note("warning", f"image {first} shares more points with {second} than with its neighbours: is the strip's "
                    "sequence right?")  # fmt: skip

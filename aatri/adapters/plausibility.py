@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.places import place
+from aatri.adapters.imported import read_at
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.camera.pixels import half_format_mm
@@ -27,7 +27,7 @@ def control_as_given(block: Block) -> tuple[list[InputError], tuple[Note, ...]]:
     rows = block.ground_points
     for found in misplaced_control(ids, xyz[:, :2], position[:, :2], control, image):
         row = int(control_of(block).row[found.rows[0]])
-        where = place(block, int(rows.file[row]), int(rows.line[row]))
+        where = read_at(block, rows, row)
         if found.certain:
             errors.append(InputError(found.text, where=where, remedy=found.remedy))
         else:

@@ -47,17 +47,17 @@ NO_DIFFERENCES = PointDifferences(np.zeros(0, np.int32), np.zeros((0, 3)), np.ze
 
 def control_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at control coordinates, the rejected ones included."""
-    given = block.ground_points
-    measured = solution.points.rays[given.point] > 0
-    variance = _variances(solution.points.covariance_m2)[given.point]
-    return _differences(block, solution, (given.role == CONTROL) & measured[:, None], variance)
+    ground = block.ground_points
+    measured = solution.points.rays[ground.point] > 0
+    variance = _variances(solution.points.covariance_m2)[ground.point]
+    return _differences(block, solution, (ground.role == CONTROL) & measured[:, None], variance)
 
 
 def check_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at check coordinates."""
-    given = block.ground_points
-    variance = _variances(solution.points.covariance_m2)[given.point] + _variances(given.covariance_m2)
-    return _differences(block, solution, given.role == CHECK, variance)
+    ground = block.ground_points
+    variance = _variances(solution.points.covariance_m2)[ground.point] + _variances(ground.covariance_m2)
+    return _differences(block, solution, ground.role == CHECK, variance)
 
 
 def truth_differences(block: Block, solution: Solution) -> PointDifferences:
@@ -91,11 +91,11 @@ def rejected_control(block: Block, solution: Solution) -> Int:
 
 
 def _differences(block: Block, solution: Solution, takes_part: Bool, variance: Float) -> PointDifferences:
-    given = block.ground_points
-    difference = np.where(takes_part, solution.points.xyz_m[given.point] - given.xyz_m, np.nan)
+    ground = block.ground_points
+    difference = np.where(takes_part, solution.points.xyz_m[ground.point] - ground.xyz_m, np.nan)
     sigma = np.where(takes_part, np.sqrt(variance), np.nan)
     rows = np.asarray(np.isfinite(difference).any(axis=1))
-    return PointDifferences(given.point, difference, sigma).take(rows)
+    return PointDifferences(ground.point, difference, sigma).take(rows)
 
 
 def _variances(covariance: Float) -> Float:

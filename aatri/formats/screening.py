@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aatri.adapters.places import place
+from aatri.adapters.imported import read_at
 from aatri.adapters.plausibility import control_as_given
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
@@ -127,7 +127,7 @@ def repeated_measurements(block: Block) -> list[InputError]:
 
 def _measured_at(block: Block, row: int) -> str:
     """`file:line` of an image point, or empty."""
-    return place(block, int(block.image_points.file[row]), int(block.image_points.line[row]))
+    return read_at(block, block.image_points, row)
 
 
 def _mm_per_unit(block: Block) -> Float:
@@ -220,7 +220,7 @@ def _too_many(block: Block, images: _Set, points: _Set, share: float) -> list[In
     single = sorted({int(rows.point[r]): r for r in sorted(by_reason[SEEN_ONCE], reverse=True)}.values())
     image_rows = sorted(images.reasons)
     image_lines = [
-        (str(block.images.id[r]), place(block, int(block.images.file[r]), int(block.images.line[r])))
+        (str(block.images.id[r]), read_at(block, block.images, r))
         for r in image_rows
     ]
     point_lines = [(_point_name(block, r), _measured_at(block, r)) for r in single]

@@ -13,7 +13,7 @@ import numpy as np
 from aatri.adapters.interior.film_marks import FilmMarks, nominal_matrix
 from aatri.adapters.interior.photo_coordinates import Transformations
 from aatri.adapters.interior.suspects import joined, suspects_of
-from aatri.adapters.places import place
+from aatri.adapters.imported import read_at
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note, single_misfits
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
@@ -31,12 +31,10 @@ MOST_REJECTED = 0.05
 LARGEST_SHEAR = 1e-3
 """Affine deformation of film beyond this is unusual."""
 
-Bools = Bool
-
 
 def check_film(
     block: Block, marks: FilmMarks, fit: AffineFit, max_sigma0: float
-) -> tuple[Bools, tuple[Note, ...]]:
+) -> tuple[Bool, tuple[Note, ...]]:
     """Which film images can be used, and what is to be said of them.
 
     Parameters
@@ -80,8 +78,8 @@ def _wrong_marks(block: Block, marks: FilmMarks, fit: AffineFit, k: int) -> Inpu
     misfit, mirrored = is_misfit(fit.residual_mm[k, present], calibrated), is_mirrored(from_nominal)
     scale = "" if misfit else scale_problem(from_nominal)
     rows = marks.row[k, present]
-    given = block.fiducial_points
-    where = place(block, int(given.file[rows[0]]), int(given.line[rows[0]]))
+    marked = block.fiducial_points
+    where = read_at(block, marked, int(rows[0]))
     image = f"image {block.images.id[marks.image[k]]}"
     if scale:
         return InputError(
@@ -92,7 +90,7 @@ def _wrong_marks(block: Block, marks: FilmMarks, fit: AffineFit, k: int) -> Inpu
     if not (misfit or mirrored):
         return None
     numbering = renumbering(nominal, calibrated)
-    names = block.fiducials.id[given.fiducial[rows]]
+    names = block.fiducials.id[marked.fiducial[rows]]
     mapping = "" if numbering is None else ", ".join(f"{a} is {b}" for a, b in zip(names, names[numbering]) if a != b)
     if mirrored and not misfit:
         also = f", or exchange numbers: {mapping}" if mapping else ""
@@ -120,12 +118,12 @@ def _reason_to_reject(marks: FilmMarks, fit: AffineFit, k: int, max_sigma0: floa
     return ""
 
 
-def misfits(fit: AffineFit, usable: Bools) -> Bools:
+def misfits(fit: AffineFit, usable: Bool) -> Bool:
     """Images whose marks do not fit, at the level 0.05 / count."""
     return single_misfits(np.where(usable, fit.sigma0, np.nan), fit.redundancy)
 
 
-def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, reasons: list[str]) -> Iterator[Note]:
+def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bool, reasons: list[str]) -> Iterator[Note]:
     ids = block.images.id[marks.image]
     if reasons:
         yield Note("warning", f"{len(reasons)} film images are not used, without interior orientation", tuple(reasons))
@@ -151,7 +149,7 @@ def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bools, reason
     yield from _turned_scans(block, marks, linear, usable)
 
 
-def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bools) -> Iterator[Note]:
+def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bool) -> Iterator[Note]:
     """A few scans turned by a right angle against the rest may be marks numbered from another corner."""
     angle = turn_rad(linear)
     quarter = np.rint(np.where(usable, angle, 0.0) / (np.pi / 2)).astype(np.int64) % 4

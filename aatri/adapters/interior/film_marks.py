@@ -7,16 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.interior.photo_coordinates import Transformations
-from aatri.adapters.places import place
+from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.orientation.interior.affine import AffineFit
-
-Rows = Int
-
 
 @dataclass(frozen=True)
 class FilmMarks:
@@ -35,8 +32,8 @@ class FilmMarks:
         To millimetres, x right, y up, by the nominal pixel size.
     """
 
-    image: Rows
-    row: Rows
+    image: Int
+    row: Int
     measured: Float
     calibrated_mm: Float
     sigma_mm: Float
@@ -51,7 +48,7 @@ def film_images(block: Block) -> Bool:
     return np.asarray(block.images.active & needs[block.images.camera])
 
 
-def film_marks(block: Block, images: Rows) -> FilmMarks:
+def film_marks(block: Block, images: Int) -> FilmMarks:
     """The marks of the given images, in the order of the Block.
 
     Raises
@@ -59,16 +56,16 @@ def film_marks(block: Block, images: Rows) -> FilmMarks:
     InputError
         If a standard deviation is not positive.
     """
-    given = block.fiducial_points
-    if not (given.sigma_mm > 0).all():
-        first = int(np.flatnonzero(~(given.sigma_mm > 0).all(axis=1))[0])
+    marked = block.fiducial_points
+    if not (marked.sigma_mm > 0).all():
+        first = int(np.flatnonzero(~(marked.sigma_mm > 0).all(axis=1))[0])
         raise InputError(
-            f"standard deviation of a fiducial mark of image {block.images.id[given.image[first]]} is not positive",
-            where=place(block, int(given.file[first]), int(given.line[first])),
+            f"standard deviation of a fiducial mark of image {block.images.id[marked.image[first]]} is not positive",
+            where=read_at(block, marked, first),
             remedy="give sx and sy, or sigma: {fiducial: um} in block.yaml",
         )
-    order = np.argsort(given.image, kind="stable")
-    counts = np.bincount(given.image, minlength=len(block.images))
+    order = np.argsort(marked.image, kind="stable")
+    counts = np.bincount(marked.image, minlength=len(block.images))
     starts = np.concatenate([[0], np.cumsum(counts)])
     width = int(counts[images].max(initial=1))
     slot = np.arange(max(width, 1))
@@ -81,9 +78,9 @@ def film_marks(block: Block, images: Rows) -> FilmMarks:
         out[present] = values[row[present]]
         return out
 
-    calibrated = block.fiducials.xy_mm[given.fiducial]
+    calibrated = block.fiducials.xy_mm[marked.fiducial]
     nominal = np.array([nominal_matrix(block, int(k)) for k in block.images.camera[images]]).reshape(-1, 2, 2)
-    return FilmMarks(images, row, padded(given.xy), padded(calibrated), padded(given.sigma_mm), present, nominal)
+    return FilmMarks(images, row, padded(marked.xy), padded(calibrated), padded(marked.sigma_mm), present, nominal)
 
 
 def nominal_matrix(block: Block, camera: int) -> Float:
@@ -114,11 +111,11 @@ def film_residuals(block: Block, marks: FilmMarks, fit: AffineFit) -> FiducialRe
     """Residuals of the marks of images with redundancy: without it they are zero by construction and say nothing."""
     told = marks.present & (fit.determined & (fit.redundancy > 0))[:, None]
     rows = marks.row[told].astype(np.int32)
-    given = block.fiducial_points
+    marked = block.fiducial_points
     return FiducialResiduals(
         row=rows,
-        image=given.image[rows],
-        fiducial=block.fiducials.id[given.fiducial[rows]],
+        image=marked.image[rows],
+        fiducial=block.fiducials.id[marked.fiducial[rows]],
         residual_mm=fit.residual_mm[told],
         active=fit.used[told],
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.interior.suspects import joined, suspects_of
-from aatri.adapters.places import place
+from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
@@ -76,18 +76,18 @@ def image_points_of(
     InputError
         If more than 5 % of the image points lie outside the format.
     """
-    given = block.image_points
-    matrix = transformations.matrix[given.image]
-    camera = block.images.camera[given.image]
-    photo = np.einsum("nij,nj->ni", matrix[:, :, :2], given.xy) + matrix[:, :, 2]
-    active = given.active & np.isfinite(photo).all(axis=1)
+    measured = block.image_points
+    matrix = transformations.matrix[measured.image]
+    camera = block.images.camera[measured.image]
+    photo = np.einsum("nij,nj->ni", matrix[:, :, :2], measured.xy) + matrix[:, :, 2]
+    active = measured.active & np.isfinite(photo).all(axis=1)
     outside = active & ~_inside_format(block, photo, camera)
     _refuse_mostly_outside(block, active, outside)
     principal_point = block.cameras.principal_point_mm[camera]
     active &= ~outside
     corrections = {}
     if film_deformation is not None:
-        deformation = np.einsum("nij,nj->ni", film_deformation[given.image], photo)
+        deformation = np.einsum("nij,nj->ni", film_deformation[measured.image], photo)
         corrections["film_deformation"] = _largest(deformation, active)
     corrections["principal_point"] = _largest(principal_point, active)
     oriented = np.flatnonzero(np.isfinite(transformations.matrix).all(axis=(1, 2))).astype(np.int32)
@@ -95,10 +95,10 @@ def image_points_of(
         images=ImageIds(id=block.images.id),
         points=PointIds(id=block.points.id),
         measurements=Measurements(
-            image=given.image,
-            point=given.point,
+            image=measured.image,
+            point=measured.point,
             xy_mm=photo - principal_point,
-            sigma_mm=_sigma_along_photo_axes(matrix, given.sigma_mm),
+            sigma_mm=_sigma_along_photo_axes(matrix, measured.sigma_mm),
             active=active,
         ),
         interior=Interior(
@@ -141,13 +141,13 @@ def calibrated_transformations(block: Block, images: Int) -> Transformations:
 def _calibrated_matrix(block: Block, camera: int) -> Float:
     cameras = block.cameras
     where = f"camera {cameras.id[camera]}"
-    given = cameras.image_coordinates[camera]
-    if given == "photo":
+    system = cameras.image_coordinates[camera]
+    if system == "photo":
         return np.eye(2, 3)
     film = cameras.kind[camera] == "film"
-    if given == "comparator" or (film and cameras.pixel_origin[camera] != "image-centre"):
+    if system == "comparator" or (film and cameras.pixel_origin[camera] != "image-centre"):
         raise InputError(
-            f"{given} coordinates of film have no calibrated relation to the photo system",
+            f"{system} coordinates of film have no calibrated relation to the photo system",
             where=where,
             remedy="measure fiducial marks and use interior_orientation/affine",
         )
@@ -186,7 +186,7 @@ def _refuse_mostly_outside(block: Block, active: Bool, outside: Bool) -> None:
     raise InputError(
         f"{int(outside.sum())} of {int(active.sum())} image points lie outside the format: "
         f"{shown(_names(block, outside))}",
-        where=place(block, int(block.image_points.file[first]), int(block.image_points.line[first])),
+        where=read_at(block, block.image_points, first),
         remedy="check the camera's format, image_coordinates, pixel size and pixel origin",
     )
 
@@ -210,12 +210,12 @@ def _largest(correction: Float, active: Bool) -> float:
 def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) -> Suspects:
     rows = np.flatnonzero(outside)
     beyond = np.abs(photo[rows]) - _half_format(block)[camera[rows]]
-    given = block.image_points
+    measured = block.image_points
     return suspects_of(
         kind="image_point",
         row=rows,
-        image=block.images.id[given.image[rows]],
-        point=block.points.id[given.point[rows]],
+        image=block.images.id[measured.image[rows]],
+        point=block.points.id[measured.point[rows]],
         size=beyond.max(axis=1, initial=0.0),
         verdict="rejected",
     )

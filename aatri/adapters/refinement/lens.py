@@ -58,9 +58,9 @@ def distortion_of(block: Block, camera: int) -> Distortion:
 
 def _parameters(block: Block, camera: int) -> dict[str, float]:
     """Values by name; rows without a value only carry the standard deviation of a parameter."""
-    given = block.camera_parameters
-    rows = np.flatnonzero((given.camera == camera) & np.isfinite(given.value))
-    values = {str(given.name[k]): float(given.value[k]) for k in rows}
+    parameters = block.camera_parameters
+    rows = np.flatnonzero((parameters.camera == camera) & np.isfinite(parameters.value))
+    values = {str(parameters.name[k]): float(parameters.value[k]) for k in rows}
     return {name: value for name, value in values.items() if name.partition(".")[0] not in NOT_OF_THE_LENS}
 
 

@@ -1,0 +1,26 @@
+"""Where an imported row was read, for messages."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from aatri.arrays import Int
+from aatri.artifacts.block import Block
+
+
+class Imported(Protocol):
+    """A table whose rows keep their file and line."""
+
+    @property
+    def file(self) -> Int:
+        """Row in files of each; -1 if it was not imported."""
+
+    @property
+    def line(self) -> Int:
+        """Line in the file, from 1."""
+
+
+def read_at(block: Block, rows: Imported, row: int) -> str:
+    """`file:line` of a row of a table of the Block; empty if it was not imported."""
+    file = int(rows.file[row])
+    return f"{block.files.path[file]}:{int(rows.line[row])}" if file >= 0 else ""
