@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
@@ -151,7 +151,7 @@ def _peak_gb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
 
 
-def _tree_alone(problem: Problem) -> Problem:
+def _tree_alone(problem: IndexedProblem) -> IndexedProblem:
     """The same fronts without observations and with a unit diagonal: what the factorisation alone takes."""
     layout = replace(problem.layout, held=np.ones_like(problem.layout.held))
     return replace(problem, rays=None, kept=(), direct=(), layout=layout)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.notes import Note
 
 
@@ -26,7 +26,7 @@ class Adjusted:
     ----------
     state : dict
         Adjusted values of all groups.
-    problem : Problem
+    problem : IndexedProblem
     cost : float
         v'v at the solution, or what a robust loss makes of it.
     observations, n_unknowns, redundancy : int
@@ -44,7 +44,7 @@ class Adjusted:
     """
 
     state: dict[str, Any]
-    problem: Problem
+    problem: IndexedProblem
     cost: float
     observations: int
     n_unknowns: int

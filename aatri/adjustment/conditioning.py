@@ -24,7 +24,7 @@ import numpy as np
 
 from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.backsolve import solve_columns
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.notes import Note
@@ -67,7 +67,7 @@ class Conditioning:
     weak_blocks: Int
 
 
-def conditioning(problem: Problem, factored: Factored) -> Conditioning:
+def conditioning(problem: IndexedProblem, factored: Factored) -> Conditioning:
     """Look for open directions at the state of a factorisation without damping."""
     vertices: list[int] = []
     open_: list[str] = []
@@ -116,7 +116,7 @@ def notes_of(found: Conditioning) -> tuple[Note, ...]:
     return tuple(Note("warning", f"hardly determined by the observations: {text}") for text in found.nearly)
 
 
-def _leading(problem: Problem, factored: Factored) -> tuple[Float, Float]:
+def _leading(problem: IndexedProblem, factored: Factored) -> tuple[Float, Float]:
     """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D."""
     used = ~problem.layout.held & (factored.diagonal > 0)
     scale = np.where(used, np.sqrt(np.where(used, factored.diagonal, 0.0)), 0.0)[:, None]
@@ -132,7 +132,7 @@ def _leading(problem: Problem, factored: Factored) -> tuple[Float, Float]:
     return values[::-1], U[:, ::-1]
 
 
-def _limits(problem: Problem) -> Float:
+def _limits(problem: IndexedProblem) -> Float:
     """Standard deviation beyond which a kept unknown counts as open, (n_kept,)."""
     limit = np.full(problem.layout.n_kept, np.inf)
     for u in problem.unknowns:
@@ -142,7 +142,7 @@ def _limits(problem: Problem) -> Float:
     return limit
 
 
-def _weak_blocks(problem: Problem, factored: Factored) -> Int:
+def _weak_blocks(problem: IndexedProblem, factored: Factored) -> Int:
     """Eliminated blocks that are open even with all else known."""
     if problem.rays is None or not len(problem.rays.block):
         return np.zeros(0, dtype=np.int64)

@@ -35,7 +35,7 @@ from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import Sides, forward
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
@@ -88,7 +88,7 @@ def support(
     return tuple(found)
 
 
-def factorise_constrained(problem: Problem, state: State, damping: float = 0.0) -> Factored:
+def factorise_constrained(problem: IndexedProblem, state: State, damping: float = 0.0) -> Factored:
     """`factorise`, then the forward-substituted gradient of the constrained step in place of the free one.
 
     A problem whose factor has no room is solved by conjugate gradients.
@@ -124,7 +124,7 @@ def factorise_constrained(problem: Problem, state: State, damping: float = 0.0) 
     return replace(factored, y=parts, block_y=block_y, multiplier=k, violation=c)
 
 
-def penalty(problem: Problem, state: State, factored: Factored) -> float:
+def penalty(problem: IndexedProblem, state: State, factored: Factored) -> float:
     """What the violation of the constraints at a state adds to its cost, by the multipliers of a linearisation."""
     if not len(factored.multiplier):
         return 0.0
@@ -137,7 +137,7 @@ def predicted_by_constraints(factored: Factored) -> float:
     return float(PENALTY * np.abs(kc).sum() - 2 * kc.sum())
 
 
-def linearised_constraints(problem: Problem, state: State) -> tuple[Float, Sides]:
+def linearised_constraints(problem: IndexedProblem, state: State) -> tuple[Float, Sides]:
     """Violation c and the columns of C'."""
     layout = problem.layout
     used = [_used(r) for r in problem.constraints]
@@ -166,7 +166,7 @@ def linearised_constraints(problem: Problem, state: State) -> tuple[Float, Sides
     return np.concatenate(violation), Sides(kept, touched, of_block)
 
 
-def gram(problem: Problem, u: Sides) -> Float:
+def gram(problem: IndexedProblem, u: Sides) -> Float:
     """S = C N^-1 C'.
 
     Raises
@@ -214,12 +214,12 @@ def _used(r: Records) -> Bool:
     return np.asarray((size > 0) & r.active[:, None])
 
 
-def _violation(problem: Problem, state: State) -> Float:
+def _violation(problem: IndexedProblem, state: State) -> Float:
     parts = [whitened(r, state, np.arange(len(r.active)))[0][_used(r)] for r in problem.constraints]
     return np.concatenate(parts)
 
 
-def _block_places(problem: Problem) -> Int:
+def _block_places(problem: IndexedProblem) -> Int:
     """Place among the rays' blocks of each block of the eliminated group, -1 where retained."""
     if problem.rays is None:
         return np.zeros(0, dtype=np.int64)

@@ -13,7 +13,7 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.errors import GeometryError
@@ -22,7 +22,7 @@ WHOLE = 2000
 """Up to this many kept unknowns the whole matrix is analysed."""
 
 
-def refuse_undetermined(problem: Problem, state: State, factored: Factored) -> None:
+def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factored) -> None:
     """Raise the error that names what is not determined.
 
     Raises
@@ -36,7 +36,7 @@ def refuse_undetermined(problem: Problem, state: State, factored: Factored) -> N
     raise GeometryError(f"the observations leave {defect} unknown(s) open: {'; '.join(texts)}{more}")
 
 
-def _refuse_blocks(problem: Problem, factored: Factored) -> None:
+def _refuse_blocks(problem: IndexedProblem, factored: Factored) -> None:
     weak = np.flatnonzero(factored.determined == 0)
     if not len(weak) or problem.rays is None:
         return
@@ -49,7 +49,7 @@ def _refuse_blocks(problem: Problem, factored: Factored) -> None:
     )
 
 
-def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[int, Float]:
+def _null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> tuple[int, Float]:
     """Number of defects and null vectors in scaled unknowns, (n_kept, k)."""
     layout = problem.layout
     if layout.n_kept <= WHOLE:
@@ -67,7 +67,7 @@ def _null_vectors(problem: Problem, state: State, factored: Factored) -> tuple[i
     return len(factored.weak), np.concatenate(leading, axis=1)
 
 
-def _weak_columns(problem: Problem, factored: Factored) -> Float:
+def _weak_columns(problem: IndexedProblem, factored: Factored) -> Float:
     """Unit vectors of the unknowns with vanishing pivots, where there is no factor for more."""
     vectors = np.zeros((problem.layout.n_kept, len(factored.weak)))
     for i, (k, row) in enumerate(factored.weak):
@@ -75,7 +75,7 @@ def _weak_columns(problem: Problem, factored: Factored) -> Float:
     return vectors
 
 
-def _without_weak_descendants(problem: Problem, factored: Factored) -> list[tuple[int, int]]:
+def _without_weak_descendants(problem: IndexedProblem, factored: Factored) -> list[tuple[int, int]]:
     """Weak pivots below which no other is: what comes after a weak pivot means nothing."""
     weak, spoiled = dict(factored.weak), set()
     for k in weak:
@@ -86,7 +86,7 @@ def _without_weak_descendants(problem: Problem, factored: Factored) -> list[tupl
     return [(k, row) for k, row in factored.weak if k not in spoiled]
 
 
-def _leading_null_vector(problem: Problem, factored: Factored, k: int, row: int) -> Float:
+def _leading_null_vector(problem: IndexedProblem, factored: Factored, k: int, row: int) -> Float:
     """Null vector of the unknowns eliminated up to a vanishing pivot."""
     x = np.zeros(problem.layout.n_kept)
     for j in range(k, -1, -1):
@@ -106,7 +106,7 @@ def _leading_null_vector(problem: Problem, factored: Factored, k: int, row: int)
     return np.asarray((x * scale)[:, None])
 
 
-def described(problem: Problem, vector: Float) -> str:
+def described(problem: IndexedProblem, vector: Float) -> str:
     """The unknowns with the largest share in a null vector."""
     largest = np.argsort(-np.abs(vector), kind="stable")[:4]
     members = [c for c in largest if abs(vector[c]) > 0.3 * abs(vector[largest[0]])]

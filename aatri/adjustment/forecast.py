@@ -20,16 +20,14 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from aatri.adjustment.elimination.schedule import share_out
 from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.settings import Solver as Solver
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import Node
 from aatri.errors import ResourceError, SpecError
 from aatri.progress import Reporter
-
-Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 SHARE = 0.8
 """Share of the machine's memory, and of the free disk, that may be used."""
@@ -63,7 +61,7 @@ class Forecast:
         return self.fronts_bytes + self.rays_bytes + (0 if spill else self.factor_bytes)
 
 
-def forecast(problem: Problem) -> Forecast:
+def forecast(problem: IndexedProblem) -> Forecast:
     """Predict work and memory of one iteration."""
     rays = problem.rays
     rays_bytes = BLOCK_BYTES * len(problem.block_free)
@@ -73,7 +71,7 @@ def forecast(problem: Problem) -> Forecast:
     return Forecast(problem.tree.flops, problem.tree.factor_bytes, _fronts_bytes(problem), rays_bytes)
 
 
-def _fronts_bytes(problem: Problem) -> float:
+def _fronts_bytes(problem: IndexedProblem) -> float:
     """Most that fronts take at a time; of subtrees worked on in parallel, that of the largest at once."""
     nodes = problem.tree.nodes
     subtrees, levels = share_out(problem)
@@ -111,16 +109,12 @@ def memory_limit(memory_gb: float | None) -> float:
         return float("inf")
 
 
-def within_limit(problem: Problem, memory_gb: float | None, solver: Solver, reporter: Reporter) -> Problem:
-    """Choose how to solve a problem, and announce what it will take.
+def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
+    """Choose how to solve a problem by its settings, and announce what it will take.
 
     Parameters
     ----------
-    problem : Problem
-    memory_gb : float or None
-        Limit; None: a share of the machine's memory.
-    solver : str
-        `auto`, or one of `direct` and `conjugate_gradients` whatever the forecast.
+    problem : IndexedProblem
     reporter : Reporter
 
     Raises
@@ -128,7 +122,8 @@ def within_limit(problem: Problem, memory_gb: float | None, solver: Solver, repo
     ResourceError
         If the problem is beyond the limit and exact constraints need its factor.
     """
-    expected, limit = forecast(problem), memory_limit(memory_gb)
+    solver = problem.settings.solver
+    expected, limit = forecast(problem), memory_limit(problem.settings.memory_gb)
     _announce(problem, expected, reporter)
     fits = expected.memory_bytes() <= limit
     disk = SHARE * shutil.disk_usage(tempfile.gettempdir()).free
@@ -145,7 +140,7 @@ def within_limit(problem: Problem, memory_gb: float | None, solver: Solver, repo
     return replace(problem, subtrees=subtrees, piece=piece)
 
 
-def _announce(problem: Problem, expected: Forecast, reporter: Reporter) -> None:
+def _announce(problem: IndexedProblem, expected: Forecast, reporter: Reporter) -> None:
     tree = problem.tree
     reporter.log(
         f"{problem.layout.n_kept} unknowns beside the eliminated ones in {len(tree.nodes)} fronts of at most "

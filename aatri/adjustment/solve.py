@@ -24,7 +24,7 @@ from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.statistics.record_tests import RecordTests, tests_of_records
 from aatri.adjustment.stepping.linearity import after_step
-from aatri.adjustment.structure.indexed_problem import Factored, Problem, counts
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, counts
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import State, retract_state
 from aatri.errors import ConvergenceError
@@ -36,7 +36,7 @@ class Solved:
 
     Attributes
     ----------
-    problem : Problem
+    problem : IndexedProblem
         With the weights it was solved with.
     state : dict
         After the step.
@@ -50,7 +50,7 @@ class Solved:
         sqrt(v'v / redundancy); NaN without redundancy.
     """
 
-    problem: Problem
+    problem: IndexedProblem
     state: dict[str, Any]
     factored: Factored
     cost: float
@@ -70,21 +70,20 @@ class Solved:
 
     def tests(self) -> dict[str, RecordTests]:
         """Tests of all records by name of their type, predicted where not active; constraints are not tested."""
-        observed = self.problem.records[: len(self.problem.records) - len(self.problem.constraints)]
         known = self._covariances.records
-        return {r.name: tests_of_records(r, self.state, c) for r, c in zip(observed, known)}
+        return {r.name: tests_of_records(r, self.state, c) for r, c in zip(self.problem.observed, known)}
 
     def reduced_normals(self) -> ReducedNormals:
         """Normal equations of the kept unknowns at the state, blocks eliminated, before Cholesky."""
         return reduced_normals(self.problem, self.state)
 
 
-def solve(problem: Problem, state: State, weights: Mapping[str, Weights] | None = None) -> Solved:
+def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] | None = None) -> Solved:
     """Take one undamped step from a state.
 
     Parameters
     ----------
-    problem : Problem
+    problem : IndexedProblem
         Made by `prepare`.
     state : mapping
         Where to linearise; for a linear problem any.

@@ -7,7 +7,7 @@ import numpy as np
 from aatri.adjustment.conditioning import conditioning, notes_of, refuse_open
 from aatri.adjustment.constraints import factorise_constrained
 from aatri.adjustment.diagnosis import refuse_undetermined
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.weights import with_set_aside
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Int
@@ -18,7 +18,7 @@ Blocks = dict[str, Bool]
 """Some blocks by group, (n,) each."""
 
 
-def weak_blocks_of(problem: Problem, factored: Factored) -> tuple[Blocks, list[Note]]:
+def weak_blocks_of(problem: IndexedProblem, factored: Factored) -> tuple[Blocks, list[Note]]:
     """Single blocks that are open, and warnings of what nearly is.
 
     Raises
@@ -40,7 +40,7 @@ def weak_blocks_of(problem: Problem, factored: Factored) -> tuple[Blocks, list[N
     return weak, list(notes_of(found))
 
 
-def without_weak_blocks(problem: Problem, state: State, weak: Blocks) -> tuple[Problem, Factored, list[Note]]:
+def without_weak_blocks(problem: IndexedProblem, state: State, weak: Blocks) -> tuple[IndexedProblem, Factored, list[Note]]:
     """The problem with weak blocks set aside, and those eliminated ones that are open without them; factorised."""
     notes = [_note(problem, weak, "set aside, its observations hardly determine it")]
     problem = with_set_aside(problem, weak)
@@ -54,7 +54,7 @@ def without_weak_blocks(problem: Problem, state: State, weak: Blocks) -> tuple[P
     return problem, factored, notes
 
 
-def refuse_nearly_singular(problem: Problem, state: State, iterations: int) -> None:
+def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: int) -> None:
     """Raise if a problem that did not converge is singular, or within a factor of ten of the limits.
 
     Raises
@@ -78,13 +78,13 @@ def refuse_nearly_singular(problem: Problem, state: State, iterations: int) -> N
         )
 
 
-def _note(problem: Problem, blocks: Blocks, text: str) -> Note:
+def _note(problem: IndexedProblem, blocks: Blocks, text: str) -> Note:
     groups = [(u.name, u.ids, blocks[u.name]) for u in problem.unknowns if u.name in blocks]
     ids = [f"{name} {one}" for name, of, some in groups for one, out in zip(of, some) if out]
     return Note("warning", text, tuple(ids))
 
 
-def _of_rays(problem: Problem, places: Int) -> Bool:
+def _of_rays(problem: IndexedProblem, places: Int) -> Bool:
     """Which blocks of the eliminated group stand at some places among the rays' blocks."""
     found = np.zeros(len(problem.layout.block), dtype=bool)
     if problem.rays is not None:

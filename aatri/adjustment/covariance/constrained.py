@@ -15,12 +15,12 @@ from aatri.adjustment.constraints import gram, linearised_constraints
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.right_hand_sides import backward, forward
 from aatri.adjustment.records import predicted
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
 
-def covariance_reduction(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:
+def covariance_reduction(problem: IndexedProblem, factored: Factored, state: State) -> dict[str, Float]:
     """W by group and block, (n, k, number of constraints) each; nothing without constraints."""
     if not problem.constraints:
         return {}
@@ -32,7 +32,7 @@ def covariance_reduction(problem: Problem, factored: Factored, state: State) -> 
 
 
 def reduce_covariances(
-    problem: Problem, state: State, W: Mapping[str, Float], groups: Mapping[str, Float], records: tuple[Float, ...]
+    problem: IndexedProblem, state: State, W: Mapping[str, Float], groups: Mapping[str, Float], records: tuple[Float, ...]
 ) -> None:
     """Take W W' off the covariances of all blocks and records, in place."""
     for group, w in W.items():

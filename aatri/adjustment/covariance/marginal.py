@@ -29,7 +29,7 @@ from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.kernels.covariance_sized import covariances
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.threads import run_all, taken, thread_control
@@ -71,7 +71,7 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     return covariances_at(problem, state, adjusted.factored or factorise(problem, state), blocks=blocks)
 
 
-def covariances_at(problem: Problem, state: State, factored: Factored, *, blocks: bool = True) -> Covariances:
+def covariances_at(problem: IndexedProblem, state: State, factored: Factored, *, blocks: bool = True) -> Covariances:
     """Covariances of all unknowns at a state, from the factor of the linearisation there."""
     reduction = covariance_reduction(problem, factored, state)
     down = _Down(problem, state, factored, blocks)
@@ -87,7 +87,7 @@ _NOTHING: Float = np.zeros((0, 0), order="F")
 class _Down:
     """The way down the tree; a front's covariance lives until its children have taken their parts."""
 
-    def __init__(self, problem: Problem, state: State, factored: Factored, blocks: bool) -> None:
+    def __init__(self, problem: IndexedProblem, state: State, factored: Factored, blocks: bool) -> None:
         self.problem, self.state, self.factored, self.blocks = problem, state, factored, blocks
         n_vertices = len(problem.layout.size)
         largest = int(problem.layout.size.max(initial=0))

@@ -11,13 +11,13 @@ from __future__ import annotations
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.records import Records, predicted
 from aatri.adjustment.structure.index import KeptRecords, part_columns
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
 
 def kept_covariances(
-    problem: Problem, kept: KeptRecords, A: Float, k: int, row_of: Int, S: Float, found: Float
+    problem: IndexedProblem, kept: KeptRecords, A: Float, k: int, row_of: Int, S: Float, found: Float
 ) -> None:
     """Those of the kept records of a node, into `found`.
 
@@ -39,13 +39,13 @@ def kept_covariances(
         found[kept.rows[some]] = A[some] @ S[row[:, :, None], row[:, None, :]] @ A[some].swapaxes(1, 2)
 
 
-def direct_covariances(problem: Problem, state: State, block: Float, found: tuple[Float, ...]) -> None:
+def direct_covariances(problem: IndexedProblem, state: State, block: Float, found: tuple[Float, ...]) -> None:
     """Those of the records of one eliminated block alone, into `found`, from `block`, (n_blocks, 3, 3)."""
     for records, rows, number in problem.direct:
         _, (J,) = predicted(records, state, rows)
         found[place_of(problem, records)][rows] = J @ block[number] @ J.swapaxes(1, 2)
 
 
-def place_of(problem: Problem, records: Records) -> int:
+def place_of(problem: IndexedProblem, records: Records) -> int:
     """Place of an observation type among those of the problem."""
     return next(i for i, r in enumerate(problem.records) if r is records)

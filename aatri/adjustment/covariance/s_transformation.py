@@ -26,19 +26,19 @@ import numpy as np
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 
 
 def s_transformed(
-    problem: Problem, state: State, groups: Mapping[str, Float], H: Mapping[str, Float], datum: Mapping[str, Bool]
+    problem: IndexedProblem, state: State, groups: Mapping[str, Float], H: Mapping[str, Float], datum: Mapping[str, Bool]
 ) -> dict[str, Float]:
     """Covariances of all blocks under inner constraints.
 
     Parameters
     ----------
-    problem : Problem
+    problem : IndexedProblem
         With d scalars held that close the open directions.
     state : mapping
     groups : mapping of (n, k, k) float64

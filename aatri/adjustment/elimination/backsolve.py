@@ -14,12 +14,12 @@ from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
 from aatri.adjustment.kernels.eliminate import substitute
 from aatri.adjustment.records import excess, whitened
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
 
-def kept_step(problem: Problem, factored: Factored) -> Float:
+def kept_step(problem: IndexedProblem, factored: Factored) -> Float:
     """Step of the kept unknowns, (n_kept,)."""
     if factored.solution is not None:
         return np.where(problem.layout.held, 0.0, -factored.solution)
@@ -34,7 +34,7 @@ def kept_step(problem: Problem, factored: Factored) -> Float:
     return np.where(problem.layout.held, 0.0, -x)
 
 
-def solve_columns(problem: Problem, factored: Factored, right: Float) -> Float:
+def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> Float:
     """Solve the reduced normal equations for several right-hand sides, (n_kept, m); zero where held."""
     x = np.where(problem.layout.held[:, None], 0.0, right)
     nodes = problem.tree.nodes
@@ -52,7 +52,7 @@ def solve_columns(problem: Problem, factored: Factored, right: Float) -> Float:
     return np.where(problem.layout.held[:, None], 0.0, x)
 
 
-def steps(problem: Problem, factored: Factored, state: State) -> dict[str, Float]:
+def steps(problem: IndexedProblem, factored: Factored, state: State) -> dict[str, Float]:
     """Step of every group of unknowns at the state of the linearisation, (n, k) each; zero where held."""
     dx = kept_step(problem, factored)
     found: dict[str, Float] = {}
@@ -64,7 +64,7 @@ def steps(problem: Problem, factored: Factored, state: State) -> dict[str, Float
     return found
 
 
-def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) -> Float:
+def _block_steps(problem: IndexedProblem, factored: Factored, state: State, dx: Float) -> Float:
     rays = problem.rays
     assert rays is not None
     dy = np.zeros((len(rays.block), 3))
@@ -82,7 +82,7 @@ def _block_steps(problem: Problem, factored: Factored, state: State, dx: Float) 
     return dy
 
 
-def cost_of(problem: Problem, state: State) -> float:
+def cost_of(problem: IndexedProblem, state: State) -> float:
     """Cost of all active records: the sum of squares of the whitened residuals, unless there is a loss."""
     total, of_stretch = 0.0, np.zeros(len(stretches(problem)))
     for kept in problem.kept:
@@ -103,7 +103,7 @@ def cost_of(problem: Problem, state: State) -> float:
     return total + float(of_stretch.sum())
 
 
-def predicted_decrease(problem: Problem, factored: Factored, found: dict[str, Float]) -> float:
+def predicted_decrease(problem: IndexedProblem, factored: Factored, found: dict[str, Float]) -> float:
     """Decrease of the cost by the undamped linear model over a damped step.
 
     With (H + lambda diag H) s = -g it is -g's + lambda s' diag(H) s; the first term is `factored.decrease`.

@@ -9,7 +9,7 @@ import numpy as np
 from aatri.adjustment.elimination.schedule import Stretch
 from aatri.adjustment.records import Fill, predicted, whitened
 from aatri.adjustment.structure.index import KeptRecords, Parts, part_columns
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
@@ -25,7 +25,7 @@ def of_one_part(parts: Parts) -> bool:
     return len(parts.size) == 1
 
 
-def linearised(problem: Problem, fill: Fill, some: Stretch) -> Iterator[Chunk]:
+def linearised(problem: IndexedProblem, fill: Fill, some: Stretch) -> Iterator[Chunk]:
     """Linearised rays of a stretch of blocks, in chunks: first and last block, v, A, B."""
     rays = problem.rays
     assert rays is not None

@@ -26,7 +26,7 @@ from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_a
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_sized import eliminator
 from aatri.adjustment.records import excess, whitened
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
@@ -34,7 +34,7 @@ from aatri.arrays import Bool, Float
 from aatri.errors import ResourceError
 
 
-def factorise(problem: Problem, state: State, damping: float = 0.0) -> Factored:
+def factorise(problem: IndexedProblem, state: State, damping: float = 0.0) -> Factored:
     """Linearise at a state, form and factorise the normal equations.
 
     Raises
@@ -110,7 +110,7 @@ class _Room:
 class Work:
     """State of one factorisation; a node may be finished in any thread once its children are."""
 
-    def __init__(self, problem: Problem, state: State, damping: float) -> None:
+    def __init__(self, problem: IndexedProblem, state: State, damping: float) -> None:
         self.problem, self.damping = problem, damping
         self.pool: ThreadPoolExecutor | None = None
         n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)

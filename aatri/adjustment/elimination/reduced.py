@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.elimination.fronts import Work
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
@@ -35,7 +35,7 @@ class ReducedNormals:
     diagonal: Float
 
 
-def reduced_normals(problem: Problem, state: State) -> ReducedNormals:
+def reduced_normals(problem: IndexedProblem, state: State) -> ReducedNormals:
     """Linearise at a state, eliminate the blocks, and add up what they leave."""
     work, n = Work(problem, state, 0.0), problem.layout.n_kept
     N, g, diagonal = np.zeros((n, n)), np.zeros(n), np.zeros(n)

@@ -22,7 +22,7 @@ from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.kernels.eliminate import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
@@ -50,7 +50,7 @@ class Sides:
         return np.asarray(self.kept.T @ self.kept + flat.T @ flat)
 
 
-def sides_of(problem: Problem, groups: Mapping[str, Float]) -> Sides:
+def sides_of(problem: IndexedProblem, groups: Mapping[str, Float]) -> Sides:
     """Right-hand sides from their blocks by group, (n, k, m) each; what is held counts as zero.
 
     Parameters
@@ -73,7 +73,7 @@ def sides_of(problem: Problem, groups: Mapping[str, Float]) -> Sides:
     return Sides(kept, block, of_block)
 
 
-def forward(problem: Problem, factored: Factored, state: State, right: Sides) -> Sides:
+def forward(problem: IndexedProblem, factored: Factored, state: State, right: Sides) -> Sides:
     """U = L^-1 R."""
     x, of_block = right.kept.copy(), right.of_block
     if len(right.block):
@@ -91,7 +91,7 @@ def forward(problem: Problem, factored: Factored, state: State, right: Sides) ->
     return Sides(x, right.block, of_block)
 
 
-def backward(problem: Problem, factored: Factored, state: State, u: Sides) -> dict[str, Float]:
+def backward(problem: IndexedProblem, factored: Factored, state: State, u: Sides) -> dict[str, Float]:
     """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars."""
     x = u.kept.copy()
     for k in range(len(problem.tree.nodes) - 1, -1, -1):
@@ -118,7 +118,7 @@ def inverse_factors(factor: Float) -> Float:
     return np.asarray(np.linalg.inv(L))
 
 
-def _subtract_blocks(problem: Problem, state: State, block: Int, w: Float, x: Float) -> None:
+def _subtract_blocks(problem: IndexedProblem, state: State, block: Int, w: Float, x: Float) -> None:
     """x -= sum E_p' w_p over some eliminated blocks, w (k, 3, m)."""
     rays = problem.rays
     assert rays is not None
@@ -134,7 +134,7 @@ def _subtract_blocks(problem: Problem, state: State, block: Int, w: Float, x: Fl
     np.subtract.at(x, columns[columns >= 0], value[columns >= 0])
 
 
-def _blocks_back(problem: Problem, factored: Factored, state: State, u: Sides, x: Float) -> Float:
+def _blocks_back(problem: IndexedProblem, factored: Factored, state: State, u: Sides, x: Float) -> Float:
     """Z of the eliminated blocks, (n_blocks, 3, m): each linearisation serves all columns."""
     rays = problem.rays
     assert rays is not None

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import Node
 
 THREADED_FLOPS = 5e8
@@ -25,7 +25,7 @@ PARALLEL_FLOPS = 1e9
 """Problems with less work than this run in one thread: others would mostly wait."""
 
 
-def share_out(problem: Problem) -> tuple[list[list[int]], list[list[int]]]:
+def share_out(problem: IndexedProblem) -> tuple[list[list[int]], list[list[int]]]:
     """Subtrees to run in parallel, the largest first, and the nodes above them, level by level from below."""
     nodes, rays = problem.tree.nodes, problem.rays
     count = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])
@@ -74,7 +74,7 @@ class Stretch:
     last: int
 
 
-def stretches(problem: Problem) -> list[Stretch]:
+def stretches(problem: IndexedProblem) -> list[Stretch]:
     """All blocks, in stretches of at most some `STRETCH` rays: the same for any number of threads."""
     found: list[Stretch] = []
     for k in range(len(problem.tree.nodes) if problem.rays is not None else 0):
@@ -82,7 +82,7 @@ def stretches(problem: Problem) -> list[Stretch]:
     return found
 
 
-def of_node(problem: Problem, k: int, number: int = 0) -> list[Stretch]:
+def of_node(problem: IndexedProblem, k: int, number: int = 0) -> list[Stretch]:
     """The stretches of one node, numbered from `number` on."""
     rays = problem.rays
     assert rays is not None
@@ -99,7 +99,7 @@ def of_node(problem: Problem, k: int, number: int = 0) -> list[Stretch]:
     return [Stretch(number + i, k, a, b) for i, (a, b) in enumerate(pairwise(cuts))]
 
 
-def in_parallel(problem: Problem, work: Callable[[Sequence[Stretch]], None]) -> None:
+def in_parallel(problem: IndexedProblem, work: Callable[[Sequence[Stretch]], None]) -> None:
     """Work on all blocks, in any order, shared out among the threads."""
     rays = problem.rays
     assert rays is not None
@@ -114,7 +114,7 @@ def in_parallel(problem: Problem, work: Callable[[Sequence[Stretch]], None]) -> 
         list(pool.map(work, parts))
 
 
-def blas_threads(problem: Problem, nodes: Sequence[int]) -> int:
+def blas_threads(problem: IndexedProblem, nodes: Sequence[int]) -> int:
     """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
     largest = max((problem.tree.nodes[k].flops for k in nodes), default=0.0)
-    return problem.threads if largest > THREADED_FLOPS and not problem.reproducible else 1
+    return problem.threads if largest > THREADED_FLOPS and not problem.settings.reproducible else 1

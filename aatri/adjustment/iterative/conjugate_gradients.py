@@ -36,7 +36,7 @@ from aatri.adjustment.iterative.preconditioner import partly_factorised
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.kernels.implicit import along_rays, onto_kept
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError, GeometryError
@@ -58,12 +58,12 @@ SHARES = 8
 """Parts of the sums over rays, each added up by one thread: the same bits for any number of threads."""
 
 
-def solve_by_conjugate_gradients(problem: Problem, state: State, damping: float = 0.0) -> Factored:
+def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping: float = 0.0) -> Factored:
     """Linearise at a state and solve the normal equations without their factor.
 
     Parameters
     ----------
-    problem : Problem
+    problem : IndexedProblem
         With the subtrees to factorise.
     state : mapping
     damping : float
@@ -88,7 +88,7 @@ def solve_by_conjugate_gradients(problem: Problem, state: State, damping: float 
     return replace(factored, solution=x)
 
 
-def refuse_singular(problem: Problem, state: State) -> None:
+def refuse_singular(problem: IndexedProblem, state: State) -> None:
     """Find out whether the problem is determined at a state.
 
     Raises
@@ -169,7 +169,7 @@ def _smallest_eigenvalue(alphas: list[float], betas: list[float]) -> float:
 class _Reduced:
     """The reduced normal matrix at a state, and its gradient."""
 
-    def __init__(self, problem: Problem, state: State, factored: Factored) -> None:
+    def __init__(self, problem: IndexedProblem, state: State, factored: Factored) -> None:
         self.problem, self.factored = problem, factored
         self.free = ~problem.layout.held
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
@@ -225,7 +225,7 @@ class _Reduced:
         return total
 
 
-def _shares(problem: Problem) -> list[list[Stretch]]:
+def _shares(problem: IndexedProblem) -> list[list[Stretch]]:
     """All blocks, in `SHARES` parts of about equally many rays."""
     rays, some = problem.rays, stretches(problem)
     assert rays is not None

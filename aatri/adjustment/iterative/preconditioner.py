@@ -30,7 +30,7 @@ from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
-from aatri.adjustment.structure.indexed_problem import Factored, Problem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
@@ -46,7 +46,7 @@ class Preconditioner:
 
     Attributes
     ----------
-    problem : Problem
+    problem : IndexedProblem
     below : tuple of int
         Nodes of the subtrees, children before parents.
     panels : Panels
@@ -54,7 +54,7 @@ class Preconditioner:
         Kept columns of each piece above, and its factor.
     """
 
-    problem: Problem
+    problem: IndexedProblem
     below: tuple[int, ...]
     panels: Panels
     pieces: tuple[tuple[Int, Float], ...]
@@ -78,7 +78,7 @@ class Preconditioner:
         return x
 
 
-def partly_factorised(problem: Problem, state: State, damping: float) -> tuple[Preconditioner, Factored]:
+def partly_factorised(problem: IndexedProblem, state: State, damping: float) -> tuple[Preconditioner, Factored]:
     """Linearise at a state, eliminate all blocks, and factorise the subtrees and pieces.
 
     Returns
@@ -106,7 +106,7 @@ def partly_factorised(problem: Problem, state: State, damping: float) -> tuple[P
 class _Pieces:
     """Diagonal blocks of the unknowns above, while they are summed up."""
 
-    def __init__(self, problem: Problem, above: list[int]) -> None:
+    def __init__(self, problem: IndexedProblem, above: list[int]) -> None:
         self.problem = problem
         nodes, size = problem.tree.nodes, problem.layout.size
         own = [nodes[k].vertices[: nodes[k].own] for k in above]

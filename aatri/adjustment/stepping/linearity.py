@@ -17,7 +17,7 @@ from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
 from aatri.adjustment.kernels.linearity import largest_departure
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
@@ -25,12 +25,12 @@ LINEAR = 1e-6
 """Most that an adjusted observation may depart from the linear model, in its standard deviations."""
 
 
-def after_step(problem: Problem, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
+def after_step(problem: IndexedProblem, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
     """Largest departure of a residual from the linear model, in its standard deviations, and the cost of the new state.
 
     Parameters
     ----------
-    problem : Problem
+    problem : IndexedProblem
     old, new : mapping
         States before and after the step.
     step : dict of str to (n, k) float64
@@ -53,7 +53,7 @@ def _of_records(records: Records, rows: Int, old: State, new: State, step: dict[
     return float(np.abs(v - after).max(initial=0.0)), float((after**2).sum())
 
 
-def _of_rays(problem: Problem, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
+def _of_rays(problem: IndexedProblem, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:
     rays, column = problem.rays, problem.ray_columns
     assert rays is not None
     dx = np.zeros(problem.layout.n_kept)

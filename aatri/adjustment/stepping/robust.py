@@ -17,7 +17,7 @@ import numpy as np
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.runaways import rays_beyond
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import with_records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Int
@@ -35,36 +35,36 @@ ENOUGH = 0.9
 """Curvature from which on the decrement is taken for that of Newton's method."""
 
 
-def down_weighted(problem: Problem, state: State) -> int:
+def down_weighted(problem: IndexedProblem, state: State) -> int:
     """Number of records beyond the bound of their loss."""
     few = [(k.records, k.rows) for k in problem.kept] + [(r, rows) for r, rows, _ in problem.direct]
     count = sum(int(_beyond(records, state, rows).sum()) for records, rows in few)
     return count + int(rays_beyond(problem, state).sum())
 
 
-def settled(problem: Problem, state: State) -> bool:
+def settled(problem: IndexedProblem, state: State) -> bool:
     """Whether the decrement is nearly that of Newton's method, so that it may end the iteration."""
     return curvature_of(problem) >= ENOUGH or down_weighted(problem, state) == 0
 
 
-def bolder(problem: Problem, decrement: float) -> Problem:
+def bolder(problem: IndexedProblem, decrement: float) -> IndexedProblem:
     """The problem for the step after one that was taken: near the optimum, closer to Newton's method."""
     if not _losses(problem) or decrement > NEAR:
         return problem
     return with_curvature(problem, min(1 - BOLDER * (1 - curvature_of(problem)), NEWTON))
 
 
-def more_cautious(problem: Problem) -> Problem:
+def more_cautious(problem: IndexedProblem) -> IndexedProblem:
     """The problem for the step after one that was refused: closer to reweighted least squares."""
     return with_curvature(problem, max(1 - CAUTIOUS * (1 - curvature_of(problem)), 0.0))
 
 
-def curvature_of(problem: Problem) -> float:
+def curvature_of(problem: IndexedProblem) -> float:
     """Curvature of the losses; 0 without a loss."""
     return max((loss.curvature for loss in _losses(problem)), default=0.0)
 
 
-def with_curvature(problem: Problem, curvature: float) -> Problem:
+def with_curvature(problem: IndexedProblem, curvature: float) -> IndexedProblem:
     """The problem with another curvature of its losses."""
     if not _losses(problem) or curvature == curvature_of(problem):
         return problem
@@ -85,7 +85,7 @@ def refuse_covariances(records_beyond: int) -> None:
         raise ValueError(f"no covariances: {records_beyond} records are down-weighted; adjust once more without loss")
 
 
-def _losses(problem: Problem) -> list[Huber]:
+def _losses(problem: IndexedProblem) -> list[Huber]:
     return [r.loss for r in problem.records if r.loss is not None]
 
 

@@ -21,7 +21,7 @@ from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import whitened
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -38,12 +38,12 @@ FIRST, LESS, MORE, LEAST = 1e-3, 0.2, 8.0, 1e-9
 Veto = Callable[[State, State], str]
 
 
-def steadied(problem: Problem, state: dict[str, Any], veto: Veto | None = None) -> dict[str, Any]:
+def steadied(problem: IndexedProblem, state: dict[str, Any], veto: Veto | None = None) -> dict[str, Any]:
     """The state with its open blocks moved to their own optimum, everything else held.
 
     Parameters
     ----------
-    problem : Problem
+    problem : IndexedProblem
     state : dict
     veto : callable, optional
         What it refuses is not done.
@@ -57,7 +57,7 @@ def steadied(problem: Problem, state: dict[str, Any], veto: Veto | None = None) 
     return state if veto and veto(state, moved) else moved
 
 
-def rays_beyond(problem: Problem, state: State) -> Bool:
+def rays_beyond(problem: IndexedProblem, state: State) -> Bool:
     """Which rays lie beyond the bound of their loss, in the order of the rays."""
     rays = problem.rays
     if rays is None or rays.records.loss is None:
@@ -74,7 +74,7 @@ def rays_beyond(problem: Problem, state: State) -> Bool:
     return beyond
 
 
-def _open(problem: Problem, state: State) -> Int:
+def _open(problem: IndexedProblem, state: State) -> Int:
     """Blocks that their records within the bound do not determine; others than these have their own observations."""
     rays = problem.rays
     assert rays is not None
@@ -89,7 +89,7 @@ def _open(problem: Problem, state: State) -> Int:
     return np.flatnonzero(found)
 
 
-def _moved(problem: Problem, state: dict[str, Any], blocks: Int, loss: Huber) -> dict[str, Any]:
+def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int, loss: Huber) -> dict[str, Any]:
     """Damped Newton steps of all blocks at once, each accepted or refused by its own cost."""
     rays, group = problem.rays, problem.layout.eliminated
     assert rays is not None
@@ -122,7 +122,7 @@ def _steps(D: Float, h: Float, damping: Float) -> Float:
     return np.asarray(-np.linalg.solve(D + added[:, :, None] * np.eye(3), h[:, :, None])[:, :, 0])
 
 
-def _normal_equations(problem: Problem, state: State, blocks: Int) -> tuple[Float, Float, Float]:
+def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tuple[Float, Float, Float]:
     """Cost (n,), D (n, 3, 3) and h (n, 3) of some blocks by their own rays."""
     rays = problem.rays
     assert rays is not None

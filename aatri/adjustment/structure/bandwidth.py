@@ -17,7 +17,7 @@ import numpy as np
 
 from aatri.adjustment.structure.graph import Graph, border_vertices
 from aatri.adjustment.structure.index_problem import Ordering, graph_of, tree_of
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Bool, Float, Int
 
@@ -48,13 +48,13 @@ class OrderingFigures:
 
 
 def ordering_figures(
-    problem: Problem, used: Ordering, others: Sequence[Ordering], position: Float
+    problem: IndexedProblem, used: Ordering, others: Sequence[Ordering], position: Float
 ) -> tuple[OrderingFigures, ...]:
     """Figures of the order in use, and of others.
 
     Parameters
     ----------
-    problem : Problem
+    problem : IndexedProblem
     used : str
         Name of the problem's own order.
     others : sequence of str

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
 from aatri.adjustment.kernels.graph import counting_order, neighbours
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
+from aatri.adjustment.settings import Ordering as Ordering
+from aatri.adjustment.settings import Settings
 from aatri.adjustment.structure.graph import Graph, OrderedNode, border_vertices, chain, nested_dissection
 from aatri.adjustment.structure.index import Parts, group_sizes, index_kept, index_rays, parts_of
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import Layout, layout_of, ray_records
 from aatri.adjustment.structure.minimum_degree import minimum_degree
 from aatri.adjustment.structure.tree import Tree, build_tree
 from aatri.adjustment.structure.weights import with_parts_taken
-from aatri.adjustment.threads import default_threads
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Int
-
-Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
 
 DENSE_VERTICES = 80
 """Up to this many vertices (some 500 unknowns) `auto` takes everything in one front."""
@@ -32,51 +32,52 @@ COMPARED_FLOPS = 5e5
 """Work per vertex above which a second order costs less than a better one is likely to save."""
 
 
-def prepare(
-    unknowns: Sequence[Unknowns],
-    records: Sequence[Records],
-    *,
-    ordering: Ordering = "auto",
-    threads: int | None = None,
-    reproducible: bool = False,
-) -> Problem:
-    """Index a problem, over all records, active or not.
+def prepare(unknowns: Sequence[Unknowns], records: Sequence[Records], **settings: Any) -> IndexedProblem:
+    """Index a problem without constraints, over all records, active or not.
 
     Parameters
     ----------
     unknowns, records
-    ordering : str
-        `nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the chains `across_strips` and
-        `along_strips`: by the second or the first coordinate of the blocks' positions.
-    threads : int, optional
-        Default: all processors.
-    reproducible : bool
-        The same bits for any number of threads.
+    **settings
+        Of `Settings`.
     """
+    return indexed(Problem(tuple(unknowns), tuple(records)), Settings(**settings))
+
+
+def indexed(problem: Problem, settings: Settings, support: Sequence[Records] = ()) -> IndexedProblem:
+    """Index a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : Settings
+    support : sequence of Records
+        Its constraints as records of a weight, see `constraints`.
+    """
+    unknowns, records = problem.unknowns, (*problem.records, *support)
     layout = layout_of(unknowns, records)
     sizes = group_sizes(unknowns)
     rays_of = ray_records(records, layout.eliminated) if layout.eliminated else None
     kept, direct = _sorted_out(records, rays_of, layout)
     ray_parts = _ray_parts(rays_of, layout, sizes) if rays_of is not None else None
     graph = _graph(layout, [parts_of(r, rows, layout, sizes) for r, rows in kept], ray_parts)
-    tree = tree_of(graph, layout, ordering)
+    tree = tree_of(graph, layout, settings.ordering)
     rays = index_rays(rays_of, *ray_parts, layout, tree) if rays_of is not None and ray_parts is not None else None
     free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
-    problem = Problem(
-        tuple(unknowns),
-        tuple(unknowns),
-        tuple(records),
+    found = IndexedProblem(
+        problem,
+        unknowns,
+        records,
         layout,
         tree,
         rays,
         tuple(index_kept(r, rows, layout, tree, sizes) for r, rows in kept),
         tuple((r, rows, position[layout.block[blocks]]) for r, rows, blocks in direct),
         free,
-        threads or default_threads(),
-        reproducible,
+        settings,
         np.zeros((len(free), 3, 3)),
     )
-    return with_parts_taken(problem)
+    return with_parts_taken(found)
 
 
 def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout) -> Graph:

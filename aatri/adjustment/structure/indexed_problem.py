@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Fill, Records, active_lane
+from aatri.adjustment.settings import Settings
 from aatri.adjustment.structure.index import KeptRecords, Rays
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
-from aatri.adjustment.threads import taken
+from aatri.adjustment.threads import default_threads, taken
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 
@@ -22,17 +24,17 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Problem:
+class IndexedProblem:
     """An adjustment problem with its index: made once, used in every iteration.
 
     Attributes
     ----------
-    stated : tuple of Unknowns
-        The unknowns as they were given.
+    stated : Problem
+        What was indexed, as it was stated.
     unknowns : tuple of Unknowns
-        The same with all scalars held of blocks that take no part; see `weights`.
+        Its unknowns, with all scalars held of blocks that take no part; see `weights`.
     records : tuple of Records
-        Active or not: the index does not depend on it.
+        Its records, active or not: the index does not depend on it. The constraints follow them, as records of a weight.
     layout : Layout
     tree : Tree
     rays : Rays or None
@@ -41,16 +43,12 @@ class Problem:
         Records that touch one eliminated block and nothing else.
     block_free : (n_blocks, 3) float64
         1 where a scalar of an eliminated block is free, in the order of the rays' blocks.
-    threads : int
-    reproducible : bool
-        The same bits for any number of threads: one BLAS thread throughout.
+    settings : Settings
     hold : (n_blocks, 3, 3) float64
         Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
         finite optimum, whose steps it shortens.
     set_aside : dict of str to (n,) bool
         Blocks of any group that are held as weak, with all their records inactive.
-    constraints : tuple of Records
-        What must hold exactly; see `constraints`.
     spill : bool
         The panels of the factor go to a file.
     subtrees : tuple of tuple of int, optional
@@ -59,7 +57,7 @@ class Problem:
         Then: how many of the other unknowns are factorised together, at most.
     """
 
-    stated: tuple[Unknowns, ...]
+    stated: Problem
     unknowns: tuple[Unknowns, ...]
     records: tuple[Records, ...]
     layout: Layout
@@ -68,14 +66,27 @@ class Problem:
     kept: tuple[KeptRecords, ...]
     direct: tuple[tuple[Records, Int, Int], ...]
     block_free: Float
-    threads: int
-    reproducible: bool
+    settings: Settings
     hold: Float
     set_aside: dict[str, Bool] = field(default_factory=dict)
-    constraints: tuple[Records, ...] = ()
     spill: bool = False
     subtrees: tuple[tuple[int, ...], ...] | None = None
     piece: int = 0
+
+    @property
+    def constraints(self) -> tuple[Records, ...]:
+        """What must hold exactly; see `constraints`."""
+        return self.stated.constraints
+
+    @property
+    def threads(self) -> int:
+        """Threads to use."""
+        return self.settings.threads or default_threads()
+
+    @property
+    def observed(self) -> tuple[Records, ...]:
+        """The records without the constraints."""
+        return self.records[: len(self.records) - len(self.constraints)]
 
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
@@ -142,7 +153,7 @@ class Factored:
         return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
 
 
-def counts(problem: Problem) -> tuple[int, int, int]:
+def counts(problem: IndexedProblem) -> tuple[int, int, int]:
     """Observations, unknowns, and redundancy, which counts the constraints."""
     conditions = sum(r.observations for r in problem.constraints)
     observations = sum(r.observations for r in problem.records) - conditions

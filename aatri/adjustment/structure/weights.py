@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.records import Records
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import with_held
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Bool, Float
@@ -34,7 +34,7 @@ class Weights:
     whitener: Float | None = None
 
 
-def with_weights(problem: Problem, weights: Mapping[str, Weights]) -> Problem:
+def with_weights(problem: IndexedProblem, weights: Mapping[str, Weights]) -> IndexedProblem:
     """The problem with other weights of some observation types, by name.
 
     Raises
@@ -42,17 +42,16 @@ def with_weights(problem: Problem, weights: Mapping[str, Weights]) -> Problem:
     ValueError
         If a name is not that of exactly one observation type, or an array has another shape than before.
     """
-    observed = problem.records[: len(problem.records) - len(problem.constraints)]
     changed = {}
     for name, new in weights.items():
-        named = [r for r in observed if r.name == name]
+        named = [r for r in problem.observed if r.name == name]
         if len(named) != 1:
             raise ValueError(f"{len(named)} observation types are called {name}: weights need one")
         changed[id(named[0])] = _weighted(named[0], new)
     return with_parts_taken(with_records(problem, changed))
 
 
-def with_records(problem: Problem, changed: Mapping[int, Records]) -> Problem:
+def with_records(problem: IndexedProblem, changed: Mapping[int, Records]) -> IndexedProblem:
     """The problem with some records in the place of others, by `id` of the old; nothing is indexed anew."""
     rays = problem.rays
     return replace(
@@ -64,13 +63,13 @@ def with_records(problem: Problem, changed: Mapping[int, Records]) -> Problem:
     )
 
 
-def with_parts_taken(problem: Problem) -> Problem:
+def with_parts_taken(problem: IndexedProblem) -> IndexedProblem:
     """The problem with those blocks held whose records are all inactive."""
-    aside = _aside(problem.stated, problem.records)
+    aside = _aside(problem.stated.unknowns, problem.records)
     for name, more in problem.set_aside.items():
         aside[name] = aside[name] | more
     unknowns = tuple(
-        replace(u, free=u.free & ~aside[u.name][:, None]) if aside[u.name].any() else u for u in problem.stated
+        replace(u, free=u.free & ~aside[u.name][:, None]) if aside[u.name].any() else u for u in problem.stated.unknowns
     )
     if all(new is old for new, old in zip(unknowns, problem.unknowns)):
         return problem
@@ -81,7 +80,7 @@ def with_parts_taken(problem: Problem) -> Problem:
     return replace(problem, unknowns=unknowns, layout=with_held(problem.layout, unknowns), block_free=free)
 
 
-def with_set_aside(problem: Problem, blocks: Mapping[str, Bool]) -> Problem:
+def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> IndexedProblem:
     """The problem with some blocks held, and all records inactive that touch them."""
     aside = dict(problem.set_aside)
     for name, some in blocks.items():
@@ -97,9 +96,9 @@ def with_set_aside(problem: Problem, blocks: Mapping[str, Bool]) -> Problem:
     return with_parts_taken(replace(with_records(problem, changed), set_aside=aside))
 
 
-def taking_no_part(problem: Problem) -> dict[str, Bool]:
+def taking_no_part(problem: IndexedProblem) -> dict[str, Bool]:
     """Blocks with free scalars that are held: set aside, or none of their records is active; (n,) by group."""
-    return {u.name: np.asarray((u.free & ~v.free).any(axis=1)) for u, v in zip(problem.stated, problem.unknowns)}
+    return {u.name: np.asarray((u.free & ~v.free).any(axis=1)) for u, v in zip(problem.stated.unknowns, problem.unknowns)}
 
 
 def _aside(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> dict[str, Bool]:

@@ -23,7 +23,7 @@ from aatri.adjustment.solve import Solved, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.variance_components import added_sigma
 from aatri.adjustment.structure.index_problem import prepare
-from aatri.adjustment.structure.indexed_problem import Problem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Bool, Float
@@ -56,7 +56,7 @@ class TiedProblem(Generic[S]):
 
     ties: Ties[S]
     given: Sequence[GivenPoints]
-    index: Problem
+    index: IndexedProblem
     base_m: Float
     what: str
 

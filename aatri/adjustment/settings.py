@@ -1,0 +1,41 @@
+"""How a problem is to be solved: given once, by whoever states the problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
+
+Solver = Literal["auto", "direct", "conjugate_gradients"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of an adjustment.
+
+    Attributes
+    ----------
+    max_iterations : int
+    tolerance : float
+        Bound of the Newton decrement.
+    ordering : str
+        `nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the chains
+        `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions.
+    threads : int, optional
+        Default: all processors.
+    reproducible : bool
+        The same bits for any number of threads.
+    memory_gb : float, optional
+        Limit of the memory; default: a share of the machine's.
+    solver : str
+        `auto`, or one of `direct` and `conjugate_gradients` whatever the forecast; see `forecast`.
+    """
+
+    max_iterations: int = 30
+    tolerance: float = 1e-3
+    ordering: Ordering = "auto"
+    threads: int | None = None
+    reproducible: bool = False
+    memory_gb: float | None = None
+    solver: Solver = "auto"

@@ -1,0 +1,151 @@
+"""One iteration: what it stands on, and how it goes to the next, by a step that is taken, damped or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints
+from aatri.adjustment.diagnosis import refuse_undetermined
+from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease
+from aatri.adjustment.records import whitened
+from aatri.adjustment.stepping.damping import Damping, gain
+from aatri.adjustment.stepping.robust import POOR, bolder, curvature_of, more_cautious
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
+from aatri.errors import ConvergenceError
+from aatri.notes import Note
+from aatri.progress import Reporter
+
+HOLD = 1e-9
+"""Share of its own normal matrix by which the steps of a block without finite optimum are shortened."""
+
+Veto = Callable[[State, State], str]
+"""(old, new) -> why the new state is refused, or an empty text."""
+
+ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"
+
+
+@dataclass(frozen=True)
+class IterationState:
+    """What an iteration stands on.
+
+    Attributes
+    ----------
+    problem : IndexedProblem
+        With the curvature of its losses and the blocks slowed down so far.
+    state : dict
+        Values of all groups.
+    factored : Factored
+        The linearisation there.
+    damping : Damping
+    """
+
+    problem: IndexedProblem
+    state: dict[str, Any]
+    factored: Factored
+    damping: Damping = Damping()
+
+    @property
+    def decrement(self) -> float:
+        """Newton decrement of all but the blocks that have no finite optimum."""
+        runaway = self.problem.hold[:, 0, 0] > 0
+        own = float((self.factored.block_y[runaway] ** 2).sum())
+        return float(np.sqrt(max(self.factored.decrease - own, 0.0)))
+
+
+def following(
+    here: IterationState, trial: dict[str, Any], found: dict[str, Float], veto: Veto | None, reporter: Reporter
+) -> IterationState:
+    """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs.
+
+    Parameters
+    ----------
+    trial : dict
+        The state after the step.
+    found : dict of str to (n, k) float64
+        The step.
+    """
+    problem, factored, damping = here.problem, here.factored, here.damping
+    refused = veto(here.state, trial) if veto else ""
+    before = factored.cost + penalty(problem, here.state, factored)
+    next_: Factored | None = None
+    then = problem
+    if not refused and damping.value == 0.0:
+        then = bolder(problem, here.decrement)
+        next_ = factorise_constrained(then, trial)
+        cost = next_.cost + penalty(problem, trial, factored)
+        refused = _worse(cost, before)
+        if not refused and curvature_of(problem) > 0 and gain(before, cost, factored.decrease) < POOR:
+            then = more_cautious(problem)
+            next_ = factorise_constrained(then, trial)
+    elif not refused:
+        cost = cost_of(problem, trial) + penalty(problem, trial, factored)
+        refused = _worse(cost, before)
+        if not refused:
+            predicted = predicted_decrease(problem, factored, found) + predicted_by_constraints(factored)
+            damping = damping.accepted(gain(before, cost, predicted))
+            next_ = factorise_constrained(problem, trial, damping.value)
+    if next_ is not None and not refused:
+        return IterationState(then, trial, next_, damping)
+    reporter.log(f"step refused: {refused}")
+    if curvature_of(problem) > 0:
+        problem = more_cautious(problem)
+    else:
+        damping = damping.refused()
+    return IterationState(problem, here.state, factorise_constrained(problem, here.state, damping.value), damping)
+
+
+def with_runaways_slowed(here: IterationState) -> tuple[IterationState, list[Note]]:
+    """Slow down eliminated blocks that have lost their determination on the way."""
+    problem, lost = here.problem, np.flatnonzero(here.factored.determined == 0)
+    if not len(lost) or problem.rays is None:
+        return here, []
+    group = next(u for u in problem.unknowns if u.eliminated)
+    names = tuple(str(group.ids[k]) for k in np.sort(problem.rays.block[lost]))
+    note = Note("warning", f"has no finite optimum, its rays are parallel: {group.name}", names)
+    hold = problem.hold.copy()
+    hold[lost] = HOLD * _size(problem, here.state, lost)[:, None, None] * np.eye(3)
+    slowed = replace(problem, hold=hold)
+    factored = factorise_constrained(slowed, here.state, here.factored.damping)
+    return replace(here, problem=slowed, factored=factored), [note]
+
+
+def refuse_unusable(here: IterationState) -> None:
+    """Raise if no step can be taken from here.
+
+    Raises
+    ------
+    ConvergenceError
+        If residuals are not finite.
+    GeometryError
+        If unknowns are not determined.
+    """
+    factored = here.factored
+    if not np.isfinite(factored.cost):
+        raise ConvergenceError("residuals are not finite", remedy=ADVICE)
+    if factored.damping == 0.0 and (factored.weak or (factored.determined == 0).any()):
+        refuse_undetermined(here.problem, here.state, factored)
+
+
+def _size(problem: IndexedProblem, state: State, blocks: Int) -> Float:
+    """Trace of the normal matrix of some eliminated blocks."""
+    rays = problem.rays
+    assert rays is not None
+    of_block = [group for group, _ in rays.records.touches].index(problem.layout.eliminated)
+    found = np.empty(len(blocks))
+    for i, p in enumerate(blocks):
+        rows = rays.rows[rays.ray_start[p] : rays.ray_start[p + 1]]
+        _, jacobians = whitened(rays.records, state, rows)
+        found[i] = (jacobians[of_block] ** 2).sum()
+    return found
+
+
+def _worse(trial: float, cost: float) -> str:
+    if not np.isfinite(trial):
+        return "residuals are not finite"
+    return f"cost rises from {cost:.6g} to {trial:.6g}" if trial > cost * (1 + 1e-10) + 1e-10 else ""
