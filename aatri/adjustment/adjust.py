@@ -25,7 +25,7 @@ from aatri.adjustment.forecast import within_limit
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import Settings
-from aatri.adjustment.stepping.iteration import (
+from aatri.adjustment.iteration import (
     ADVICE,
     IterationState,
     Veto,
