@@ -106,6 +106,7 @@ def test_an_unknown_camera_is_named_with_line_and_the_nearest_name(project: Path
     assert current(project) == set()
 
 
+@pytest.mark.slow
 def test_a_point_seen_once_is_rejected_listed_and_the_run_goes_on(project: Path) -> None:
     lines(POINTS, lambda line: line, more="0101,LONELY,150,150,0.005,0.005\n")(project / "block")
     _runs("rejected: image_point 0101/LONELY: seen in one image only")
@@ -143,6 +144,7 @@ def test_an_image_without_points_among_ten_is_an_error(project: Path) -> None:
     assert current(project) == set()
 
 
+@pytest.mark.slow
 def test_an_image_without_points_but_with_a_position_is_left_out_and_named(project: Path) -> None:
     lines(POINTS, lambda line: None if line.startswith("0103,") else line)(project / "block")
     _runs(
@@ -153,12 +155,14 @@ def test_an_image_without_points_but_with_a_position_is_left_out_and_named(proje
     assert current(project) == ALL
 
 
+@pytest.mark.slow
 def test_strips_with_nothing_in_common_are_named(project: Path) -> None:
     lines(POINTS, _no_link)(project / "block")
     _fails(4, "strip 1 and strip 2 have no common point", "component 2 (strip 2): not determined")
     assert current(project) == BEFORE_ABSOLUTE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [0, 2])
 def test_too_little_control_names_what_stays_undetermined(project: Path, count: int) -> None:
     without(EXTERIOR)(project / "block")
@@ -168,6 +172,7 @@ def test_too_little_control_names_what_stays_undetermined(project: Path, count: 
     assert current(project) == BEFORE_ABSOLUTE
 
 
+@pytest.mark.slow
 def test_collinear_control_names_the_rotation_about_the_line(project: Path) -> None:
     _on_a_line(project / "block")
     write_pipeline(project, TABLES, FLAT)
@@ -198,6 +203,7 @@ def test_wrong_wiring_is_found_before_anything_runs(project: Path, initial: str,
     assert not (project / "run").exists()
 
 
+@pytest.mark.slow
 def test_after_a_failure_nothing_below_it_is_current(project: Path) -> None:
     assert aatri("run", "-q").exit_code == 0
     assert current(project) == ALL

@@ -12,6 +12,8 @@ import pytest
 
 from tests.acceptance.small_block import SIMULATE, STAGES, TABLES, aatri, current, write_pipeline
 
+pytestmark = pytest.mark.slow
+
 DEMO = Path(__file__).parents[2] / "pipeline.yaml"
 
 

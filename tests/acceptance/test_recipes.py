@@ -15,6 +15,7 @@ SMALL = ("flight.strips=3", "flight.images_per_strip=6", "flight.cross_strips=1"
          "known.full=12", "known.check_full=6")  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda path: path.stem)
 def test_a_recipe_runs(recipe: Path, tmp_path: Path) -> None:
     small = [word for setting in SMALL for word in ("--set", f"block.{setting}")]

@@ -166,6 +166,7 @@ def as_json(artifact: Artifact) -> dict[str, Any]:
     return told
 
 
+@pytest.mark.slow
 def test_every_artifact_of_the_chain_is_valid_by_the_schema() -> None:
     assert aatri("schema", "--artifacts", "--out", "artifacts.json").stdout == "artifacts.json\n"
     schema = json.loads(Path("artifacts.json").read_text(encoding="utf-8"))

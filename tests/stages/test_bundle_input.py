@@ -228,7 +228,6 @@ def test_what_was_rejected_stays_out_and_what_was_not_does_not(tmp_path: Path) -
         assert taken.sigma0 > 2
 
 
-@pytest.mark.xfail(strict=True, reason="the covariance of what is rejected is not predicted")
 def test_a_right_observation_that_was_rejected_comes_back_alone(tmp_path: Path) -> None:
     measured = OF.xy_mm.copy()
     wrong, right = 7, 40

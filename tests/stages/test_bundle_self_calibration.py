@@ -79,6 +79,7 @@ def test_brown_conrady_finds_the_parameters_that_were_put_in(distorted: Chain) -
     assert any("not significant at 5 %" in line and "b2" in line for line in told.lines)
 
 
+@pytest.mark.slow
 def test_an_effect_outside_a_set_shows_in_sigma0_and_in_the_residual_field() -> None:
     """bauer3 has no term of the fifth order: what k2 leaves over is in its residuals, where it must be."""
     strong = run_chain(_claimed_free_of_distortion({"k2": -2e-12}), FILM)

@@ -61,6 +61,7 @@ def test_a_correlated_field_is_recovered_as_well_as_theory_says(model: str) -> N
     assert _rms(np.array(error)) < 0.7 * _rms(np.array(before))
 
 
+@pytest.mark.slow
 def test_the_covariance_function_is_found() -> None:
     rng = np.random.default_rng(2)
     variance, noise, models = [], [], []
@@ -76,6 +77,7 @@ def test_the_covariance_function_is_found() -> None:
     assert models.count("gaussian") >= 6
 
 
+@pytest.mark.slow
 def test_many_residuals_are_gathered_and_average_their_noise() -> None:
     # the same plate seen in 200 images: noise of a cell falls with the root of their number
     rng = np.random.default_rng(3)
