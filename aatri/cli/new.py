@@ -27,7 +27,7 @@ class Source(StrEnum):
 
 _HEAD = {
     Source.tables: """\
-# A block given as tables: put block.yaml, images.csv ... into the folder `block` beside this file.
+# A block given as tables: fill in block.yaml, images.csv ... in the folder `block` beside this file.
 # Film with measured fiducials takes interior_orientation/affine, digital images interior_orientation/calibrated.
 """,
     Source.wucaps: """\
@@ -89,7 +89,12 @@ def new(
         narrate(f"next: pytest {folder / 'tests'}, then aatri run --local-plugins with `use: {plugin}`")
         return
     path = folder / "pipeline.yaml"
-    _write({path: _text(block)})
+    files = {path: _text(block)}
+    if block is Source.tables:
+        from aatri.cli.new_block import block_templates
+
+        files |= block_templates(folder / "block")
+    _write(files)
     narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {path}"))
 
 

@@ -1,0 +1,78 @@
+"""Templates of a block folder: block.yaml and every table, commented, to be filled in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+BLOCK_YAML = """\
+# What this block is. Every key is described in docs/formats.md; keys that start with x_ are yours and are ignored.
+aatri_block: 1
+name: my block
+frames:                                  # the first is the frame of the tables; axes in the order of X, Y, Z there
+  map: {axes: [east, north, up], crs: local}     # crs: EPSG:32650 or other pyproj text; vertical: EPSG:5773
+# earth_curvature: correct               # correct (map frame) | ignore (local Cartesian frame)
+units: {ground: m, angle: deg, sigma_image: um, sigma_ground: m, sigma_angle: deg, time: s}
+rotation: omega-phi-kappa                # of a1, a2, a3 in exterior.csv: or phi-omega-kappa, roll-pitch-heading
+sigma: {image: 5, fiducial: 5, control: [0.02, 0.02, 0.03], position: [0.1, 0.1, 0.1], attitude: [0.01, 0.01, 0.02]}
+# terrain_height: 100                    # mean height of the terrain, m
+cameras:
+  cam:
+    kind: digital                        # film | digital
+    image_coordinates: pixel             # photo (mm, fiducial centre, y up) | comparator (mm) | pixel
+    pixel: {size: 0.004, origin: top-left-corner, y: down}       # size in mm
+    format: [6000, 4000]                 # columns, rows of a digital image; mm of film
+    principal_distance: 50.0             # mm
+    principal_point: [0.0, 0.0]          # mm, x right, y up
+    distortion: {model: none}            # none | brown | table | opencv | fisheye | bal
+    # sigmas: {principal_distance: .inf, principal_point: [.inf, .inf]}      # 0 fixed, .inf free, else weighted
+    # fiducials: {"1": [106.0, -106.0], "2": [-106.0, -106.0], "3": [-106.0, 106.0], "4": [106.0, 106.0]}   # film
+"""
+
+TABLES = {
+    "images.csv": """\
+# One row per image. strip and sequence (ascending along the flight) are needed by strips, not by a bundle.
+# i1,cam,1,1
+image,camera,strip,sequence
+""",
+    "image_points.csv": """\
+# One row per measured point and image, in the coordinates that the camera names. sx, sy may be left empty.
+# i1,p1,1200.5,830.25,,
+image,point,x,y,sx,sy
+""",
+    "ground_points.csv": """\
+# Known points. role: control (default), check, approximate, ignore, or XY:control Z:check. Sigma 0 is exact.
+# p1,1000.00,2000.00,50.00,,,,control
+point,X,Y,Z,sX,sY,sZ,role
+""",
+    "exterior.csv": """\
+# Positions and attitudes of images: observed where a standard deviation is given, else start values. Delete it if there are none.
+# i1,1000.0,2000.0,800.0,0.1,0.1,0.1,,,,,,
+image,X,Y,Z,sX,sY,sZ,a1,a2,a3,s1,s2,s3
+""",
+    "fiducials.csv": """\
+# Measured fiducial marks of film. Delete it if there are none.
+# i1,1,216.1,4.2
+image,fiducial,x,y
+""",
+    "geodetic.csv": """\
+# Distances, directions, angles, height differences ... between points. Delete it if there are none.
+# distance,p1,p2,141.42,0.003
+type,from,to,value,sigma
+""",
+    "covariances.csv": """\
+# Covariances of geodetic observations (rows of geodetic.csv from 1) or of control (ids and coordinates). Delete it if there are none.
+# ground_points,p1,X,p2,X,0.0001
+table,row_a,coord_a,row_b,coord_b,value
+""",
+    "relative_control.yaml": """\
+# Conditions on points: sigma makes one an observation, exact: true a constraint. Delete it if there are none.
+# - {type: distance, points: [p1, p2], value: 2.0005, sigma: 0.0002}
+# - {type: vertical_plane, points: [p1, p2, p3], sigma: 0.001}
+[]
+""",
+}
+
+
+def block_templates(folder: Path) -> dict[Path, str]:
+    """The files of a block folder, by path."""
+    return {folder / "block.yaml": BLOCK_YAML} | {folder / name: text for name, text in TABLES.items()}
