@@ -19,6 +19,7 @@ from aatri.adjustment.statistics.global_test import global_test
 from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
+from aatri.ids import shown
 from aatri.report.numbers import metres, number
 from aatri.report.run_view import RunView, StageView
 
@@ -26,6 +27,9 @@ GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
 CONVERGED = 1e-3
 """Newton decrement at which an adjustment has converged."""
 ENOUGH_CHECK_POINTS = 30
+FAR_SIGMAS = 6.0
+"""A check point beyond this many of its standard deviations is named: it is not where it is said to be."""
+MOST_FAR = 10
 ONE_BLOCK = 0.15
 """One simulated block gives truth over theory no better: the errors of neighbouring points are correlated."""
 
@@ -52,7 +56,7 @@ def external_lights(run: RunView) -> list[Light]:
     if not evaluations:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics
-    lights = [_check(figures), _expected(figures)]
+    lights = [_check(figures), _expected(figures), *_far_off(run.last(Evaluation))]
     if figures.get("truth_points"):
         lights.append(_truth(figures))
     return lights
@@ -126,6 +130,24 @@ def _check(figures: Mapping[str, float | int | None]) -> Light:
     if n < ENOUGH_CHECK_POINTS:
         return Light("Independent check", LOOK, f"{words}, fewer than {ENOUGH_CHECK_POINTS}")
     return Light("Independent check", GOOD, words)
+
+
+def _far_off(evaluation: Evaluation | None) -> list[Light]:
+    """Check points that no standard deviation explains, by name, the worst first."""
+    if evaluation is None:
+        return []
+    d = evaluation.differences
+    mine = np.flatnonzero(d.kind == "check")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size = np.fmax.reduce(np.where(d.sigma_m[mine] > 0, np.abs(d.difference_m[mine]) / d.sigma_m[mine], np.nan), axis=1)
+    far = mine[np.nan_to_num(size) > FAR_SIGMAS]
+    if not len(far):
+        return []
+    size = dict(zip(mine.tolist(), size.tolist()))
+    worst = sorted(far.tolist(), key=lambda k: -size[k])
+    largest = [float(np.nanmax(np.abs(d.difference_m[k]))) for k in worst]
+    named = [f"{d.point[k]} ({number(size[k])} sigma, {metres(m)} m)" for k, m in zip(worst, largest)]
+    return [Light("Check points far off", BAD, shown(named, MOST_FAR))]
 
 
 def _expected(figures: Mapping[str, float | int | None]) -> Light:

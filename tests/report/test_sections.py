@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
@@ -12,6 +14,7 @@ from aatri.report.sections.reliability import reliability_tables
 from aatri.report.sections.solution import show
 from aatri.report.sections.suspects import suspects_tables
 from aatri.report.sections.tables import residual_classes
+from aatri.report.verdict import _far_off
 from tests.formats.results.test_readable import full_solution
 from tests.made_solutions import made_block, made_solution
 
@@ -66,3 +69,16 @@ def test_residuals_are_told_in_their_own_unit():
     assert rows["image_point"][1] == "um"
     assert rows["control"][1] == "mm"
     assert rows["control"][7] == "20"
+
+
+def test_a_check_point_thousands_of_sigmas_off_is_named():
+    block = made_block()
+    evaluation = evaluate(block, made_solution(block))
+    assert _far_off(evaluation) == []
+    d = evaluation.differences
+    row = int(np.flatnonzero(d.kind == "check")[0])
+    difference = d.difference_m.copy()
+    difference[row, 2] = 6000 * d.sigma_m[row, 2]
+    (light,) = _far_off(replace(evaluation, differences=replace(d, difference_m=difference)))
+    assert light.state == "bad"
+    assert light.words.startswith(f"{d.point[row]} (6000 sigma, ")

@@ -19,6 +19,9 @@ from typing import Any
 import aatri
 from aatri.pipeline.store.cache import Cache, of_file
 
+SHORT = 12
+"""Hex digits that tell the versions of one module apart."""
+
 PACKAGE = Path(aatri.__file__).resolve().parent
 _STAGES = PACKAGE / "stages" if (PACKAGE / "stages" / "block").is_dir() else PACKAGE.parent / "stages"
 _BUILT_IN = {"aatri.stages": _STAGES, "aatri": PACKAGE}
@@ -27,10 +30,11 @@ _PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 @dataclass(frozen=True)
 class Code:
-    """The code of a stage: digest, and the files it was taken over, by module."""
+    """The code of a stage: digest, the files it was taken over, and the digest of each, by module."""
 
     digest: str
     files: dict[str, str]
+    modules: dict[str, str]
 
 
 class CodeReader:
@@ -72,7 +76,8 @@ class CodeReader:
                 if target is not None and target[0] not in found:
                     waiting.append(target)
         lines = "".join(f"{name} {digests[name]}\n" for name in sorted(found))
-        return Code(hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest(), dict(sorted(found.items())))
+        whole = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
+        return Code(whole, dict(sorted(found.items())), {name: digests[name][:SHORT] for name in sorted(found)})
 
     def _file(self, path: Path) -> dict[str, Any]:
         if path not in self._files:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import graphlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from aatri.errors import AatriError, PluginError, SpecError, raise_all
@@ -37,6 +37,8 @@ class Node:
         Digest of the code that it reaches.
     uses : tuple of str, optional
         What it uses of what its ports offer; None where it does not say.
+    modules : mapping
+        Digest of each module of its code, to say which has changed.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Node:
     files: Mapping[str, str]
     code: str
     uses: tuple[str, ...] | None = None
+    modules: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ def _node(stage: StageSpec, prepared: Prepared) -> Node:
     used = {port: source for port, source in stage.inputs.items() if port in wanted}
     unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
     return Node(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
-                prepared.code.digest, prepared.uses)  # fmt: skip
+                prepared.code.digest, prepared.uses, prepared.code.modules)  # fmt: skip
 
 
 def _roles(

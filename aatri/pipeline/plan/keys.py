@@ -46,6 +46,7 @@ def key_parts(node: Node, inputs: Mapping[str, str | None], files: Mapping[str, 
         "files": dict(files),
         "inputs": dict(inputs),
         "code": node.code,
+        "modules": dict(node.modules),
         "schemas": {**schemas, method.kind: method.schema},
         "seed": seed if method.wants_rng else None,
     }

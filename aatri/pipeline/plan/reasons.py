@@ -29,6 +29,9 @@ class Why(StrEnum):
     upstream_maybe = "upstream_maybe"
 
 
+MOST_MODULES = 3
+"""So many changed modules are named."""
+
 _TEXTS = {
     Why.never_run: "never run",
     Why.output_missing: "its result is gone",
@@ -90,12 +93,23 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Rea
         option, _, file = name.partition("/")
         yield Reason(Why.file, file or f"file of {option}", (one or "")[:12], (other or "")[:12])
     if old["code"] != new["code"] and old["plugin"] == new["plugin"]:
-        yield Reason(Why.code, "", old["code"][:12], new["code"][:12])
+        yield from _code(old, new)
     for kind, one, other in _changed(old["schemas"], new["schemas"]):
         if one is not None and other is not None:
             yield Reason(Why.schema, kind, str(one), str(other))
     if old["seed"] != new["seed"]:
         yield Reason(Why.seed, "", _shown(old["seed"]), _shown(new["seed"]))
+
+
+def _code(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Reason]:
+    """Which modules have changed; where that is not known, that the code has."""
+    before, after = old.get("modules") or {}, new.get("modules") or {}
+    changed = [name for name, *_ in _changed(before, after)] if before and after else []
+    if not changed:
+        yield Reason(Why.code, "", old["code"][:12], new["code"][:12])
+        return
+    more = f" and {len(changed) - MOST_MODULES} more modules" if len(changed) > MOST_MODULES else ""
+    yield Reason(Why.code, f"of {', '.join(changed[:MOST_MODULES])}{more} changed")
 
 
 def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:

@@ -189,7 +189,7 @@ def _key(value: Any) -> bool:
 _ANY = _by_name(lambda _: True)
 _PARTS = _with(
     plugin=_text, version=_number, options=_ANY, files=_by_name(_text), inputs=_by_name(_text), code=_text,
-    schemas=_ANY, seed=_optional(_number),
+    schemas=_ANY, seed=_optional(_number), modules=_optional(_by_name(_text)),
 )  # fmt: skip
 _RECORD: dict[str, Check] = {
     "stage": is_stage_name, "key": _key, "plugin": _text, "version": _number, "options": _ANY,

@@ -270,3 +270,14 @@ def test_a_changed_file_of_a_folder_is_named_and_not_its_digest(tmp_path: Path) 
     told = [str(r) for r in differences({**parts, "files": before}, {**parts, "files": digests()})]
     assert told == ["ground_points.csv changed", "images.csv is gone", "new.csv is new"]
     assert str(Reason(Why.input, "image_points", "0123", "4567")) == "input image_points changed"
+
+
+def test_a_change_of_code_names_the_modules() -> None:
+    shelf = Shelf()
+    nodes = changed(DIAMOND, "b", modules={"aatri.ids": "1", "aatri.units": "2"})
+    run(nodes, shelf)
+    edited = changed(nodes, "b", code="other", modules={"aatri.ids": "1", "aatri.units": "3"})
+    assert [str(r) for r in plan(edited, shelf, 1).of("b").reasons] == ["code of aatri.units changed"]
+    many = changed(nodes, "b", code="other", modules={f"aatri.m{k}": "1" for k in range(5)})
+    (reason,) = plan(many, shelf, 1).of("b").reasons
+    assert str(reason) == "code of aatri.ids, aatri.m0, aatri.m1 and 4 more modules changed"
