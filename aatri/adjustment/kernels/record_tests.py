@@ -13,6 +13,40 @@ _SIGNATURE = (
 )
 
 
+CLEAR = 0.01
+"""Cofactors with larger pivots are well controlled in all directions: they need no eigenvectors."""
+
+
+@njit("float64(int64, float64[:,::1], float64[::1], float64[:,::1], float64[::1])", **OPTIONS)
+def by_factor(n, R, e, L, x):
+    """e'R^-1 e by Cholesky, R^-1 e into `x`; -1 if a pivot of the leading n rows is not above `CLEAR`."""
+    for j in range(n):
+        pivot = R[j, j]
+        for k in range(j):
+            pivot -= L[j, k] * L[j, k]
+        if not pivot > CLEAR:
+            return -1.0
+        L[j, j] = np.sqrt(pivot)
+        for i in range(j + 1, n):
+            s = R[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            L[i, j] = s / L[j, j]
+    total = 0.0
+    for i in range(n):
+        s = e[i]
+        for k in range(i):
+            s -= L[i, k] * x[k]
+        x[i] = s / L[i, i]
+        total += x[i] * x[i]
+    for i in range(n - 1, -1, -1):
+        s = x[i]
+        for k in range(i + 1, n):
+            s -= L[k, i] * x[k]
+        x[i] = s / L[i, i]
+    return total
+
+
 @njit(_SIGNATURE, **OPTIONS)
 def test_records(first, last, v, cofactor, observed, active, uncontrolled, size, test):
     """Statistics of the records first ... last - 1.
@@ -35,6 +69,7 @@ def test_records(first, last, v, cofactor, observed, active, uncontrolled, size,
     """
     m = v.shape[1]
     at, R, e, projected = np.empty(m, dtype=np.int64), np.empty((m, m)), np.empty(m), np.empty(m)
+    L = np.empty((m, m))
     for r in range(first, last):
         n, known = 0, True
         for i in range(m):
@@ -54,6 +89,12 @@ def test_records(first, last, v, cofactor, observed, active, uncontrolled, size,
         if not known:
             for a in range(n):
                 size[r, at[a]] = np.nan
+            continue
+        total = by_factor(n, R, e, L, projected)
+        if total >= 0.0:
+            for a in range(n):
+                size[r, at[a]] = -projected[a] if active[r] else -e[a]
+            test[r] = np.sqrt(total / n)
             continue
         values, vectors = np.linalg.eigh(R[:n, :n].copy())
         rows, total = 0, 0.0

@@ -11,11 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.adjustment.records import Bind, Fill, Weigh
+from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.polynomials import TERMS, StripAxes, polynomial_rows
 from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.tie_records import STRIP, Ties
+from aatri.orientation.free_block.kernels import ties as kernels
+from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties
 
 COEFFICIENTS = 15
 LABELS = tuple(f"{axis}_{term}" for axis in "abc" for term in TERMS)
@@ -37,7 +39,7 @@ def polynomial_ties(
         Coefficients that are estimated.
     """
     strip, point = points.strip.astype(np.int32), points.point.astype(np.int32)
-    p, G = terms_of_points(points, axes), np.stack([a.ground_from_axes for a in axes])
+    p, G = terms_of_points(points, axes), np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))
     values, vectors = np.linalg.eigh(points.covariance)
     values = np.maximum(values, 0.0)
 
@@ -48,11 +50,25 @@ def polynomial_ties(
         correction = np.einsum("nij,nj->ni", turned, np.einsum("njt,nt->nj", state[k].reshape(-1, 3, 5), terms))
         return points.xyz[rows] + correction, J.reshape(len(rows), 3, COEFFICIENTS)
 
+    def compiled(order: Int, base_m: Float) -> Weigh:
+        k, q, terms = strip[order], point[order], np.ascontiguousarray(p[order])
+        x = np.ascontiguousarray(points.xyz[order] - base_m)
+
+        def weigh(T: Float) -> Bind:
+            def bind(state: State) -> Fill:
+                X, coefficients = np.ascontiguousarray(state[POINT]), np.ascontiguousarray(state[STRIP])
+                given = (k, q, np.ascontiguousarray(T), X, x, terms, G, coefficients)
+                return lambda first, last, v, J: kernels.polynomial(first, last, *given, v, *J)
+
+            return bind
+
+        return weigh
+
     def spectrum(_state: Float) -> tuple[Float, Float]:
         return values, vectors
 
     unknowns = Unknowns(STRIP, free, LABELS, list(map(str, names)), add_step)
-    return Ties(strip, point, on_ground, spectrum, unknowns, n_points)
+    return Ties(strip, point, on_ground, spectrum, unknowns, n_points, compiled)
 
 
 def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.unknowns import Unknowns
+from aatri.adjustment.records import Bind, Fill, Weigh
+from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.similarity import Similarity
-from aatri.orientation.free_block.tie_records import STRIP, Ties
+from aatri.orientation.free_block.kernels import ties as kernels
+from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties
 
 LABELS = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z", "scale")
 
@@ -87,9 +89,25 @@ def similarity_ties(
         J[:, :, 6] = scaled
         return state.translation[k] + arm, J
 
+    def compiled(order: Int, base_m: Float) -> Weigh:
+        k, q, own = strip[order], point[order], np.ascontiguousarray(x[order])
+        arm = np.zeros_like(own) if offset_m is None else np.ascontiguousarray(offset_m[order])
+
+        def weigh(T: Float) -> Bind:
+            def bind(state: State) -> Fill:
+                poses: Similarities = state[STRIP]
+                moved_by = (np.ascontiguousarray(poses.translation), np.ascontiguousarray(poses.scale))
+                R, X = np.ascontiguousarray(poses.rotation), np.ascontiguousarray(state[POINT])
+                given = (k, q, np.ascontiguousarray(T), X, base_m, own, arm, *moved_by, R)
+                return lambda first, last, v, J: kernels.similarity(first, last, *given, v, *J)
+
+            return bind
+
+        return weigh
+
     def spectrum(state: Similarities) -> tuple[Float, Float]:
         return state.scale[strip][:, None] ** 2 * values, state.rotation[strip] @ vectors
 
     moving = np.ones(len(names), dtype=bool) if free is None else free
     unknowns = Unknowns(STRIP, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
-    return Ties(strip, point, on_ground, spectrum, unknowns, n_points)
+    return Ties(strip, point, on_ground, spectrum, unknowns, n_points, compiled)

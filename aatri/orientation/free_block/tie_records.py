@@ -19,7 +19,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from aatri.adjustment.records import Records
+from aatri.adjustment.records import Records, Weigh
 from aatri.adjustment.small_matrices import inverse_cholesky
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
@@ -47,6 +47,8 @@ class Ties(Generic[S]):
     unknowns : Unknowns
         The group of the strips' unknowns, named `STRIP`.
     n_points : int
+    compiled : callable, optional
+        (order, what the points of the ties are reduced to in that order, (n, 3)) -> faster lane, see adjustment.records.
     """
 
     strip: Int
@@ -55,6 +57,7 @@ class Ties(Generic[S]):
     spectrum: Callable[[S], tuple[Float, Float]]
     unknowns: Unknowns
     n_points: int
+    compiled: Callable[[Int, Float], Weigh] | None = None
 
     @property
     def rows(self) -> Int:
@@ -98,7 +101,14 @@ def tie_records(ties: Ties[S], base_m: Float) -> Records:
     n = len(ties.strip)
     touches = ((STRIP, ties.strip), (POINT, ties.point))
     unit = np.broadcast_to(np.eye(3), (n, 3, 3))  # weighted later, see `tie_whitener`
-    return Records("strip_tie", touches, evaluate, unit, np.ones(n, dtype=bool))
+    lane = ties.compiled
+
+    def compiled(order: Int) -> Weigh:
+        assert lane is not None
+        return lane(order, np.ascontiguousarray(base_m[ties.point[order]]))
+
+    used = np.ones(n, dtype=bool)
+    return Records("strip_tie", touches, evaluate, unit, used, None if lane is None else compiled)
 
 
 def given_records(given: GivenPoints, base_m: Float) -> Records:
