@@ -16,6 +16,11 @@ TEXTS = [
     for path in sorted((ROOT / folder).rglob("*"))
     if path.suffix in (".py", ".md")
 ]
+FILES = [
+    path.relative_to(ROOT).as_posix()
+    for top in ("aatri", "stages", "tests", "docs", "benchmarks")
+    for path in (ROOT / top).rglob("*.py")
+]
 VARIANTS = sorted(path for path in (ROOT / "stages").glob("*/*.py") if not path.name.startswith("_"))
 
 
@@ -65,3 +70,11 @@ def test_nothing_is_cited_that_is_not_in_the_repository() -> None:
         for name in re.findall(r"[\w./-]+\.md\b", path.read_text(encoding="utf-8"))
     }
     assert sorted((path, name) for path, name in cited if name not in names) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_files_of_the_code_that_a_page_names_exist(page: Path) -> None:
+    """By their path, or by the end of it; what a page tells its reader to write (`mine.py`) is none of ours."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    named = {name for name in re.findall(r"`([\w/]+\.py)`", text) if "mine" not in name}
+    assert sorted(name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in FILES)) == []
