@@ -74,7 +74,7 @@ def test_nothing_is_cited_that_is_not_in_the_repository() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_files_of_the_code_that_a_page_names_exist(page: Path) -> None:
-    """By their path, or by the end of it; what a page tells its reader to write (`mine.py`) is none of ours."""
+    """By their path, or by the end of it; what stands for another name (`ROLE`, `mine.py`) is none."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
-    named = {name for name in re.findall(r"`([\w/]+\.py)`", text) if "mine" not in name}
+    named = {name for name in re.findall(r"`([\w/]+\.py)`", text) if "mine" not in name and name == name.lower()}
     assert sorted(name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in FILES)) == []

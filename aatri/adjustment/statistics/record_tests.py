@@ -9,7 +9,7 @@ in standard deviations a priori; for a single residual the statistic is |v| / sq
 below `UNCONTROLLED` count for nothing. Of an observation the matrix R is its redundancy: its diagonal are the
 redundancy numbers, its trace is the record's share of the redundancy.
 
-Source: Baarda 1968; Foerstner 1980; photogrammetry.md on reliability.
+Source: Baarda 1968; Foerstner 1980; docs/formulas.md 7.3.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ For whitened residuals v with cofactor R = I - A Q A' of the residuals,
 and for a record that is not used, with the prediction error v of cofactor I + A Q A', w_i = v_i / sqrt((I + A Q A')_ii).
 A component with R_ii below `UNCONTROLLED` has no test: nothing else observes it.
 
-Source: Baarda 1968; photogrammetry.md F15.
+Source: Baarda 1968; docs/formulas.md 7.2, 7.3.
 """
 
 from __future__ import annotations

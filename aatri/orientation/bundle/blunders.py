@@ -9,7 +9,7 @@ Of the records of a point only the largest is rejected in one round, and none fa
 of a point with the same test cannot be told apart (the rays of a point of two images): both are rejected, and that is
 said. No more than `max_share` of a kind is rejected: where more disagrees the model is wrong, not the data.
 
-Source: Baarda 1968; Huber 1964; photogrammetry.md A1304, A1305, F15.
+Source: Baarda 1968; Huber 1964; docs/formulas.md 6.7, 7.3.
 """
 
 from __future__ import annotations
