@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.pipeline.store.inside import temporary_name
-from aatri.regular_file import open_regular
+from aatri.regular_file import open_regular, read_regular
 
 _GRAIN_NS = 2_000_000_000
 """File times may be this coarse, as on FAT and some network file systems."""
@@ -51,7 +51,7 @@ class Cache:
         self._values: dict[str, Any] = {}
         if path is not None:
             with contextlib.suppress(OSError, ValueError, RecursionError):
-                loaded = json.loads(path.read_text(encoding="utf-8"))
+                loaded = json.loads(read_regular(path).decode("utf-8"))
                 self._values = loaded if isinstance(loaded, dict) else {}
 
     def get(self, key: str) -> Any:
