@@ -1,12 +1,14 @@
 """A Block of digital images in a Cartesian frame: what the readers of other programs' problems have in common.
 
 These problems have no strips, fiducials, geodetic observations or earth; their frame is right-handed with axes x, y, z.
+A reader whose files have more gives it besides.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,38 +43,40 @@ from aatri.formats.tables.source import texts
 
 
 def plain_block(
-    *, name: str, files: Sequence[Path], cameras: Cameras, camera_parameters: CameraParameters, images: Images,
-    point_ids: Sequence[str] | Text, image_points: ImagePoints, ground_points: GroundPoints,
-    exterior: Exterior, rejects: Rejects | None = None,
+    *, name: str, files: Sequence[Path], cameras: Cameras, images: Images, point_ids: Sequence[str] | Text,
+    image_points: ImagePoints, ground_points: GroundPoints, **others: Any,
 ) -> Block:  # fmt: skip
-    """The Block of these tables; all others are empty. Rows must be in canonical order."""
+    """The Block of these tables; all others are empty unless they are given. Rows must be in canonical order."""
+    plain: dict[str, Any] = {
+        "rotation": "omega-phi-kappa",
+        "earth_curvature": "ignore",
+        "terrain_height_m": np.nan,
+        "undulation_m": np.nan,
+        "heading": "true",
+        "frames": Frames(id=texts(["local"]), axes=texts(["x,y,z"]), crs=texts(["local"]), vertical=texts([""])),
+        "camera_parameters": CameraParameters.empty(),
+        "distortion_table": DistortionTable.empty(),
+        "fiducials": Fiducials.empty(),
+        "rig_members": RigMembers.empty(),
+        "strips": Strips.empty(),
+        "fiducial_points": FiducialPoints.empty(),
+        "ground_point_covariances": GroundPointCovariances.empty(),
+        "exterior": Exterior.empty(),
+        "geodetic": Geodetic.empty(),
+        "geodetic_covariances": GeodeticCovariances.empty(),
+        "relative_control": RelativeControl.empty(),
+        "relative_control_members": RelativeControlMembers.empty(),
+        "rejects": Rejects.empty(),
+    }
     return Block(
         name=name,
-        rotation="omega-phi-kappa",
-        earth_curvature="ignore",
-        terrain_height_m=np.nan,
-        undulation_m=np.nan,
-        heading="true",
         files=Files(path=texts(map(str, files))),
-        frames=Frames(id=texts(["local"]), axes=texts(["x,y,z"]), crs=texts(["local"]), vertical=texts([""])),
         cameras=cameras,
-        camera_parameters=camera_parameters,
-        distortion_table=DistortionTable.empty(),
-        fiducials=Fiducials.empty(),
-        rig_members=RigMembers.empty(),
-        strips=Strips.empty(),
         images=images,
-        fiducial_points=FiducialPoints.empty(),
         points=Points(id=texts(str(p) for p in point_ids)),
         image_points=image_points,
         ground_points=ground_points,
-        ground_point_covariances=GroundPointCovariances.empty(),
-        exterior=exterior,
-        geodetic=Geodetic.empty(),
-        geodetic_covariances=GeodeticCovariances.empty(),
-        relative_control=RelativeControl.empty(),
-        relative_control_members=RelativeControlMembers.empty(),
-        rejects=Rejects.empty() if rejects is None else rejects,
+        **plain | others,
     )
 
 

@@ -16,27 +16,15 @@ from aatri.arrays import Int
 from aatri.artifacts.block import (
     NO_ROLE,
     Block,
-    CameraParameters,
     Cameras,
-    DistortionTable,
-    Exterior,
-    FiducialPoints,
     Fiducials,
-    Files,
     Frames,
-    Geodetic,
-    GeodeticCovariances,
-    GroundPointCovariances,
     GroundPoints,
     ImagePoints,
     Images,
-    Points,
-    Rejects,
-    RelativeControl,
-    RelativeControlMembers,
-    RigMembers,
     Strips,
 )
+from aatri.formats.plain_block import plain_block
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
@@ -73,33 +61,19 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
     strips = canonical(files.strips)
     image_ids = [p.id for p in photos]
     point_ids = canonical([*(m.point for m in files.measured), *files.ground])
-    block = Block(
+    block = plain_block(
         name=folder.resolve().name,
         rotation="phi-omega-kappa",
         earth_curvature="correct",
-        terrain_height_m=np.nan,
-        undulation_m=np.nan,
-        heading="true",
-        files=Files(path=texts(map(str, files.paths))),
+        files=files.paths,
         frames=Frames(id=texts(["map"]), axes=texts(["north,east,up"]), crs=texts(["local"]), vertical=texts([""])),
         cameras=_camera_table(files.camera),
-        camera_parameters=CameraParameters.empty(),
-        distortion_table=DistortionTable.empty(),
         fiducials=_fiducial_table(files.camera),
-        rig_members=RigMembers.empty(),
         strips=Strips(id=texts(strips)),
         images=_image_table(photos, rows_of([files.strips[p.strip] for p in photos], strips)),
-        fiducial_points=FiducialPoints.empty(),
-        points=Points(id=texts(point_ids)),
+        point_ids=point_ids,
         image_points=_image_point_table(files.measured, image_ids, point_ids, image_sigma_mm),
         ground_points=_ground_table(files.ground, files.roles, point_ids, control_sigma_m or 0.0),
-        ground_point_covariances=GroundPointCovariances.empty(),
-        exterior=Exterior.empty(),
-        geodetic=Geodetic.empty(),
-        geodetic_covariances=GeodeticCovariances.empty(),
-        relative_control=RelativeControl.empty(),
-        relative_control_members=RelativeControlMembers.empty(),
-        rejects=Rejects.empty(),
     )
     return screen_block(block, reporter, max_reject_share)
 
