@@ -1,3 +1,25 @@
-"""aatri: analytical aerial triangulation as a pipeline of swappable stages."""
+"""aatri: analytical aerial triangulation as a pipeline of swappable stages.
+
+`aatri.run(PIPELINE)` brings a pipeline up to date, `aatri.open(RUN)` opens what was made; see `aatri.api`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
 
 __version__ = "0.1.0"
+
+_PUBLIC = {"run": "run_pipeline", "open": "open_run"}
+
+
+def __getattr__(name: str) -> Any:
+    """The public names, imported when they are asked for: `import aatri` itself loads nothing."""
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'aatri' has no attribute {name!r}")
+    from aatri import api
+
+    return getattr(api, _PUBLIC[name])
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PUBLIC])

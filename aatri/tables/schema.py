@@ -77,6 +77,12 @@ def table(*, doc: str = "", default: Any = dataclasses.MISSING) -> Any:
 class Table:
     """Base of all tables: checks and converts its columns when made."""
 
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = Table._summary  # type: ignore[assignment]  # else every dataclass prints its arrays
+
+    def _summary(self) -> str:
+        return f"<{type(self).__name__}: {len(self)} rows of {', '.join(columns_of(type(self)))}>"
+
     def __post_init__(self) -> None:
         lengths = {}
         for name, declared in columns_of(type(self)).items():
@@ -106,6 +112,15 @@ class Artifact:
 
     kind: ClassVar[str] = ""
     schema_version: ClassVar[int] = 1
+
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = Artifact._summary  # type: ignore[assignment]
+
+    def _summary(self) -> str:
+        scalars = [f"{name} {getattr(self, name)!r}" for name in attributes_of(type(self))]
+        held = {name: getattr(self, name) for name in tables_of(type(self))}
+        counts = [f"{len(rows)} {name}" for name, rows in held.items() if rows is not None and len(rows)]
+        return f"<{self.kind}: {', '.join([*scalars, *counts])}>"
 
     def __post_init__(self) -> None:
         for name in attributes_of(type(self)):
