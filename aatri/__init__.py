@@ -16,9 +16,9 @@ def __getattr__(name: str) -> Any:
     """The public names, imported when they are asked for: `import aatri` itself loads nothing."""
     if name not in _PUBLIC:
         raise AttributeError(f"module 'aatri' has no attribute {name!r}")
-    from aatri import api
+    import importlib  # by name: the floors below do not reach the top through this file
 
-    return getattr(api, _PUBLIC[name])
+    return getattr(importlib.import_module("aatri.api"), _PUBLIC[name])
 
 
 def __dir__() -> list[str]:
