@@ -20,6 +20,7 @@ have told of their image points: here that is a note.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -97,8 +98,9 @@ def sigma0_notes(
     ratios: Float = np.array([t.weighted_sigma0 for t in tied])
     redundancy: Int = np.array([max(t.observations - t.unknowns, 0) for t in tied])
     test = pooled_test(ratios, redundancy)
-    note = sigma0_note(test, "with the deformation of the strips counted")
-    notes = [note if test.sigma0 > 1 else Note("note", note.text)]
+    what_of_it = "with the deformation of the strips counted"
+    small = test.verdict != "untested" and test.sigma0 < 1
+    notes = [sigma0_note(replace(test, verdict="fits") if small else test, what_of_it)]
     if test.sigma0 > max_sigma0:
         refuse_deformed(test.sigma0, 0, max_sigma0, f"{what}, deformation counted")
     misfits = np.flatnonzero(single_misfits(ratios, redundancy))
@@ -119,8 +121,9 @@ def given_note(tied: TiedResult[Any]) -> Note:
     is a note.
     """
     test: GlobalTest = global_test(tied.given_sigma0, int(round(tied.given_redundancy)))
-    note = sigma0_note(test, OF_GIVEN)
-    return note if test.verdict == "far" and test.sigma0 > 1 else Note("note", note.text)
+    if test.verdict in ("warned", "far") and (test.verdict == "warned" or test.sigma0 < 1):
+        test = replace(test, verdict="fits")
+    return sigma0_note(test, OF_GIVEN)
 
 
 def search_notes(tied: TiedResult[Any], ids: Sequence[str], what: str) -> list[Note]:
