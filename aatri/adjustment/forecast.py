@@ -21,7 +21,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from aatri.adjustment.elimination.schedule import share_out
+from aatri.adjustment.elimination.schedule import Schedule
 from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
 from aatri.adjustment.settings import Solver as Solver
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -74,15 +74,14 @@ def forecast(problem: IndexedProblem) -> Forecast:
 def _fronts_bytes(problem: IndexedProblem) -> float:
     """Most that fronts take at a time; of subtrees worked on in parallel, that of the largest at once."""
     nodes = problem.tree.nodes
-    subtrees, levels = share_out(problem)
-    if len(subtrees) < 2:
+    schedule = Schedule.of(problem)
+    if not schedule.subtrees:
         return _most(nodes, range(len(nodes)))[0]
-    of_subtrees = [_most(nodes, members) for members in subtrees]
+    of_subtrees = [_most(nodes, members) for members in schedule.subtrees]
     waiting = sum(left for _, left in of_subtrees)
-    early = [k for level in levels if len(level) < problem.threads for k in level]
-    below = waiting + sum(8.0 * nodes[k].size ** 2 for k in early)
+    below = waiting + sum(8.0 * nodes[k].size ** 2 for k in schedule.early)
     largest = sorted((most - left for most, left in of_subtrees), reverse=True)[: problem.threads]
-    above = waiting + _most(nodes, [k for level in levels for k in level])[0]
+    above = waiting + _most(nodes, [k for level in schedule.levels for k in level])[0]
     return max(below + sum(largest), above)
 
 

@@ -24,7 +24,7 @@ from aatri.adjustment.covariance.of_records import direct_covariances, kept_cova
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, of_one_part, predicted_side_by_side
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.elimination.schedule import Stretch, blas_threads, of_node, share_out
+from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.kernels.covariance_sized import covariances
 from aatri.adjustment.stepping.robust import refuse_covariances
@@ -32,7 +32,7 @@ from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.structure.weights import taking_no_part
-from aatri.adjustment.threads import run_all, taken, thread_control
+from aatri.adjustment.threads import run_all, taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
@@ -102,34 +102,21 @@ class _Down:
         self.kept = [(k, predicted_side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.boundary: dict[int, Float] = {}
-        self.pool: ThreadPoolExecutor | None = None
 
     def run(self) -> None:
-        """Go down level by level, then each subtree on its own, depth first, so that few fronts are in memory."""
-        problem = self.problem
-        subtrees, levels = share_out(problem)
-        with thread_control().limit(limits=1, user_api="blas"):
-            if not subtrees:
-                with ThreadPoolExecutor(problem.threads) as self.pool:
-                    self._several(range(len(problem.tree.nodes)))
-                return
-            with ThreadPoolExecutor(problem.threads) as pool:
-                for level in reversed(levels):
-                    with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
-                        self._several(level)
-                run_all(pool, [partial(self._several, nodes) for nodes in subtrees])
+        """Go down the tree."""
+        Schedule.of(self.problem).down(self._visit)
 
-    def _several(self, nodes: Sequence[int]) -> None:
-        """Covariances of some nodes, parents before their children."""
+    def _visit(self, k: int, pool: ThreadPoolExecutor | None) -> None:
+        """Covariances of a node, whose parent has been visited."""
         tree = self.problem.tree
-        for k in reversed(nodes):
-            node, boundary = tree.nodes[k], self.boundary.pop(k, _NOTHING)
-            S = lapack.panel_covariance(self.factored.panels[k], boundary) if node.panel else boundary
-            self._take(k, node, S)
-            for child in node.children:
-                self.boundary[child] = part_of(S, tree.maps[child])
+        node, boundary = tree.nodes[k], self.boundary.pop(k, _NOTHING)
+        S = lapack.panel_covariance(self.factored.panels[k], boundary) if node.panel else boundary
+        self._take(k, node, S, pool)
+        for child in node.children:
+            self.boundary[child] = part_of(S, tree.maps[child])
 
-    def _take(self, k: int, node: Node, S: Float) -> None:
+    def _take(self, k: int, node: Node, S: Float, pool: ThreadPoolExecutor | None) -> None:
         held = self.problem.layout.held[node.columns]
         if held.any():
             S[held, :] = 0.0
@@ -145,11 +132,11 @@ class _Down:
         if self.fill is None:
             return
         jobs = [partial(self._rays, some, S, row_of) for some in of_node(self.problem, k)]
-        if self.pool is None or len(jobs) < 2:
+        if pool is None or len(jobs) < 2:
             for job in jobs:
                 job()
         else:
-            run_all(self.pool, jobs)
+            run_all(pool, jobs)
 
     def _rays(self, some: Stretch, S: Float, row_of: Int) -> None:
         rays = self.problem.rays

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from threading import Lock
 
 import numpy as np
@@ -21,14 +20,13 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, of_one_part, side_by_side
 from aatri.adjustment.elimination.panels import panels_of
-from aatri.adjustment.elimination.schedule import Stretch, blas_threads, of_node, share_out
+from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.kernels.eliminate_sized import eliminator
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Node
-from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.errors import ResourceError
@@ -49,28 +47,7 @@ def factorise(problem: IndexedProblem, state: State, damping: float = 0.0) -> Fa
             remedy="raise memory_gb, or give more disk to TMPDIR",
         )
     work = Work(problem, state, damping)
-    subtrees, levels = share_out(problem)
-    if len(subtrees) < 2:
-        with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
-            work.pool = pool
-            for k in range(len(problem.tree.nodes)):
-                work.assemble(k)
-                if blas_threads(problem, [k]) > 1:
-                    with thread_control().limit(limits=problem.threads, user_api="blas"):
-                        work.finish(k)
-                else:
-                    work.finish(k)
-        return work.result()
-    few = [k for level in levels if len(level) < problem.threads for k in level]
-    with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
-        # where threads will be idle later, the rays are taken now
-        run_all(pool, [partial(work.run, nodes) for nodes in subtrees] + [partial(work.assemble, k) for k in few])
-        for level in levels:
-            if len(level) >= problem.threads:
-                run_all(pool, [partial(work.run, [k]) for k in level])
-                continue
-            with thread_control().limit(limits=blas_threads(problem, level), user_api="blas"):
-                work.run(level)
+    Schedule.of(problem).up(work.assemble, work.finish)
     return work.result()
 
 
@@ -112,7 +89,6 @@ class Work:
 
     def __init__(self, problem: IndexedProblem, state: State, damping: float) -> None:
         self.problem, self.damping = problem, damping
-        self.pool: ThreadPoolExecutor | None = None
         n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
         self.panels = panels_of(problem.tree, problem.spill)
         self.y: list[Float] = [np.zeros(0)] * n_nodes
@@ -143,8 +119,8 @@ class Work:
             self.assemble(k)
             self.finish(k)
 
-    def assemble(self, k: int) -> None:
-        """Start a front with its records and eliminated blocks, unless that has been done."""
+    def assemble(self, k: int, pool: ThreadPoolExecutor | None = None) -> None:
+        """Start a front with its records and eliminated blocks, unless that has been done; in threads of a pool, if given."""
         if self.fronts[k] is not None:
             return
         node = self.problem.tree.nodes[k]
@@ -156,7 +132,7 @@ class Work:
                 p = records.parts
                 self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
         if self.problem.rays is not None:
-            self._blocks(k, node, F, g, d)
+            self._blocks(k, node, F, g, d, pool)
         self.fronts[k] = F, g, d
 
     def finish(self, k: int) -> None:
@@ -192,7 +168,7 @@ class Work:
         lapack.forward(F[:, :m], g)
         self.y[k] = g[:m].copy()
 
-    def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float) -> None:
+    def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float, pool: ThreadPoolExecutor | None) -> None:
         """Add the eliminated blocks of a node; those of one large front are shared out in fixed parts.
 
         Each stretch is summed on its own, in any thread, and the sums are added in their order.
@@ -207,7 +183,7 @@ class Work:
             own = np.zeros((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
             return self._stretch(stretch, *own), *own
 
-        for cost, *own in self.pool.map(one, some) if self.pool is not None else map(one, some):
+        for cost, *own in pool.map(one, some) if pool is not None else map(one, some):
             self.cost[k] += cost
             for total, part in zip((F, g, d), own):
                 total += part

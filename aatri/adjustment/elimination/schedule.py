@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.threads import run_all, thread_control
+
+AtNode = Callable[[int, ThreadPoolExecutor | None], None]
 
 THREADED_FLOPS = 5e8
 """Fronts with more work than this are factorised by several BLAS threads."""
@@ -25,7 +31,103 @@ PARALLEL_FLOPS = 1e9
 """Problems with less work than this run in one thread: others would mostly wait."""
 
 
-def share_out(problem: IndexedProblem) -> tuple[list[list[int]], list[list[int]]]:
+@dataclass(frozen=True)
+class Schedule:
+    """Who works on which nodes of a tree, and in which order, on the way up and on the way down.
+
+    Subtrees are independent: they run in parallel, one BLAS thread each. Above them the tree is worked on level by level;
+    where a level has fewer nodes than there are threads, one node after the other with all BLAS threads. A small problem
+    has no subtrees: its nodes come one after the other.
+
+    Attributes
+    ----------
+    nodes : tuple of Node
+    subtrees : tuple of tuple of int
+        The largest first; at least two, or none.
+    levels : tuple of tuple of int
+        The nodes above them, from below.
+    threads : int
+    reproducible : bool
+        One BLAS thread throughout.
+    """
+
+    nodes: tuple[Node, ...]
+    subtrees: tuple[tuple[int, ...], ...]
+    levels: tuple[tuple[int, ...], ...]
+    threads: int
+    reproducible: bool
+
+    @staticmethod
+    def of(problem: IndexedProblem) -> Schedule:
+        """The schedule of a problem."""
+        subtrees, levels = _shared_out(problem)
+        if len(subtrees) < 2:
+            subtrees, levels = [], []
+        return Schedule(problem.tree.nodes, tuple(map(tuple, subtrees)), tuple(map(tuple, levels)), problem.threads,
+                        problem.settings.reproducible)  # fmt: skip
+
+    @property
+    def early(self) -> list[int]:
+        """Nodes above, on levels where threads would be idle: their observations are taken with the subtrees."""
+        return [k for level in self.levels if len(level) < self.threads for k in level]
+
+    def up(self, assemble: AtNode, finish: Callable[[int], None]) -> None:
+        """Children before their parents: assemble and finish every node; what is assembled early is asked for twice.
+
+        Parameters
+        ----------
+        assemble : callable
+            (node, pool or None): with a pool its threads may be used.
+        finish : callable
+            Once the children are finished.
+        """
+
+        def both(nodes: Sequence[int]) -> None:
+            for k in nodes:
+                assemble(k, None)
+                finish(k)
+
+        with ThreadPoolExecutor(self.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+            if not self.subtrees:
+                for k in range(len(self.nodes)):
+                    assemble(k, pool)
+                    with self._blas([k]):
+                        finish(k)
+                return
+            run_all(pool, [partial(both, some) for some in self.subtrees]
+                    + [partial(assemble, k, None) for k in self.early])  # fmt: skip
+            for level in self.levels:
+                if len(level) >= self.threads:
+                    run_all(pool, [partial(both, [k]) for k in level])
+                    continue
+                with self._blas(level):
+                    both(level)
+
+    def down(self, visit: AtNode) -> None:
+        """Parents before their children, each subtree on its own, depth first, so that few fronts are in memory."""
+
+        def several(nodes: Sequence[int]) -> None:
+            for k in reversed(nodes):
+                visit(k, None)
+
+        with ThreadPoolExecutor(self.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+            for k in reversed(range(len(self.nodes) if not self.subtrees else 0)):
+                visit(k, pool)
+            for level in reversed(self.levels):
+                with self._blas(level):
+                    several(level)
+            run_all(pool, [partial(several, some) for some in self.subtrees])
+
+    def _blas(self, nodes: Sequence[int]) -> AbstractContextManager[Any]:
+        """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
+        largest = max((self.nodes[k].flops for k in nodes), default=0.0)
+        if self.threads == 1 or self.reproducible or largest <= THREADED_FLOPS:
+            return nullcontext()
+        limit: AbstractContextManager[Any] = thread_control().limit(limits=self.threads, user_api="blas")
+        return limit
+
+
+def _shared_out(problem: IndexedProblem) -> tuple[list[list[int]], list[list[int]]]:
     """Subtrees to run in parallel, the largest first, and the nodes above them, level by level from below."""
     nodes, rays = problem.tree.nodes, problem.rays
     count = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])
@@ -112,9 +214,3 @@ def in_parallel(problem: IndexedProblem, work: Callable[[Sequence[Stretch]], Non
     parts = [[s for s, t in zip(some, share) if t == thread] for thread in range(problem.threads)]
     with ThreadPoolExecutor(problem.threads) as pool:
         list(pool.map(work, parts))
-
-
-def blas_threads(problem: IndexedProblem, nodes: Sequence[int]) -> int:
-    """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
-    largest = max((problem.tree.nodes[k].flops for k in nodes), default=0.0)
-    return problem.threads if largest > THREADED_FLOPS and not problem.settings.reproducible else 1
