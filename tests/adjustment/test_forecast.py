@@ -47,6 +47,9 @@ class _Log:
 
     warn = log
 
+    def progress(self, done: int, total: int, text: str = "") -> None:
+        """Progress is not kept."""
+
 
 def test_the_factor_is_as_large_as_predicted() -> None:
     unknowns, records, start = _tangled()
