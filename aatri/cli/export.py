@@ -43,6 +43,7 @@ def export(
         raise SpecError("not a folder", where=str(folder))
     if folder.is_dir() and any(folder.iterdir()) and not overwrite:
         raise SpecError("the folder is not empty", where=str(folder), remedy="another folder, or --overwrite")
+    _refuse_links(folder)
     if form is Form.tables:
         _write(run, name, folder)
     else:
@@ -51,12 +52,20 @@ def export(
     say(str(folder))
 
 
+def _refuse_links(folder: Path) -> None:
+    """Writing over a link would change a file elsewhere; over a pipe it would wait for a reader."""
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if path.is_symlink() or not (path.is_file() or path.is_dir()):
+            raise SpecError("is a link or no file, and would be written through", where=str(path),
+                            remedy="remove it, or another folder")  # fmt: skip
+
+
 def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
     from aatri.cli.planning import open_run
     from aatri.cli.slurm import script
 
     opened = open_run(run)
-    if path.exists() and not overwrite:
+    if (path.exists() and not overwrite) or path.is_symlink():
         raise SpecError("is there already", where=str(path), remedy="another file, or --overwrite")
     try:
         path.write_text(script(opened), encoding="utf-8")

@@ -137,6 +137,19 @@ def test_what_drives_a_terminal_is_escaped_in_json_and_keeps_its_value(capsys: p
     assert json.loads(told) == value
 
 
+def test_an_export_does_not_write_through_links(tmp_path: Path) -> None:
+    write_folder(tmp_path / "block")
+    write_pipeline(tmp_path, "  block: {use: block/tables, with: {path: block}}\n")
+    assert aatri("run", "-q").exit_code == 0
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "images.csv").symlink_to(tmp_path / "mine")
+    refused(aatri("export", "out:block", "tables", "there", "--overwrite"), 2, "written through")
+    (tmp_path / "jobs.sh").symlink_to(tmp_path / "mine")
+    refused(aatri("export", "pipeline.yaml", "slurm", "jobs.sh", "--overwrite"), 2, "is there already")
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
 # -- remedies --
 
 
