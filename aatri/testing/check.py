@@ -30,6 +30,7 @@ SENTENCES = {
     "contract": "the function, its ports, its kind and its options are those of its role",
     "method": "the file begins with its method: a sentence, then equation, symbols, source; the function has one too",
     "options": "every option has a description; the defaults are valid, also as written in pipeline.yaml",
+    "uses": "it says what it uses of what its ports offer, by the names that these have",
     "runs": "it runs on an example; what it cannot take it refuses with an InputError or GeometryError",
     "kind": "it returns the kind of its role",
     "file": "what it returns is the same after writing and reading, and has metrics",
@@ -129,6 +130,7 @@ def examine_stage(
     chosen, wrong = _options(card, options)
     told = wrong or _undescribed(card) or _unwritable(chosen)
     checks = [Check("contract"), Check("method", _method(card)), Check("options", told)]
+    checks += [] if wrong else [Check("uses", _uses(card, chosen))]
     if not wrong:
         checks += _behaviour(card, examples, chosen, defaults=options is None)
     return Report(name, tuple(checks))
@@ -158,6 +160,17 @@ def _options(card: StageCard, given: Mapping[str, Any] | None) -> tuple[Options 
         return card.options.model_validate(dict(given or {}), context={"base": Path.cwd()}), ""
     except ValidationError as error:
         return None, "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+
+
+def _uses(card: StageCard, chosen: Options | None) -> str:
+    offering = [port.name for port in card.ports if port.kind.offered_names()]
+    try:
+        stated = card.used_with(chosen)
+    except PluginError as error:
+        return error.what
+    if stated is None and offering:
+        return f"it does not say what it uses of {', '.join(offering)}: @stage(version=..., uses=(...)), or uses=()"
+    return ""
 
 
 def _undescribed(card: StageCard) -> str:

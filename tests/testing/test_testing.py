@@ -46,7 +46,7 @@ def scaled(made, factor):
     return replace(made, measurements=replace(made.measurements, sigma_mm=made.measurements.sigma_mm * factor))
 
 
-@stage(version=1)
+@stage(version=1, uses=("image_points.xy", "fiducial_points.xy"))
 def mine(block: Block, *, options: MineOptions = MineOptions(), context: Context = SILENT) -> ImagePoints:
     """Do it."""
     made = scaled(affine(block), options.factor)
@@ -70,6 +70,7 @@ EDITS = {
     "contract": ("block: Block, *", "blok: Block, *", "asks for port 'blok'"),
     "method": ("    x = a0 u + a1 v + a2\n", "", "there is only a first line"),
     "options": (', description="factor of the standard deviations"', "", "no description: factor"),
+    "uses": (', uses=("image_points.xy", "fiducial_points.xy")', "", "it does not say what it uses of block"),
     "defaults": ("MineOptions()", "MineOptions(factor=2.0)", "measurements (sigma_mm)"),
 }
 
@@ -108,7 +109,7 @@ def test_a_breach_of_form_is_found_and_named(tmp_path: Path, name: str) -> None:
 
 def test_an_optional_port_that_is_needed_after_all_is_found(tmp_path: Path) -> None:
     text = HEAD[: HEAD.index("@stage")] + (
-        "@stage(version=1)\n"
+        "@stage(version=1, uses=())\n"
         "def mine(block: Block, initial: Solution | None = None) -> Solution:\n"
         '    """Do it."""\n'
         "    return replace(initial)\n"
