@@ -23,7 +23,7 @@ def compare(
 ) -> None:
     """Show options and figures of runs side by side, the first stage that differs from the first run, and why."""
     from aatri.cli.locate import find_run
-    from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run
+    from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run, relative_spread
     from aatri.pipeline.store.inside import VARIANTS, names_in
 
     folders = [find_run(path).folder for path in runs]
@@ -42,7 +42,10 @@ def compare(
         return
     _say_values("option", names, options, "the options are equal")
     shown = [(name, row) for name, row in metrics if everything or len(set(map(_shown, row))) > 1]
-    _say_values("figure", names, shown, "the figures are equal")
+    if not everything:
+        shown.sort(key=lambda pair: -relative_spread(pair[1]))
+    _say_values("figure (largest change first)" if shown and not everything else "figure", names, shown,
+                "the figures are equal")  # fmt: skip
     for run in compared[1:]:
         missing = [stage for stage in compared[0].stages if stage not in run.records]
         without = f"; it has no result of {', '.join(missing)}" if missing else ""

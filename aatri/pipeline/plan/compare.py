@@ -99,6 +99,15 @@ def metric_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
     return rows
 
 
+def relative_spread(values: Sequence[Any]) -> float:
+    """Largest minus smallest of a figure over its largest magnitude; infinite where a run does not have it."""
+    numbers = [float(v) for v in values if isinstance(v, int | float)]
+    if len(numbers) < len(values):
+        return float("inf")
+    largest = max(map(abs, numbers), default=0.0)
+    return (max(numbers) - min(numbers)) / largest if largest > 0 else 0.0
+
+
 def parting(one: Compared, other: Compared) -> Parting | None:
     """Where two runs part first; None if all results that both have are equal."""
     for stage in one.stages:
