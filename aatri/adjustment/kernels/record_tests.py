@@ -13,38 +13,43 @@ _SIGNATURE = (
 )
 
 
-CLEAR = 0.01
-"""Cofactors with larger pivots are well controlled in all directions: they need no eigenvectors."""
+@njit("boolean(int64, float64[:,::1], float64[::1], float64, float64[:,::1], float64[::1])", **OPTIONS)
+def well_controlled(n, R, e, uncontrolled, L, y):
+    """Whether no eigenvalue of R (n, n) can be below a limit; then y = R^-1 e, by Cholesky.
 
-
-@njit("float64(int64, float64[:,::1], float64[::1], float64[:,::1], float64[::1])", **OPTIONS)
-def by_factor(n, R, e, L, x):
-    """e'R^-1 e by Cholesky, R^-1 e into `x`; -1 if a pivot of the leading n rows is not above `CLEAR`."""
-    for j in range(n):
-        pivot = R[j, j]
-        for k in range(j):
-            pivot -= L[j, k] * L[j, k]
-        if not pivot > CLEAR:
-            return -1.0
-        L[j, j] = np.sqrt(pivot)
-        for i in range(j + 1, n):
+    Of a positive definite matrix the smallest eigenvalue is at least det R / (trace R / (n - 1))^(n - 1), since the
+    product of the others is at most the power of their mean.
+    """
+    determinant, trace = 1.0, 0.0
+    for i in range(n):
+        trace += R[i, i]
+        for j in range(i + 1):
             s = R[i, j]
             for k in range(j):
                 s -= L[i, k] * L[j, k]
-            L[i, j] = s / L[j, j]
-    total = 0.0
+            if i == j:
+                if not s > 0.0:
+                    return False
+                determinant *= s
+                L[i, i] = np.sqrt(s)
+            else:
+                L[i, j] = s / L[j, j]
+    least = determinant
+    for _ in range(n - 1):
+        least *= (n - 1) / trace
+    if not least > uncontrolled:
+        return False
     for i in range(n):
         s = e[i]
         for k in range(i):
-            s -= L[i, k] * x[k]
-        x[i] = s / L[i, i]
-        total += x[i] * x[i]
+            s -= L[i, k] * y[k]
+        y[i] = s / L[i, i]
     for i in range(n - 1, -1, -1):
-        s = x[i]
+        s = y[i]
         for k in range(i + 1, n):
-            s -= L[k, i] * x[k]
-        x[i] = s / L[i, i]
-    return total
+            s -= L[k, i] * y[k]
+        y[i] = s / L[i, i]
+    return True
 
 
 @njit(_SIGNATURE, **OPTIONS)
@@ -69,7 +74,7 @@ def test_records(first, last, v, cofactor, observed, active, uncontrolled, size,
     """
     m = v.shape[1]
     at, R, e, projected = np.empty(m, dtype=np.int64), np.empty((m, m)), np.empty(m), np.empty(m)
-    L = np.empty((m, m))
+    L, y = np.empty((m, m)), np.empty(m)
     for r in range(first, last):
         n, known = 0, True
         for i in range(m):
@@ -90,10 +95,11 @@ def test_records(first, last, v, cofactor, observed, active, uncontrolled, size,
             for a in range(n):
                 size[r, at[a]] = np.nan
             continue
-        total = by_factor(n, R, e, L, projected)
-        if total >= 0.0:
+        if well_controlled(n, R, e, uncontrolled, L, y):
+            total = 0.0
             for a in range(n):
-                size[r, at[a]] = -projected[a] if active[r] else -e[a]
+                total += y[a] * e[a]
+                size[r, at[a]] = -y[a] if active[r] else -e[a]
             test[r] = np.sqrt(total / n)
             continue
         values, vectors = np.linalg.eigh(R[:n, :n].copy())
