@@ -158,3 +158,23 @@ def test_a_wrong_tie_is_rejected_and_its_size_estimated():
     assert np.flatnonzero(~found.active).tolist() == [n + 7]
     assert found.size_m[n + 7] == pytest.approx([0.0, 0.0, 0.5], abs=0.06)
     assert found.state[1:].ravel() == pytest.approx([1, 2, 3, -4, 5, 6], abs=0.02)
+
+
+@pytest.mark.parametrize(("leverage", "rejected"), [(0.1, True), (1e-3, False)])
+def test_control_that_alone_determines_something_is_kept_and_named_however_large_its_test(leverage, rejected):
+    n = 400
+    rng = np.random.default_rng(4)
+    xyz = rng.uniform(0, 100, (n, 3))
+    J = np.zeros((n, 3, 4))
+    J[:, :, :3] = np.eye(3)
+    J[:, 0, 3] = leverage * rng.choice([-1.0, 1.0], n)
+    J[0, 0, 3] = 1.0  # what the fourth unknown moves: the first point, the others hardly
+    eye = np.tile(np.eye(3), (n, 1, 1))
+    ties = _linear(np.zeros(n, dtype=int), np.arange(n), xyz, J, 1e-4 * eye, n_points=n, n_strips=1)
+    given = xyz + rng.normal(0, 0.01, (n, 3))
+    given[0, 0] += 100.0
+    control = GivenPoints("control", np.arange(n), given, 1e-4 * eye, np.ones((n, 3), dtype=bool))
+    found = _adjusted(ties, [control], 4)
+    assert found.test[n] > 4
+    assert np.flatnonzero(~found.active).tolist() == ([n] if rejected else [])
+    assert found.above[[0, n]].tolist() == [not rejected] * 2
