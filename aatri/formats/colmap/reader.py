@@ -48,7 +48,7 @@ from aatri.formats.tables.source import texts
 from aatri.formats.text.number_text import LARGEST
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.ids import canonical, is_valid, clipped, rows_of
+from aatri.ids import canonical, clipped, is_valid, rows_of
 from aatri.progress import SILENT, Reporter
 
 PIXEL_MM = 0.001

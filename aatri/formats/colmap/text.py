@@ -21,9 +21,8 @@ from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.text.number_text import numbers_of, whole_number_of
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import did_you_mean, clipped
+from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
-
 
 FEW_DIGITS = 18
 """Digits that any number of 64 bits can have."""

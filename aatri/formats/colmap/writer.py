@@ -24,7 +24,7 @@ from aatri.formats.colmap.binary import binary_paths, write_binary
 from aatri.formats.colmap.model import ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.reader import Y_UP
 from aatri.formats.colmap.text import text_paths, write_text
-from aatri.formats.results.exported_rays import ExportedCamera, Rays, exported_cameras, exported_rays
+from aatri.formats.results.exported_rays import ExportedCamera, ExportedRays, exported_cameras, exported_rays
 from aatri.geometry.collinearity import in_image_axes
 from aatri.progress import SILENT, Reporter
 
@@ -77,7 +77,7 @@ def write_colmap_model(
 
 
 def _model(
-    solution: Solution, block: Block, rays: Rays, cameras: list[ExportedCamera], paths: list[Path]
+    solution: Solution, block: Block, rays: ExportedRays, cameras: list[ExportedCamera], paths: list[Path]
 ) -> ColmapModel:
     images, first = np.unique(rays.image, return_index=True)
     points = np.unique(rays.point)
@@ -142,7 +142,7 @@ def _camera(number: int, camera: ExportedCamera, size: Float, centre: Float) -> 
     return ColmapCamera(number, model, int(size[0]), int(size[1]), values)
 
 
-def _errors_px(solution: Solution, rays: Rays, cameras: list[ExportedCamera], ray_camera: Int) -> Float:
+def _errors_px(solution: Solution, rays: ExportedRays, cameras: list[ExportedCamera], ray_camera: Int) -> Float:
     """Length of each ray's reprojection error, (n,) px."""
     images = solution.images
     u = in_image_axes(

@@ -29,7 +29,7 @@ REMEDY = "export with the image points after interior orientation and image refi
 
 
 @dataclass(frozen=True)
-class Rays:
+class ExportedRays:
     """Exported rays; rows are those of the Block, sorted by image and point.
 
     Attributes
@@ -59,7 +59,7 @@ class ExportedCamera:
     parameters: dict[str, float]
 
 
-def exported_rays(solution: Solution, block: Block, image_points: ImagePoints | None = None) -> Rays:
+def exported_rays(solution: Solution, block: Block, image_points: ImagePoints | None = None) -> ExportedRays:
     """The rays of a Solution.
 
     Raises
@@ -85,7 +85,7 @@ def exported_rays(solution: Solution, block: Block, image_points: ImagePoints | 
     used &= finite_rows(xy)
     if not used.any():
         raise GeometryError("no image point of an oriented image and a solved point", remedy="export a later stage")
-    return Rays(measured.image[used], measured.point[used], xy[used])
+    return ExportedRays(measured.image[used], measured.point[used], xy[used])
 
 
 def exported_cameras(solution: Solution, block: Block, image_points: ImagePoints | None = None) -> list[ExportedCamera]:

@@ -92,8 +92,8 @@ def _without_paths(node: Node) -> dict[str, Any]:
     options = copy.deepcopy(dict(node.options))
     for dotted in node.files:
         *parents, last = dotted.split(".")
-        place: Any = options
+        inner: Any = options
         for key in parents:
-            place = place[int(key)] if isinstance(place, list) else place[key]
-        place[int(last) if isinstance(place, list) else last] = None
+            inner = inner[int(key)] if isinstance(inner, list) else inner[key]
+        inner[int(last) if isinstance(inner, list) else last] = None
     return options

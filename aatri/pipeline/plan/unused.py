@@ -78,13 +78,13 @@ def _error(offer: Offer) -> InputError:
 
 
 def _warning(offer: Offer, ignored: bool, silent: list[str]) -> str:
-    place = f"{offer.where}: " if offer.where else ""
+    prefix = f"{offer.where}: " if offer.where else ""
     why = "not used by any stage of this pipeline"
     if ignored:
         why = f"without effect, as pipeline.yaml says by ignore: {offer.name}"
     elif silent and offer.nature not in MILD:
         why = f"no stage says that it uses it ({', '.join(silent)} states nothing)"
-    return f"{place}{offer.what}: {why}"
+    return f"{prefix}{offer.what}: {why}"
 
 
 def _quoted(name: str) -> str:

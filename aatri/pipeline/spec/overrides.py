@@ -22,19 +22,19 @@ def with_set(spec: Spec, texts: Sequence[str]) -> Spec:
     SpecError
         If the text is no STAGE.OPTION=VALUE, the stage is unknown or the value is no YAML.
     """
-    stages, places = dict(spec.stages), dict(spec.places)
+    stages, written_at = dict(spec.stages), dict(spec.written_at)
     for text in texts:
-        place = f"--set {text}"
+        where = f"--set {text}"
         target, equals, value = text.partition("=")
         name, *path = target.split(".")
         if not equals or not path or not all(path):
-            raise SpecError("not STAGE.OPTION=VALUE", where=place, remedy="for example --set bundle.max_iterations=9")
-        stage = _stage(stages, name, place)
+            raise SpecError("not STAGE.OPTION=VALUE", where=where, remedy="for example --set bundle.max_iterations=9")
+        stage = _stage(stages, name, where)
         options = copy.deepcopy(dict(stage.options))
-        _put(options, path, loads(value, place).value, place)
+        _put(options, path, loads(value, where).value, where)
         stages[name] = dataclasses.replace(stage, options=options)
-        places[(name, "with", *path)] = place
-    return dataclasses.replace(spec, stages=stages, places=places)
+        written_at[(name, "with", *path)] = where
+    return dataclasses.replace(spec, stages=stages, written_at=written_at)
 
 
 class Options(Protocol):
@@ -54,21 +54,21 @@ def with_use(spec: Spec, texts: Sequence[str], known: Options) -> tuple[Spec, li
     PluginError
         If there is no such variant.
     """
-    stages, places, notes = dict(spec.stages), dict(spec.places), []
+    stages, written_at, notes = dict(spec.stages), dict(spec.written_at), []
     for text in texts:
-        place = f"--use {text}"
+        where = f"--use {text}"
         name, equals, use = text.partition("=")
         if not equals or not USE.fullmatch(use):
-            raise SpecError("not STAGE=ROLE/VARIANT", where=place, remedy="see `aatri stages`")
-        stage = _stage(stages, name, place)
+            raise SpecError("not STAGE=ROLE/VARIANT", where=where, remedy="see `aatri stages`")
+        stage = _stage(stages, name, where)
         names = known.option_names(use)
         dropped = [option for option in stage.options if option not in names]
         if dropped:
             notes.append(f"{name}: {use} has no option {', '.join(dropped)}; not used")
         kept = {option: value for option, value in stage.options.items() if option in names}
         stages[name] = dataclasses.replace(stage, use=use, options=kept)
-        places[(name, "use")] = place
-    return dataclasses.replace(spec, stages=stages, places=places), notes
+        written_at[(name, "use")] = where
+    return dataclasses.replace(spec, stages=stages, written_at=written_at), notes
 
 
 def with_variant(spec: Spec, name: str) -> Spec:
@@ -85,7 +85,7 @@ def with_variant(spec: Spec, name: str) -> Spec:
     if name not in spec.variants:
         hint = did_you_mean(name, spec.variants) or f"; there are {', '.join(spec.variants) or 'none'}"
         raise SpecError(f"no variant {name!r}{hint}", where=spec.document.where("variants"))
-    stages, places = dict(spec.stages), dict(spec.places)
+    stages, written_at = dict(spec.stages), dict(spec.written_at)
     for stage_name, patch in (spec.variants[name] or {}).items():
         at = ("variants", name, stage_name)
         stage = stages[stage_name]
@@ -94,29 +94,29 @@ def with_variant(spec: Spec, name: str) -> Spec:
         inputs = dict(stage.inputs)
         for port, source in ((patch or {}).get("from") or {}).items():
             inputs[port] = source or port
-            places[(stage_name, "from", port)] = spec.document.where(*at, "from", port)
+            written_at[(stage_name, "from", port)] = spec.document.where(*at, "from", port)
         for option, value in ((patch or {}).get("with") or {}).items():
             options[option] = value
-            places[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
-        places[(stage_name, "use")] = spec.document.where(*at, "use")
+            written_at[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
+        written_at[(stage_name, "use")] = spec.document.where(*at, "use")
         stages[stage_name] = dataclasses.replace(stage, use=use, inputs=inputs, options=options)
-    return dataclasses.replace(spec, stages=stages, places=places, variant=name, run=spec.run / VARIANTS / name)
+    return dataclasses.replace(spec, stages=stages, written_at=written_at, variant=name, run=spec.run / VARIANTS / name)
 
 
-def _stage(stages: dict[str, StageSpec], name: str, place: str) -> StageSpec:
+def _stage(stages: dict[str, StageSpec], name: str, where: str) -> StageSpec:
     if name not in stages:
         hint = did_you_mean(name, stages) or f"; there are {', '.join(stages)}"
-        raise SpecError(f"no stage {name!r}{hint}", where=place)
+        raise SpecError(f"no stage {name!r}{hint}", where=where)
     return stages[name]
 
 
-def _put(options: dict[str, Any], path: Sequence[str], value: Any, place: str) -> None:
+def _put(options: dict[str, Any], path: Sequence[str], value: Any, where: str) -> None:
     *parents, last = path
     for key in parents:
         inner = options.setdefault(key, {})
         if inner is None:
             inner = options[key] = {}
         if not isinstance(inner, dict):
-            raise SpecError(f"{key} is {inner!r} and has no options of its own", where=place)
+            raise SpecError(f"{key} is {inner!r} and has no options of its own", where=where)
         options = inner
     options[last] = value

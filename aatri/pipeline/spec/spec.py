@@ -44,7 +44,7 @@ class StageSpec:
 
 @dataclass(frozen=True)
 class Spec:
-    """A pipeline as written. `places` holds where the command line, and not the file, gave a value."""
+    """A pipeline as written. `written_at` holds where the command line, and not the file, gave a value."""
 
     path: Path
     run: Path
@@ -52,7 +52,7 @@ class Spec:
     stages: Mapping[str, StageSpec]
     variants: Mapping[str, Any]
     document: Document = field(repr=False)
-    places: Mapping[tuple[str, ...], str] = field(default_factory=dict, repr=False)
+    written_at: Mapping[tuple[str, ...], str] = field(default_factory=dict, repr=False)
     variant: str = ""
     ignore: tuple[str, ...] = ()
 
@@ -71,8 +71,8 @@ class Spec:
 
     def _given(self, stage: str, *keys: str | int) -> str | None:
         path = (stage, *map(str, keys))
-        given = (self.places.get(path[:length]) for length in range(len(path), 0, -1))
-        return next((place for place in given if place), None)
+        given = (self.written_at.get(path[:length]) for length in range(len(path), 0, -1))
+        return next((where for where in given if where), None)
 
 
 def load_spec(path: Path, into: Path | None = None) -> Spec:
