@@ -22,6 +22,7 @@ from aatri.arrays import Float
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
 from benchmarks.blocks import ArrayBlock
 from benchmarks.common_gradient import cost_and_gradient
@@ -60,7 +61,7 @@ class Run:
 def run_aatri(block: ArrayBlock, *, covariances: bool) -> Run:
     """Adjust with aatri; in `more` the flops and the time of the tree's factorisation and of all covariances."""
     given = _bundle_input(block)
-    result, wall, cpu = _timed(lambda: adjust_bundle(given, covariances=False))
+    result, wall, cpu = _timed(lambda: adjust_bundle(given, BundleSettings(covariances=False)))
     memory = _peak_gb()
     cost, gradient = cost_and_gradient(block, result.poses.position_m, result.poses.ground_from_image, result.xyz_m)
     problem = result.adjusted.problem

@@ -148,6 +148,6 @@ def _failure(records: Sequence[Records], state: State, iterations: int, last: St
     worst = []
     for r in records:
         size = r.standardised(state)
-        worst += [(float(size[k]), f"{r.name} row {k}: {size[k]:.1f} sigma") for k in np.argsort(-size)[:5]]
+        worst += [(float(size[k]), f"{r.called(int(k))}: {size[k]:.1f} sigma") for k in np.argsort(-size)[:5]]
     listed = "; ".join(text for _, text in sorted(worst, reverse=True)[:5])
     return f"no convergence in {iterations} iterations (decrement {last.decrement:.3g}); largest residuals: {listed}"

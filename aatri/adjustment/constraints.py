@@ -79,7 +79,7 @@ def support(
         empty = np.argwhere(_used(r) & ~(size > 0))
         if len(empty):
             raise GeometryError(
-                f"constraint {r.name} row {empty[0][0]} does not depend on any free unknown at the start",
+                f"constraint {r.called(int(empty[0][0]))} does not depend on any free unknown at the start",
                 remedy="leave it out, or free one of the unknowns it touches",
             )
         rho = np.where(np.isfinite(limit), limit, 1.0 / np.where(size > 0, size, 1.0))
@@ -180,7 +180,7 @@ def gram(problem: IndexedProblem, u: Sides) -> Float:
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
     if values[0] > RANK_TOLERANCE:
         return S
-    names = [f"{r.name} row {row}" for r in problem.constraints for row in np.nonzero(_used(r))[0]]
+    names = [r.called(int(row)) for r in problem.constraints for row in np.nonzero(_used(r))[0]]
     largest = np.argsort(-np.abs(vectors[:, 0]), kind="stable")[:4]
     members = dict.fromkeys(names[i] for i in largest if abs(vectors[i, 0]) > 0.3 * abs(vectors[largest[0], 0]))
     raise GeometryError(

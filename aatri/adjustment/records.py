@@ -49,6 +49,8 @@ class Records:
         What the cost of a record is if not its square.
     linear : bool
         The Jacobians do not depend on the state, and all unknowns touched are plain numbers.
+    label : callable, optional
+        Row -> what messages call the record.
     """
 
     name: str
@@ -59,6 +61,11 @@ class Records:
     compiled: Compiled | None = None
     loss: Huber | None = None
     linear: bool = False
+    label: Callable[[int], str] | None = None
+
+    def called(self, row: int) -> str:
+        """What messages call a record."""
+        return f"{self.name} row {row}" if self.label is None else f"{self.name} {self.label(row)}"
 
     @property
     def rows(self) -> int:
@@ -92,7 +99,7 @@ class Records:
 
     def take(self, rows: Int) -> Records:
         """The chosen records."""
-        everything, compiled = self.evaluate, self.compiled
+        everything, compiled, label = self.evaluate, self.compiled, self.label
         return Records(
             self.name,
             tuple((group, block[rows]) for group, block in self.touches),
@@ -102,6 +109,7 @@ class Records:
             None if compiled is None else lambda order: compiled(rows[order]),
             self.loss,
             self.linear,
+            None if label is None else lambda row: label(int(rows[row])),
         )
 
     def residuals(self, state: State) -> Float:

@@ -124,6 +124,11 @@ class Observed:
         """Name of the kind."""
         return self.records.name
 
+    def label(self, row: int) -> str:
+        """What messages call one of them: image/point, or the one there is."""
+        image, point = self.names(np.array([row]))
+        return "/".join(name for name in (str(image[0]), str(point[0])) if name)
+
     def __len__(self) -> int:
         return len(self.row)
 

@@ -39,6 +39,7 @@ from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
 from aatri.adapters.suspects import after, with_gross_errors
 from aatri.adjustment.forecast import Solver
+from aatri.adjustment.settings import Settings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
@@ -49,7 +50,6 @@ from aatri.errors import GeometryError, ResourceError, SpecError
 from aatri.ids import shown
 from aatri.observations.kinds import with_kinds
 from aatri.observations.positions import uses_positions
-from aatri.orientation.bundle.adjust import Datum, DatumOver
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import Method, Rule, search
 from aatri.notes import tell
@@ -57,6 +57,7 @@ from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
 from aatri.orientation.bundle.notes import down_weighted, left_out, misfit
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -182,7 +183,7 @@ def bundle(
     done = _in_rounds(given, options, context)
     given, result, suspects = done.given, done.result, after(suspects, done.given, done.result)
     notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
-    tell([*done.notes, *notes, *parameter_notes(given, result)], context)
+    tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result)], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.huber_rejects is not None:
@@ -208,24 +209,28 @@ def _adjusted(
     given: BundleInput, options: BundleOptions, context: Context, bound: float | None = None
 ) -> BundleResult:
     try:
-        return adjust_bundle_from_afar(
-            given,
-            datum=options.datum,
-            datum_over=options.datum_over,
-            max_iterations=options.max_iterations,
-            tolerance=options.tolerance,
-            covariances=options.standard_deviations or options.reliability,
-            huber=options.huber if bound is None else bound,
-            loss_on_all=bound is not None,
-            ordering=options.ordering,
-            reproducible=options.reproducible,
-            memory_gb=options.memory_gb,
-            solver=options.solver,
-            reporter=context,
-        )
+        return adjust_bundle_from_afar(given, _settings(options, bound), reporter=context)
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names)
         if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
+
+
+def _settings(options: BundleOptions, bound: float | None) -> BundleSettings:
+    return BundleSettings(
+        options.datum,
+        options.datum_over,
+        options.standard_deviations or options.reliability or options.blunders.method != "none",
+        options.huber if bound is None else bound,
+        bound is not None,
+        Settings(
+            max_iterations=options.max_iterations,
+            tolerance=options.tolerance,
+            ordering=options.ordering,
+            reproducible=options.reproducible,
+            memory_gb=options.memory_gb,
+            solver=options.solver,
+        ),
+    )

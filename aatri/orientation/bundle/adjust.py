@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal
 
 import numpy as np
 
@@ -25,49 +24,26 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
-from aatri.notes import tell
+from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
 from aatri.orientation.bundle.result import AdjustedObservations, AdjustedParameters, BundleResult
+from aatri.orientation.bundle.settings import BundleSettings, Datum
 from aatri.progress import SILENT, Reporter
 
-Datum = Literal["given", "minimal", "free"]
-DatumOver = Literal["points", "images", "marked"]
-
-
 def adjust_bundle(
-    given: BundleInput,
-    *,
-    datum: Datum = "given",
-    datum_over: DatumOver = "points",
-    covariances: bool = True,
-    huber: float | None = None,
-    loss_on_all: bool = False,
-    reporter: Reporter = SILENT,
-    **settings: Any,
+    given: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
 ) -> BundleResult:
     """Adjust a block.
 
     Parameters
     ----------
     given : BundleInput
-    datum : str
-        `given` by control and positions, or `minimal`: the pose of the first image and one coordinate of the image
-        farthest from it are held at their start, which changes no residual of a block without any datum; or `free`:
-        inner constraints for what control and positions leave open, see `free_datum`.
-    datum_over : str
-        What a free datum rests on: all points, the projection centres of all images, or the marked points.
-    covariances : bool
-        There are none where observations are down-weighted.
-    huber : float, optional
-        Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
-    loss_on_all : bool
-        The loss is that of all kinds of observations but priors.
+    settings : BundleSettings
     reporter : Reporter
-    **settings
-        Of `adjust_large`.
+        Of the progress.
 
     Raises
     ------
@@ -78,19 +54,19 @@ def adjust_bundle(
     """
     part = taking_part(given)
     start = start_of(given)
-    poses = _free_poses(given, part.of[POSE], datum)
-    unknowns = unknowns_of(given, part, poses, _places(given, settings.get("ordering", "auto")))
-    records, constraints = _records(given, part, huber, loss_on_all)
+    poses = _free_poses(given, part.of[POSE], settings.datum)
+    unknowns = unknowns_of(given, part, poses, _places(given, settings.solution.ordering))
+    records, constraints = _records(given, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
             "there is nothing to adjust: no image and no point has enough observations that tie it to others",
             remedy="give `image_points` in `from:`, and start values",
         )
     free = None
-    if datum == "free":
+    if settings.datum == "free":
         others = [r for r in records if not _is_ray(r)] + constraints
         marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
-        free = FreeDatum.of(unknowns, others, start, part.of, datum_over, marked)
+        free = FreeDatum.of(unknowns, others, start, part.of, settings.datum_over, marked)
     adjusted = adjust_large(
         unknowns if free is None else minimally_held(free),
         records,
@@ -98,17 +74,17 @@ def adjust_bundle(
         constraints=constraints,
         veto=_veto(given, part),
         reporter=reporter,
-        **settings,
+        settings=settings.solution,
     )
-    tell(adjusted.notes, reporter)
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted)
-    covariances = covariances and not adjusted.down_weighted
+    covariances, notes = settings.covariances and not adjusted.down_weighted, list(adjusted.notes)
     if covariances and adjusted.problem.subtrees is not None:
         needed = forecast(adjusted.problem)
-        reporter.warn(_WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9))
+        text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
+        notes.append(Note("warning", text))
         covariances = False
-    return _result(given, adjusted, part, covariances, free)
+    return _result(given, adjusted, part, covariances, free, tuple(notes))
 
 
 _WITHOUT_FACTOR = (
@@ -142,7 +118,7 @@ def _is_ray(records: Records) -> bool:
 
 
 def _records(
-    given: BundleInput, part: Participants, huber: float | None, loss_on_all: bool
+    given: BundleInput, part: Participants, settings: BundleSettings
 ) -> tuple[list[Records], list[Records]]:
     """Observations and constraints of what takes part."""
     records: list[Records] = []
@@ -150,9 +126,10 @@ def _records(
     for o, rows in zip(given.observed, part.rows):
         if not len(rows):
             continue
-        chosen = o.records if len(rows) == len(o) else o.records.take(rows)
-        if huber is not None and (_is_ray(chosen) or (loss_on_all and not o.components)):
-            chosen = replace(chosen, loss=Huber(huber))
+        named = replace(o.records, label=o.label)
+        chosen = named if len(rows) == len(o) else named.take(rows)
+        if settings.huber is not None and (_is_ray(chosen) or (settings.loss_on_all and not o.components)):
+            chosen = replace(chosen, loss=Huber(settings.huber))
         (constraints if o.exact else records).append(chosen)
     return records, constraints
 
@@ -167,8 +144,9 @@ def _veto(given: BundleInput, part: Participants) -> Callable[[State, State], st
 
 
 def _result(
-    given: BundleInput, adjusted: Adjusted, part: Participants, covariances: bool, free: FreeDatum | None
-) -> BundleResult:
+    given: BundleInput, adjusted: Adjusted, part: Participants, covariances: bool, free: FreeDatum | None,
+    notes: tuple[Note, ...],
+) -> BundleResult:  # fmt: skip
     image, point = part.of[POSE], part.of[POINT]
     groups = {u.name: np.full((len(u.free), u.size, u.size), np.nan) for u in adjusted.problem.unknowns}
     groups.setdefault(POSE, np.zeros((0, 6, 6)))
@@ -193,6 +171,7 @@ def _result(
         image,
         point,
         adjusted,
+        notes,
     )
 
 

@@ -10,7 +10,6 @@ with images turned over is none: over flat ground their residuals are as small a
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.space_start import start_in_space, turned_over
+from aatri.orientation.bundle.settings import BundleSettings
 from aatri.progress import SILENT, Reporter
 
 FAR_SIGMA0 = 3.0
@@ -35,15 +35,17 @@ TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
 """Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
 
 
-def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, **options: Any) -> BundleResult:
+def adjust_bundle_from_afar(
+    given: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
+) -> BundleResult:
     """Adjust a block whose start may be far off.
 
     Parameters
     ----------
     given : BundleInput
+    settings : BundleSettings
+        Blocks without a given datum are adjusted from their start alone.
     reporter : Reporter
-    **options
-        Of `adjust_bundle`. Blocks without a given datum are adjusted from their start alone.
 
     Raises
     ------
@@ -55,13 +57,13 @@ def adjust_bundle_from_afar(given: BundleInput, *, reporter: Reporter = SILENT, 
     failure: ConvergenceError | GeometryError | None = None
     best: BundleResult | None = None
     try:
-        best = adjust_bundle(given, reporter=reporter, **options)
+        best = adjust_bundle(given, settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
         failure = error
-    if options.get("datum", "given") == "given" and not _trusted(given, best):
+    if settings.datum == "given" and not _trusted(given, best):
         why = failure.what if failure is not None else "another minimum is likely"
         reporter.log(f"adjusted again from a start by object space: {why}")
-        best = _best_restart(given, best, reporter, options)
+        best = _best_restart(given, best, reporter, settings)
     if best is None:
         assert failure is not None
         raise failure
@@ -82,13 +84,13 @@ def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = 
 
 
 def _best_restart(
-    given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
+    given: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first."""
     for factor, held in TRIALS if given.rays is not None else ():
         try:
             started = start_in_space(given, factor, held)
-            found = adjust_bundle(started, reporter=reporter, **options)
+            found = adjust_bundle(started, settings, reporter=reporter)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             continue
@@ -99,11 +101,11 @@ def _best_restart(
             return best
         if again and not _rank(given, best)[0]:
             break
-    return _resected(given, best, reporter, options)
+    return _resected(given, best, reporter, settings)
 
 
 def _resected(
-    given: BundleInput, best: BundleResult | None, reporter: Reporter, options: dict[str, Any]
+    given: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
 ) -> BundleResult | None:
     """Images that do not fit, oriented anew by resection to the points that the others determine."""
     if best is None:
@@ -120,7 +122,7 @@ def _resected(
     known = np.where(lost[:, None], np.nan, best.xyz_m - given.origin_m)
     poses, xyz = complete_start(rays, Poses(position, rotation), known)
     try:
-        found = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), reporter=reporter, **options)
+        found = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
         reporter.log(f"start by resection of {shown(np.asarray(given.image_ids)[bad])}: {error.what}")
         return best

@@ -9,6 +9,7 @@ import numpy as np
 from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
@@ -73,6 +74,7 @@ class BundleResult:
     observations : tuple of AdjustedObservations
     image_adjusted, point_adjusted : bool
     adjusted : Adjusted
+    notes : tuple of Note
     """
 
     poses: Poses
@@ -83,6 +85,7 @@ class BundleResult:
     image_adjusted: Bool
     point_adjusted: Bool
     adjusted: Adjusted
+    notes: tuple[Note, ...] = ()
 
     @property
     def pose_covariance(self) -> Float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters.bundle_input import origin_of
+from aatri.adjustment.settings import Settings
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_points import ImagePointRows, observed_image_points
 from aatri.observations.parameters import ParameterRows
@@ -16,6 +17,7 @@ from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bundle import adjust, from_afar
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.settings import BundleSettings
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,14 @@ class Parts:
 
 
 def adjust_bundle(parts: Parts, **options: Any) -> BundleResult:
-    return adjust.adjust_bundle(parts.together(), **options)
+    return adjust.adjust_bundle(parts.together(), settings(**options))
 
 
 def adjust_bundle_from_afar(parts: Parts, **options: Any) -> BundleResult:
-    return from_afar.adjust_bundle_from_afar(parts.together(), **options)
+    return from_afar.adjust_bundle_from_afar(parts.together(), settings(**options))
+
+
+def settings(**options: Any) -> BundleSettings:
+    """Settings of the bundle, and of its solution, by name."""
+    own = {name: options.pop(name) for name in tuple(options) if name in BundleSettings.__dataclass_fields__}
+    return BundleSettings(**own, solution=Settings(**options))
