@@ -1,10 +1,10 @@
 """aatri from Python: run a pipeline, open a run, look at its artifacts.
 
-    import aatri
-    run = aatri.run("pipeline.yaml", set=["bundle.max_iterations=9"])
-    run["bundle"].metrics["sigma0"]
-    run["bundle"].artifact.points.xyz_m
-    run["bundle"].to_dataframe("residuals")
+import aatri
+run = aatri.run("pipeline.yaml", set=["bundle.max_iterations=9"])
+run["bundle"].metrics["sigma0"]
+run["bundle"].artifact.points.xyz_m
+run["bundle"].to_dataframe("residuals")
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def open_run(path: str | Path) -> Run:
 
 
 def run_pipeline(
-    pipeline: str | Path = "pipeline.yaml", *, into: str | Path | None = None, set: Sequence[str] = (),  # noqa: A002
+    pipeline: str | Path = "pipeline.yaml", *, into: str | Path | None = None, set: Sequence[str] = (),
     use: Sequence[str] = (), variant: str = "", local_plugins: bool = False, quiet: bool = True,
 ) -> Run:  # fmt: skip
     """Bring a pipeline up to date, like `aatri run`, and open it.

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-
 LONGEST = 10_000
 """Longest part of a message, in characters."""
 

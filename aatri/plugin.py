@@ -37,7 +37,19 @@ from aatri.regular_file import wrong_path
 from aatri.tables.offers import is_known
 from aatri.tables.schema import Artifact
 
-__all__ = ["SILENT", "CodePath", "Context", "Field", "InputPath", "Options", "Port", "Role", "StageCard", "card_of", "stage"]
+__all__ = [
+    "SILENT",
+    "CodePath",
+    "Context",
+    "Field",
+    "InputPath",
+    "Options",
+    "Port",
+    "Role",
+    "StageCard",
+    "card_of",
+    "stage",
+]
 
 P = ParamSpec("P")
 T = TypeVar("T")

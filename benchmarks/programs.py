@@ -22,8 +22,8 @@ from aatri.arrays import Float
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle.settings import BundleSettings
 from benchmarks.blocks import ArrayBlock
 from benchmarks.common_gradient import cost_and_gradient
 

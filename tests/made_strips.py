@@ -133,8 +133,15 @@ class MadeBlock:
                 refers_to=np.full(n, int(self.lever_arm_m.any())), drift_group=[""] * n,
                 file=np.full(n, -1), line=np.full(n, -1),
             )  # fmt: skip
-        return Block(name="made", rotation="omega-phi-kappa", earth_curvature="ignore", terrain_height_m=0.0,
-                     undulation_m=np.nan, heading="true", **tables)
+        return Block(
+            name="made",
+            rotation="omega-phi-kappa",
+            earth_curvature="ignore",
+            terrain_height_m=0.0,
+            undulation_m=np.nan,
+            heading="true",
+            **tables,
+        )
 
     def image_points(self):
         block, m = self.block(), len(self.rows)

@@ -15,7 +15,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows, film_correction, rays_of
+from aatri.observations.image_points import film_correction, rays_of
 from aatri.observations.kinds import observe
 from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import ParameterRows
@@ -69,7 +69,9 @@ def bundle_input(
         rays,
         parameters,
         marked=np.isin(np.arange(len(block.points)), block.ground_points.point[block.ground_points.datum]),
-        numbering=strip_numbering(poses.position_m, block.images.strip, block.images.sequence) if len(poses.position_m) else None,
+        numbering=strip_numbering(poses.position_m, block.images.strip, block.images.sequence)
+        if len(poses.position_m)
+        else None,
         given=given,
     )
 

@@ -58,7 +58,9 @@ def bundle_solution(
             damping=np.array([s.damping for s in adjusted.history]),
         ),
         suspects=suspects,
-        tests=assemble.stacked([Tests.empty(), *(reliability_table(o, state) for o in result.observations)]) if tests else None,
+        tests=assemble.stacked([Tests.empty(), *(reliability_table(o, state) for o in result.observations)])
+        if tests
+        else None,
         calibrated_sets=calibration.sets if calibration else None,
         parameter_covariances=calibration.covariances if calibration else None,
         error_fields=calibration.fields if calibration else None,

@@ -18,8 +18,8 @@ from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, correction
 from aatri.errors import InputError
 from aatri.ids import shown
-from aatri.observations.poses import ADDITIONAL
 from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import ADDITIONAL
 
 _SAME = 1e-6
 """Nominal values and formats of two blocks are the same within this, mm."""

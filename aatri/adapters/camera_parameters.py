@@ -19,9 +19,9 @@ from aatri.artifacts.solution import Parameters
 from aatri.camera.models import calibration
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical, scale_of_format
 from aatri.errors import InputError
+from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.result import AdjustedParameters
-from aatri.observations.parameters import ParameterRows
 
 Unit = Literal["camera", "session", "image"]
 

@@ -17,6 +17,7 @@ from aatri.geometry.coplanarity import Rays
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation.relative.pairs import RelativeOrientations
 
+
 @dataclass(frozen=True)
 class Pairs:
     """Pairs of images and their common points, pair by pair and by point.

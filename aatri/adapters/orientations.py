@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
-from aatri.artifacts.block import ANTENNA, CONTROL, OBSERVED_VALUE, Block
+from aatri.arrays import Float
+from aatri.artifacts.block import ANTENNA, Block
 from aatri.errors import InputError
 from aatri.geometry.rotations import AngleSystem, rotation_from_angles
 

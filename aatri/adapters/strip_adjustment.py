@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters import strips as pieces
 from aatri.adapters import strip_tables as tables
+from aatri.adapters import strips as pieces
 from aatri.adapters.strip_tables import StripsOnGround
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block

@@ -8,7 +8,6 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters import strips as pieces
-from aatri.observations.control import Control
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals, StripTransformations
@@ -17,6 +16,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.polynomials import COUNT, StripAxes
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
+from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.strip_polynomials import StripPolynomials, model_name, terms_of
 

@@ -6,8 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
-from aatri.observations.control import Control
-from aatri.observations.positions import Positions
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -18,6 +16,8 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
+from aatri.observations.control import Control
+from aatri.observations.positions import Positions
 from aatri.orientation.free_block.component_growth import StripPoints
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")

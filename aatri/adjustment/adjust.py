@@ -22,9 +22,6 @@ from aatri.adjustment.adjusted import Step
 from aatri.adjustment.constraints import factorise_constrained, support
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.forecast import within_limit
-from aatri.adjustment.problem import Problem
-from aatri.adjustment.records import Records
-from aatri.adjustment.settings import Settings
 from aatri.adjustment.iteration import (
     ADVICE,
     IterationState,
@@ -33,6 +30,9 @@ from aatri.adjustment.iteration import (
     refuse_unusable,
     with_runaways_slowed,
 )
+from aatri.adjustment.problem import Problem
+from aatri.adjustment.records import Records
+from aatri.adjustment.settings import Settings
 from aatri.adjustment.stepping.linearity import LINEAR, after_step
 from aatri.adjustment.stepping.robust import down_weighted, settled, with_curvature
 from aatri.adjustment.stepping.runaways import steadied
@@ -99,9 +99,7 @@ def adjust_large(
         problem, factored = here.problem, here.factored
         found = steps(problem, factored, here.state)
         history.append(Step(factored.cost, here.decrement, factored.damping))
-        tell_iteration(
-            reporter, iteration, factored.cost, counts(problem)[2], here.decrement, here.damping.value
-        )
+        tell_iteration(reporter, iteration, factored.cost, counts(problem)[2], here.decrement, here.damping.value)
         trial = steadied(problem, retract_state(problem.unknowns, here.state, found), veto)
         if factored.damping == 0.0 and (linear or here.decrement <= tolerance) and settled(problem, here.state):
             weak, hardly = weak_blocks_of(problem, factored)

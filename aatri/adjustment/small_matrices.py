@@ -1,6 +1,6 @@
 """Stacks of small symmetric matrices, factorised side by side: loops run over the m columns, not over the n matrices.
 
-    C = L L',   T = L^-1,   T C T' = I
+C = L L',   T = L^-1,   T C T' = I
 """
 
 from __future__ import annotations

@@ -40,7 +40,9 @@ def weak_blocks_of(problem: IndexedProblem, factored: Factored) -> tuple[Blocks,
     return weak, list(notes_of(found))
 
 
-def without_weak_blocks(problem: IndexedProblem, state: State, weak: Blocks) -> tuple[IndexedProblem, Factored, list[Note]]:
+def without_weak_blocks(
+    problem: IndexedProblem, state: State, weak: Blocks
+) -> tuple[IndexedProblem, Factored, list[Note]]:
     """The problem with weak blocks set aside, and those eliminated ones that are open without them; factorised."""
     notes = [_note(problem, weak, "set aside, its observations hardly determine it")]
     problem = with_set_aside(problem, weak)

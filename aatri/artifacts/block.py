@@ -17,36 +17,80 @@ from typing import ClassVar
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block_control import (
     Exterior as Exterior,
+)
+from aatri.artifacts.block_control import (
     Geodetic as Geodetic,
+)
+from aatri.artifacts.block_control import (
     GeodeticCovariances as GeodeticCovariances,
+)
+from aatri.artifacts.block_control import (
     GroundPointCovariances as GroundPointCovariances,
+)
+from aatri.artifacts.block_control import (
     GroundPoints as GroundPoints,
+)
+from aatri.artifacts.block_control import (
     RelativeControl as RelativeControl,
+)
+from aatri.artifacts.block_control import (
     RelativeControlMembers as RelativeControlMembers,
 )
 from aatri.artifacts.block_images import (
     CameraParameters as CameraParameters,
+)
+from aatri.artifacts.block_images import (
     Cameras as Cameras,
+)
+from aatri.artifacts.block_images import (
     DistortionTable as DistortionTable,
+)
+from aatri.artifacts.block_images import (
     FiducialPoints as FiducialPoints,
+)
+from aatri.artifacts.block_images import (
     Fiducials as Fiducials,
+)
+from aatri.artifacts.block_images import (
     ImagePoints as ImagePoints,
+)
+from aatri.artifacts.block_images import (
     Images as Images,
+)
+from aatri.artifacts.block_images import (
     Points as Points,
+)
+from aatri.artifacts.block_images import (
     RigMembers as RigMembers,
+)
+from aatri.artifacts.block_images import (
     Strips as Strips,
 )
+from aatri.artifacts.offers import NAMES, offers_of
 from aatri.codes import (
     ANTENNA as ANTENNA,
+)
+from aatri.codes import (
     APPROXIMATE as APPROXIMATE,
+)
+from aatri.codes import (
     APPROXIMATE_VALUE as APPROXIMATE_VALUE,
+)
+from aatri.codes import (
     CHECK as CHECK,
+)
+from aatri.codes import (
     CONTROL as CONTROL,
+)
+from aatri.codes import (
     NO_ROLE as NO_ROLE,
+)
+from aatri.codes import (
     OBSERVED_VALUE as OBSERVED_VALUE,
+)
+from aatri.codes import (
     PROJECTION_CENTRE as PROJECTION_CENTRE,
 )
-from aatri.artifacts.offers import NAMES, offers_of
 from aatri.tables.offers import Offer
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 

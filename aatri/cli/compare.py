@@ -28,7 +28,9 @@ def compare(
 
     folders = [find_run(path).folder for path in runs]
     if variants:
-        folders = [f for folder in folders for f in (folder, *(folder / VARIANTS / n for n in names_in(folder, VARIANTS)))]
+        folders = [
+            f for folder in folders for f in (folder, *(folder / VARIANTS / n for n in names_in(folder, VARIANTS)))
+        ]
     if len(folders) < 2:
         raise SpecError("one run only", where=str(folders[0]),
                         remedy="give another, or --variants after `aatri run --variant NAME`")  # fmt: skip

@@ -28,8 +28,8 @@ def exec_(
 ) -> None:
     """Make one stage whose inputs are up to date, beside other jobs on other stages of the run."""
     del debug  # for reports_errors
-    from aatri.cli.narrator import Narrator
     from aatri.cli.locate import in_folder
+    from aatri.cli.narrator import Narrator
     from aatri.cli.planning import Request, open_request, open_run
     from aatri.pipeline.plan.plan import Selection, select
     from aatri.pipeline.run.runner import How

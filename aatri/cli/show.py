@@ -12,7 +12,6 @@ from aatri.cli.console import narrate, reports_errors, say, say_json, say_table
 from aatri.cli.locate import find_run, split_stage
 from aatri.errors import ArtifactError, SpecError
 
-
 MOST_ROWS = 20
 """Rows of a table that are printed unless all are asked for."""
 

@@ -31,7 +31,9 @@ def script(opened: Opened) -> str:
     """The text of the script; its last job makes the results current and writes the report."""
     arguments = arguments_of(opened.request.plain() | {"into": opened.request.into})
     # within a comment a name must not begin a line of its own
-    lines = [_HEAD.format(pipeline=printable(str(opened.spec.path)), name="SCRIPT", folder=shlex.quote(str(Path.cwd())))]
+    lines = [
+        _HEAD.format(pipeline=printable(str(opened.spec.path)), name="SCRIPT", folder=shlex.quote(str(Path.cwd())))
+    ]
     for node in opened.nodes:
         after = ":".join(f"$job_{source}" for source in dict.fromkeys(node.inputs.values()))
         command = shlex.join(["aatri", "exec", opened.request.pipeline, node.name, *arguments])
@@ -41,4 +43,3 @@ def script(opened: Opened) -> str:
     lines.append(f'job_report=$(submit report "{after}" {shlex.quote(command)})\n')
     lines.append('echo "$job_report"\n')
     return "".join(lines)
-

@@ -70,8 +70,12 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
     known = {name: value for name, value in figures.items()
              if not np.isnan(value) and not name.startswith(tuple(without_theory))}  # fmt: skip
     return Evaluation(
-        verdict=verdict(known, control_is_exact=_is_exact(block), enough=enough,
-                        sigma0=global_test(solution.sigma0, solution.redundancy)),
+        verdict=verdict(
+            known,
+            control_is_exact=_is_exact(block),
+            enough=enough,
+            sigma0=global_test(solution.sigma0, solution.redundancy),
+        ),
         figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),
         differences=_table(block, solution, {"control": control, "check": check, "truth": truth}),
     )

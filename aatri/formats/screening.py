@@ -219,10 +219,7 @@ def _too_many(block: Block, images: _Set, points: _Set, share: float) -> list[In
     by_reason = {reason: [r for r, why in points.reasons.items() if why == reason] for reason in (OUTSIDE, SEEN_ONCE)}
     single = sorted({int(rows.point[r]): r for r in sorted(by_reason[SEEN_ONCE], reverse=True)}.values())
     image_rows = sorted(images.reasons)
-    image_lines = [
-        (str(block.images.id[r]), read_at(block, block.images, r))
-        for r in image_rows
-    ]
+    image_lines = [(str(block.images.id[r]), read_at(block, block.images, r)) for r in image_rows]
     point_lines = [(_point_name(block, r), _measured_at(block, r)) for r in single]
     outside_lines = [(_point_name(block, r), _measured_at(block, r)) for r in sorted(by_reason[OUTSIDE])]
     measured = int(np.count_nonzero(np.bincount(rows.point)))
@@ -238,7 +235,9 @@ def _too_many(block: Block, images: _Set, points: _Set, share: float) -> list[In
     return errors[:1] if found[0] is not None else errors  # what lies outside the format takes the rest with it
 
 
-def _share_error(kind: str, found: list[tuple[str, str]], total: int, share: float, reason: str, remedy: str) -> InputError | None:
+def _share_error(
+    kind: str, found: list[tuple[str, str]], total: int, share: float, reason: str, remedy: str
+) -> InputError | None:
     if len(found) <= share * total:
         return None
     listed = ", ".join(f"{printable(name)} ({where})" if where else printable(name)

@@ -28,14 +28,22 @@ def fault_of_frame(frame: Frame) -> tuple[str, str, str] | None:
     try:
         system = pyproj.CRS.from_user_input(frame.crs)
     except pyproj.exceptions.CRSError as error:
-        return "crs", f"crs {frame.crs!r} is not known: {_short(error)}", "write it as EPSG:32650, PROJ or WKT text, or local"
+        return (
+            "crs",
+            f"crs {frame.crs!r} is not known: {_short(error)}",
+            "write it as EPSG:32650, PROJ or WKT text, or local",
+        )
     if frame.vertical:
         try:
             vertical = pyproj.CRS.from_user_input(frame.vertical)
         except pyproj.exceptions.CRSError as error:
             return "vertical", f"vertical {frame.vertical!r} is not known: {_short(error)}", "write it as EPSG:5773"
         if not vertical.is_vertical:
-            return "vertical", f"vertical {frame.vertical} is {vertical.name}, no vertical system", "name a height system"
+            return (
+                "vertical",
+                f"vertical {frame.vertical} is {vertical.name}, no vertical system",
+                "name a height system",
+            )
     geographic = set(frame.axes) == set(GEOGRAPHIC)
     if system.is_geographic and not geographic:
         what = f"{frame.crs} ({system.name}) is geographic, in degrees, but the axes are {', '.join(frame.axes)}"

@@ -9,7 +9,6 @@ Source: Ackermann 1984, Friess 1986; docs/formulas.md 5.3.
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from aatri.adjustment.records import Records
@@ -66,5 +65,3 @@ def observed_drift(rows: Positions, origin_m: Float, group: Text, time: Float, n
     unknowns = Unknowns(DRIFT, free, labels, ids, add_step)
     start = {DRIFT: np.zeros((len(ids), 6))}
     return (Observed(records, rows.row, named(image=names), "m", unknowns=(unknowns,), start=start),)
-
-

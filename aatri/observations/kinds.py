@@ -8,12 +8,16 @@ from typing import Any, TypeVar
 
 from pydantic import Field, create_model
 
-from aatri.observations.control import USES as OF_CONTROL, control
-from aatri.observations.distances import USES as OF_DISTANCES, distances
-from aatri.observations.drift import USES as OF_DRIFT, drift
+from aatri.observations.control import USES as OF_CONTROL
+from aatri.observations.control import control
+from aatri.observations.distances import USES as OF_DISTANCES
+from aatri.observations.distances import distances
+from aatri.observations.drift import USES as OF_DRIFT
+from aatri.observations.drift import drift
 from aatri.observations.image_points import image_points
 from aatri.observations.observed import Given, Observed
-from aatri.observations.positions import USES as OF_POSITIONS, PositionOptions, positions
+from aatri.observations.positions import USES as OF_POSITIONS
+from aatri.observations.positions import PositionOptions, positions
 from aatri.options import Options
 
 

@@ -23,11 +23,11 @@ from aatri.report.drawing.charts import sigma0_chart
 from aatri.report.drawing.plan import block_plan
 from aatri.report.numbers import number, seconds
 from aatri.report.run_view import RunView, StageView, view
-from aatri.report.verdict import external_lights, internal_lights
 from aatri.report.sections.evaluation import difference_pictures
 from aatri.report.sections.parts import Picture, Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import accuracy_table
+from aatri.report.verdict import external_lights, internal_lights
 
 
 def write_report(run: Path) -> Path:

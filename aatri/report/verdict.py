@@ -139,7 +139,9 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
     d = evaluation.differences
     mine = np.flatnonzero(d.kind == "check")
     with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.fmax.reduce(np.where(d.sigma_m[mine] > 0, np.abs(d.difference_m[mine]) / d.sigma_m[mine], np.nan), axis=1)
+        size = np.fmax.reduce(
+            np.where(d.sigma_m[mine] > 0, np.abs(d.difference_m[mine]) / d.sigma_m[mine], np.nan), axis=1
+        )
     far = mine[np.nan_to_num(size) > FAR_SIGMAS]
     if not len(far):
         return []

@@ -23,6 +23,12 @@ class BalOptions(Options):
 @stage(version=1, uses=())
 def bal(*, options: BalOptions, context: Context = SILENT) -> Block:
     """Read a problem file."""
-    block = read_bal(options.path, image_sigma_px=options.image_sigma_px, calibrate=options.calibrate, max_reject_share=options.max_reject_share, reporter=context)
+    block = read_bal(
+        options.path,
+        image_sigma_px=options.image_sigma_px,
+        calibrate=options.calibrate,
+        max_reject_share=options.max_reject_share,
+        reporter=context,
+    )
     log_counts(block, context)
     return block

@@ -6,8 +6,8 @@ standard deviations: they are options. The form of the files is described in doc
 
 from aatri.artifacts.block import Block
 from aatri.formats.results.summary import log_counts
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
+from aatri.formats.wucaps.reader import read_wucaps
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 

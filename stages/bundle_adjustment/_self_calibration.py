@@ -26,9 +26,9 @@ from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
 from aatri.formats.text.text_file import read_lines
+from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import ADDITIONAL
 from aatri.orientation.bundle.result import AdjustedParameters
-from aatri.observations.parameters import ParameterRows
 from aatri.plugin import CodePath, Field, Options
 
 

@@ -25,11 +25,8 @@ Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with 
 
 from __future__ import annotations
 
-from dataclasses import replace
-from time import perf_counter
 from typing import Self
 
-import numpy as np
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
@@ -46,19 +43,18 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
-from aatri.errors import GeometryError, ResourceError, SpecError
-from aatri.ids import shown
+from aatri.errors import GeometryError
+from aatri.notes import tell
 from aatri.observations.kinds import with_kinds
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import Method, Rule, search
-from aatri.notes import tell
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
 from aatri.orientation.bundle.notes import down_weighted, left_out, misfit
+from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
+from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
@@ -205,9 +201,7 @@ def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> 
     return done
 
 
-def _adjusted(
-    given: BundleInput, options: BundleOptions, context: Context, bound: float | None = None
-) -> BundleResult:
+def _adjusted(given: BundleInput, options: BundleOptions, context: Context, bound: float | None = None) -> BundleResult:
     try:
         return adjust_bundle_from_afar(given, _settings(options, bound), reporter=context)
     except GeometryError as error:

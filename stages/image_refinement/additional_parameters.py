@@ -20,15 +20,17 @@ from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import parameter_set, with_interior
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
-from aatri.geometry.vectors import finite_rows
 from aatri.formats.text.text_file import read_lines
+from aatri.geometry.vectors import finite_rows
 from aatri.plugin import SILENT, CodePath, Context, Field, Options, stage
 
 
 class AdditionalParametersOptions(Options):
     """Where the terms of a user's set come from."""
 
-    user: CodePath | None = Field(None, description="file of the set, where the calibration has set: user; its code runs")
+    user: CodePath | None = Field(
+        None, description="file of the set, where the calibration has set: user; its code runs"
+    )
 
 
 @stage(version=1, uses=())

@@ -43,7 +43,9 @@ def _linear(J: np.ndarray, blocks: int, bend: float = 0.0, start: float = 0.0):
 
 @pytest.mark.parametrize("n", [24, 26])
 def test_a_rank_defect_that_no_pivot_shows_is_refused_and_its_combination_named(n: int) -> None:
-    with pytest.raises(GeometryError, match=r"nearly leave 1 combination\(s\) of unknowns open: x0 of x b0 with x0 of x b1"):
+    with pytest.raises(
+        GeometryError, match=r"nearly leave 1 combination\(s\) of unknowns open: x0 of x b0 with x0 of x b1"
+    ):
         adjust_large(*_linear(_kahan(n), n))
 
 

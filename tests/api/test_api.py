@@ -25,7 +25,10 @@ def opened(tmp_path: Path) -> aatri.api.Run:  # type: ignore[name-defined]
               {"stage": "bundle", "use": "bundle_adjustment/bundle", "from": {"block": "block"}, "kind": "Solution"},
               {"stage": "later", "use": "accuracy/evaluation", "from": {}, "kind": "Evaluation"}]  # fmt: skip
     run = tmp_path / "run"
-    store.begin(run, {"pipeline": "p.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages, "status": "done"})
+    store.begin(
+        run,
+        {"pipeline": "p.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages, "status": "done"},
+    )
     block = made_block()
     for name, artifact in (("block", block), ("bundle", made_solution(block))):
         store.commit(run, name, "0123456789ab", artifact, bare_record() | {"metrics": artifact.metrics()})

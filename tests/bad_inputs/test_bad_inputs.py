@@ -1,6 +1,6 @@
 """Every bad input of this folder is answered with the message beside it.
 
-    APPROVE=1 pytest tests/bad_inputs        writes the messages anew; read the difference before you commit it
+APPROVE=1 pytest tests/bad_inputs        writes the messages anew; read the difference before you commit it
 """
 
 from __future__ import annotations

@@ -19,21 +19,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.observations.image_points import rays_of
 from aatri.adapters.camera_parameters import camera_parameters
-from aatri.observations.control import control_of
-from aatri.observations.positions import Positions, positions_of
+from aatri.adjustment.statistics.global_test import global_test
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.adjustment.statistics.global_test import global_test
 from aatri.geometry.rotations import exp_rotation
+from aatri.observations.control import control_of
+from aatri.observations.image_points import rays_of
 from aatri.observations.poses import Poses
+from aatri.observations.positions import Positions, positions_of
 from aatri.orientation.bundle.result import BundleResult
-from tests.orientation.bundle.parts import adjust_bundle
-from tests.orientation.bundle.parts import Parts
-from tests.orientation.bundle.parts import adjust_bundle_from_afar
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.orientation.bundle.parts import Parts, adjust_bundle, adjust_bundle_from_afar
 from tests.stages.chain import simulated
 
 ANGLES_DEG = (0.0, 10.0, 30.0, 45.0, 60.0)

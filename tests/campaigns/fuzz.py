@@ -166,7 +166,9 @@ def _tried(reader: Reader, folder: Path) -> tuple[str, str]:
         if isinstance(error, KeyboardInterrupt):
             raise
         where = traceback.extract_tb(error.__traceback__)
-        ours_last = [f"{Path(f.filename).name}:{f.lineno}" for f in where if "aatri" in f.filename or "stages" in f.filename]
+        ours_last = [
+            f"{Path(f.filename).name}:{f.lineno}" for f in where if "aatri" in f.filename or "stages" in f.filename
+        ]
         return "internal errors", f"{type(error).__name__}: {str(error)[:200]} at {' '.join(ours_last[-3:])}"
     finally:
         signal.alarm(0)

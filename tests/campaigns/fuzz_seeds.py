@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-
 from aatri.artifacts.block import Block
 from aatri.formats.bal.reader import read_bal
 from aatri.formats.colmap.reader import read_colmap
@@ -64,7 +63,9 @@ DBAT = (
     + "".join(f"{k} {p} {300 + 200 * j}.5 {400 + 31 * k * j} 0.1 0.1\n"
               for k in range(3) for j, p in enumerate((1001, 1002, 1003, 7)))
 )  # fmt: skip
-CONTROL = "# id, name, X, Y, Z, sX, sY, sZ\n1001, a, 0, 1, 0\n1002, b, 1, 1, 0, 0.01\n1003, c, 0, 0, 0.1, 0.01, 0.01, 0.02\n"
+CONTROL = (
+    "# id, name, X, Y, Z, sX, sY, sZ\n1001, a, 0, 1, 0\n1002, b, 1, 1, 0, 0.01\n1003, c, 0, 0, 0.1, 0.01, 0.01, 0.02\n"
+)
 PIPELINE = """\
 run: runs/fuzz
 seed: 3

@@ -117,7 +117,19 @@ class Tree:
         place = self.root.parent
         output = place / "output.txt"
         aside = [f"--deselect={test}" for test in self.failing]
-        command = [sys.executable, "-m", "pytest", "-x", "-v", "-p", "no:cacheprovider", "-rfE", "--tb=no", "-m", marked]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-x",
+            "-v",
+            "-p",
+            "no:cacheprovider",
+            "-rfE",
+            "--tb=no",
+            "-m",
+            marked,
+        ]
         command += [f"--basetemp={place / 'tests'}", *aside, *tests]
         environment = {**os.environ, "PYTHONPATH": str(self.root), "PYTHONUNBUFFERED": "1",
                        "XDG_CACHE_HOME": str(place / "cache"), "NUMBA_CACHE_DIR": str(place / "numba")}  # fmt: skip
@@ -155,7 +167,9 @@ def _makes_no_progress(process: subprocess.Popen[bytes], output: Path, limit_s: 
 def _is_mirror(test: str, file: str) -> bool:
     """Whether a test lies in the room of tests that mirrors the file's own."""
     room = Path(file).parent.as_posix().removeprefix("aatri/").removesuffix("/kernels")
-    return (Path(test).parent.as_posix() + "/").startswith(f"tests/{room.split('/')[0] if room[:6] == 'stages' else room}/")
+    return (Path(test).parent.as_posix() + "/").startswith(
+        f"tests/{room.split('/')[0] if room[:6] == 'stages' else room}/"
+    )
 
 
 def _sources(tree: Path) -> list[str]:

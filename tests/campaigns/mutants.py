@@ -89,7 +89,9 @@ def equivalents() -> dict[tuple[str, str, str], str]:
     return {(e["file"], e["was"].strip(), e["becomes"].strip()): e["reason"] for e in entries}
 
 
-def outcome(mutant: Mutant, trees: queue.Queue[Tree], known: dict[tuple[str, str, str], str], near_only: bool) -> Outcome:
+def outcome(
+    mutant: Mutant, trees: queue.Queue[Tree], known: dict[tuple[str, str, str], str], near_only: bool
+) -> Outcome:
     """Try one mutant in a tree that is free."""
     reason = known.get((mutant.file, *mutant.lines))
     if reason is not None:
@@ -132,7 +134,10 @@ def main() -> None:
 
 def _conclude(outcomes: list[Outcome], at_least: float, seconds: float) -> None:
     """Survivors and figures; exit code 1 if too few were killed."""
-    of = {verdict: [o for o in outcomes if o.verdict == verdict] for verdict in ("killed", "hung", "survived", "equivalent")}
+    of = {
+        verdict: [o for o in outcomes if o.verdict == verdict]
+        for verdict in ("killed", "hung", "survived", "equivalent")
+    }
     sys.stdout.write("\nSurvivors:\n" + "".join(o.text() for o in of["survived"]))
     dead, alive = len(of["killed"]) + len(of["hung"]), len(of["survived"])
     share = 100.0 * dead / max(dead + alive, 1)

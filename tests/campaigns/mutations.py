@@ -159,4 +159,6 @@ def _of_constant(node: ast.Constant, value: float, at: _Places) -> Iterator[Muta
 
 
 def _is_text(*nodes: ast.AST) -> bool:
-    return any(isinstance(n, ast.JoinedStr) or (isinstance(n, ast.Constant) and isinstance(n.value, str)) for n in nodes)
+    return any(
+        isinstance(n, ast.JoinedStr) or (isinstance(n, ast.Constant) and isinstance(n.value, str)) for n in nodes
+    )

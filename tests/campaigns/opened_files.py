@@ -72,7 +72,13 @@ def main() -> None:
 
         def trace(folder: Path, *arguments: str, more: Iterable[Path] = (), codes: tuple[int, ...] = (0,)) -> None:
             code, calls = _traced(folder, arguments, place / "trace.txt")
-            allowed = (place / "tmp", folder, Path(os.environ["XDG_CACHE_HOME"]), Path(os.environ["NUMBA_CACHE_DIR"]), *more)
+            allowed = (
+                place / "tmp",
+                folder,
+                Path(os.environ["XDG_CACHE_HOME"]),
+                Path(os.environ["NUMBA_CACHE_DIR"]),
+                *more,
+            )
             found = _elsewhere(calls, folder, allowed, secret)
             if code not in codes:
                 found.append(f"exit code {code}")
@@ -121,7 +127,21 @@ def _attack(tables: Path, link: str, secret: Path, trace: object) -> None:
 def _traced(folder: Path, arguments: tuple[str, ...], told: Path) -> tuple[int, list[tuple[str, str, bool]]]:
     """Exit code of `aatri ARGUMENTS`, and its calls: name, path, and whether it was to write."""
     code = "import sys; from aatri.cli.main import main; sys.exit(main())"
-    command = ["strace", "-f", "-qq", "-s", "4096", "-e", CALLS, "-o", str(told), sys.executable, "-c", code, *arguments]
+    command = [
+        "strace",
+        "-f",
+        "-qq",
+        "-s",
+        "4096",
+        "-e",
+        CALLS,
+        "-o",
+        str(told),
+        sys.executable,
+        "-c",
+        code,
+        *arguments,
+    ]
     done = subprocess.run(command, cwd=folder, capture_output=True, check=False,
                           env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"})  # fmt: skip
     calls = []
@@ -135,7 +155,10 @@ def _traced(folder: Path, arguments: tuple[str, ...], told: Path) -> tuple[int, 
 
 def _elsewhere(calls: list[tuple[str, str, bool]], folder: Path, allowed: Iterable[Path], secret: Path) -> list[str]:
     """What was opened where aatri has no business."""
-    installed = {Path(p).resolve() for p in (*sysconfig.get_paths().values(), *filter(os.path.isabs, sys.path), sys.base_prefix, sys.prefix, ROOT)}
+    installed = {
+        Path(p).resolve()
+        for p in (*sysconfig.get_paths().values(), *filter(os.path.isabs, sys.path), sys.base_prefix, sys.prefix, ROOT)
+    }
     found = set()
     for name, text, writes in calls:
         path = Path(os.path.normpath(folder / text))
@@ -146,7 +169,7 @@ def _elsewhere(calls: list[tuple[str, str, bool]], folder: Path, allowed: Iterab
             continue
         if not writes and (str(path).startswith(SYSTEM) or _within(path, installed)):
             continue
-        if writes and str(path) in ("/dev/null", "/dev/shm") or name.startswith("symlink") or path == folder.parent:
+        if (writes and str(path) in ("/dev/null", "/dev/shm")) or name.startswith("symlink") or path == folder.parent:
             continue  # the text of a link is no path that is opened
         found.add(f"{name} {path}" + (" to write" if writes else ""))
     return sorted(found)

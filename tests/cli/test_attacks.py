@@ -162,7 +162,9 @@ def test_the_report_says_the_command_that_makes_the_run_again(tmp_path: Path, ma
     command = text.split("To make it again: <code>")[1].split("</code>")[0]
     words = shlex.split(command)
     assert words[:2] == ["aatri", "run"]
-    digests = [json.loads(p.read_bytes())["output"]["content_digest"] for p in Path("other place/current").glob("*.json")]
+    digests = [
+        json.loads(p.read_bytes())["output"]["content_digest"] for p in Path("other place/current").glob("*.json")
+    ]
     assert "nothing to do" in aatri(*words[1:]).stderr
     Path("other place").rename("first")
     assert aatri(*words[1:]).exit_code == 0
@@ -207,6 +209,7 @@ def test_a_missing_table_is_not_taken_for_another_table(tmp_path: Path) -> None:
 def test_too_little_memory_is_no_fault_of_a_plugin(monkeypatch: pytest.MonkeyPatch) -> None:
     for error in (MemoryError(), ImportError("x.so: failed to map segment from shared object"),
                   OSError(12, "Cannot allocate memory")):  # fmt: skip
+
         def fails(_: str, error: Exception = error) -> None:
             raise error
 

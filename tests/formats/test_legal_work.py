@@ -70,8 +70,12 @@ def test_marks_of_standard_deviation_zero_take_one_pixel_and_say_so(tmp_path: Pa
     path = _export(shared_data, tmp_path, "0.0 0.0")
     control = shared_data / "dbat/camcal/camcal-fixed.txt"
     block = read_dbat(path, control, reporter=told)
-    np.testing.assert_allclose(block.image_points.sigma_mm, np.tile(block.cameras.pixel_size_mm[0], (len(block.image_points), 1)))
-    assert any("standard deviations 0, 0: 1 px is taken" in line and "zero-pmexport.txt:" in line for line in told.warnings)
+    np.testing.assert_allclose(
+        block.image_points.sigma_mm, np.tile(block.cameras.pixel_size_mm[0], (len(block.image_points), 1))
+    )
+    assert any(
+        "standard deviations 0, 0: 1 px is taken" in line and "zero-pmexport.txt:" in line for line in told.warnings
+    )
     told = Told()
     block = read_dbat(path, control, image_sigma_px=0.5, reporter=told)
     np.testing.assert_allclose(block.image_points.sigma_mm[0], 0.5 * block.cameras.pixel_size_mm[0])
@@ -84,9 +88,13 @@ def test_one_standard_deviation_of_zero_is_refused(tmp_path: Path, shared_data: 
 
 
 @pytest.mark.parametrize("calibrate", [False, True])
-def test_a_block_with_a_dbat3_camera_is_written_and_read_back(tmp_path: Path, shared_data: Path, calibrate: bool) -> None:
+def test_a_block_with_a_dbat3_camera_is_written_and_read_back(
+    tmp_path: Path, shared_data: Path, calibrate: bool
+) -> None:
     folder = shared_data / "dbat/camcal"
-    block = read_dbat(folder / "camcal-pmexport.txt", folder / "camcal-fixed.txt", camera_model="dbat3", calibrate=calibrate)
+    block = read_dbat(
+        folder / "camcal-pmexport.txt", folder / "camcal-fixed.txt", camera_model="dbat3", calibrate=calibrate
+    )
     write_block(block, tmp_path / "copy")
     again = read_block(tmp_path / "copy")
     assert again.cameras.distortion.tolist() == ["dbat3"]
@@ -121,5 +129,7 @@ def test_control_with_x_and_y_swapped_is_refused_on_reading_with_its_line(tmp_pa
     point, x, y, *rest = shifted[control].split(",")
     shifted[control] = ",".join([point, y, x, *rest])
     (tmp_path / "bad/ground_points.csv").write_text("\n".join(shifted) + "\n")
-    with pytest.raises(InputError, match=rf"ground_points.csv:{control + 1}: {point} lies 5,7\d\d km from the block; with X and Y"):
+    with pytest.raises(
+        InputError, match=rf"ground_points.csv:{control + 1}: {point} lies 5,7\d\d km from the block; with X and Y"
+    ):
         read_block(tmp_path / "bad")

@@ -48,7 +48,11 @@ class Written:
                  "cameras": {"c": {**self.camera, "distortion": {"model": "none"}}}}  # fmt: skip
         (folder / "block.yaml").write_text(yaml.safe_dump(about))
         write(folder / "images.csv", "image,camera", [f"{i},c" for i in self.images])
-        write(folder / "image_points.csv", "image,point,x,y,sx,sy,active", [p + "," * (6 - p.count(",")) for p in self.points])
+        write(
+            folder / "image_points.csv",
+            "image,point,x,y,sx,sy,active",
+            [p + "," * (6 - p.count(",")) for p in self.points],
+        )
         write(folder / "ground_points.csv", "point,X,Y,Z,role", self.ground)
         if self.exterior:
             write(folder / "exterior.csv", "image,X,Y,Z,use", self.exterior)

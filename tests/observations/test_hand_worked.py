@@ -54,6 +54,7 @@ V = np.array([[0.1, -0.1], [0.1, -0.3]])
 """Computed (4.5, -6) and, in the turned image, (-6, -4.5); minus measured."""
 BY_POINT = np.array([[[0.15, 0.0, 0.0045], [0.0, 0.15, -0.006]], [[0.0, 0.15, -0.006], [-0.15, 0.0, -0.0045]]])
 
+
 def cross_columns(by_point: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """dv for turns about X, Y, Z: the ray turns back, d(ray) = ray x d, column by column."""
     turned = [np.cross(ray, axis) for axis in np.eye(3)]

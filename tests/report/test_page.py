@@ -206,7 +206,8 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "words"), [
+    ("verdict", "words"),
+    [
         ("rejected", "1 image_point (bundle_adjustment) rejected; listed"),
         ("readmitted", "none rejected, 1 kept"),
     ],

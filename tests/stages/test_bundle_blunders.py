@@ -44,7 +44,9 @@ def _unsuspecting(initial: Solution) -> Solution:
 
 
 @pytest.mark.parametrize("method", ["robust_snooping", "data_snooping"])
-def test_gross_errors_of_all_kinds_are_found_and_the_block_is_as_good_as_without_them(chain: Chain, method: str) -> None:
+def test_gross_errors_of_all_kinds_are_found_and_the_block_is_as_good_as_without_them(
+    chain: Chain, method: str
+) -> None:
     block, points, bad, control = _spoilt(chain)
     options = BundleOptions(interior_unknowns=True, blunders=method)
     solution = bundle(block, points, _unsuspecting(chain.strip_block), options=options)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from aatri.orientation.bundle.result import BundleResult
-from tests.orientation.bundle.parts import adjust_bundle
-from tests.orientation.bundle.parts import Parts
 from tests.campaigns.convergence_basin import disturbed, outcome, well_posed, with_start_c
+from tests.orientation.bundle.parts import Parts, adjust_bundle
 
 
 @pytest.fixture(scope="module")

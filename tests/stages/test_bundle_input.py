@@ -205,7 +205,9 @@ def test_each_coordinate_has_its_own_role(tmp_path: Path) -> None:
     block, points = read(tmp_path, OF, ground="\n".join([strong.strip(), plan, height, check]) + "\n")
     found = bundle(block, points, start(OF, block))
     assert_is_the_block(found, OF)
-    of = dict(zip(found.residuals.point[rows_of(found, "control")], found.residuals.residual[rows_of(found, "control")]))
+    of = dict(
+        zip(found.residuals.point[rows_of(found, "control")], found.residuals.residual[rows_of(found, "control")])
+    )
     assert np.isfinite(of["p08"]).tolist() == [True, True, False]
     assert np.isfinite(of["p14"]).tolist() == [False, False, True]
     assert "p15" not in of

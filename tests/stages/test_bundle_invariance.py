@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from aatri.adapters.bundle_input import bundle_input
-from aatri.observations.control import control_of
-from aatri.observations.positions import positions_of
 from aatri.geometry.rotations import exp_rotation
+from aatri.observations.control import control_of
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.stages.bundle_adjustment.bundle import BundleOptions
+from aatri.observations.positions import positions_of
 from aatri.orientation.bundle.result import BundleResult
-from tests.orientation.bundle.parts import adjust_bundle
-from tests.orientation.bundle.parts import Parts
+from aatri.stages.bundle_adjustment.bundle import BundleOptions
+from tests.orientation.bundle.parts import Parts, adjust_bundle
 from tests.stages.chain import run_chain, simulated
 
 Array = np.ndarray
@@ -128,9 +127,7 @@ def test_order_and_names_do_not_matter(given: Parts, reference: BundleResult, se
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1e-3])
-def test_the_unit_of_the_object_space_does_not_matter(
-    given: Parts, reference: BundleResult, factor: float
-) -> None:
+def test_the_unit_of_the_object_space_does_not_matter(given: Parts, reference: BundleResult, factor: float) -> None:
     frame = (np.eye(3), np.zeros(3), factor)
     _assert_same(_back(_adjusted(_moved(given, *frame)), *frame), reference, floor_m=1e-12)
 
@@ -168,9 +165,7 @@ def test_all_sigmas_times_c_leave_the_unknowns_and_divide_sigma0(
     _assert_same(back, reference)
 
 
-def test_an_image_point_split_in_two_of_sqrt_2_sigma_counts_the_same(
-    given: Parts, reference: BundleResult
-) -> None:
+def test_an_image_point_split_in_two_of_sqrt_2_sigma_counts_the_same(given: Parts, reference: BundleResult) -> None:
     n = len(given.rays.image)
     twice = given.rays.take(np.concatenate([np.arange(n), np.arange(0, n, 3)]))
     sigma = twice.sigma_mm.copy()

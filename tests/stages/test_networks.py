@@ -90,7 +90,10 @@ def test_a_network_without_datum_is_refused_and_free_with_inner_constraints(tmp_
     lines = {a + b for a in TRUTH for b in TRUTH if a < b}
     block = _network(tmp_path, fixed="")
     text = ["type,from,to,value,sigma"]
-    text += [f"distance,{a},{b},{float(np.linalg.norm(np.subtract(TRUTH[a], TRUTH[b]))) + 0.001!r},{SIGMA}" for a, b in sorted(lines)]
+    text += [
+        f"distance,{a},{b},{float(np.linalg.norm(np.subtract(TRUTH[a], TRUTH[b]))) + 0.001!r},{SIGMA}"
+        for a, b in sorted(lines)
+    ]
     (tmp_path / "geodetic.csv").write_text("\n".join(text) + "\n")
     block = tables(options=TablesOptions(path=tmp_path))
     with pytest.raises(GeometryError, match="leave 6 unknown"):

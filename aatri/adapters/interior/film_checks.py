@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from aatri.adapters.imported import read_at
 from aatri.adapters.interior.film_marks import FilmMarks, nominal_matrix
 from aatri.adapters.interior.photo_coordinates import Transformations
 from aatri.adapters.interior.suspects import joined, suspects_of
-from aatri.adapters.imported import read_at
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note, single_misfits
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
@@ -32,9 +32,7 @@ LARGEST_SHEAR = 1e-3
 """Affine deformation of film beyond this is unusual."""
 
 
-def check_film(
-    block: Block, marks: FilmMarks, fit: AffineFit, max_sigma0: float
-) -> tuple[Bool, tuple[Note, ...]]:
+def check_film(block: Block, marks: FilmMarks, fit: AffineFit, max_sigma0: float) -> tuple[Bool, tuple[Note, ...]]:
     """Which film images can be used, and what is to be said of them.
 
     Parameters
@@ -128,7 +126,9 @@ def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bool, reasons
     if reasons:
         yield Note("warning", f"{len(reasons)} film images are not used, without interior orientation", tuple(reasons))
     if usable.any():
-        yield sigma0_note(pooled_test(fit.sigma0[usable], fit.redundancy[usable]), f"of {int(usable.sum())} film images")
+        yield sigma0_note(
+            pooled_test(fit.sigma0[usable], fit.redundancy[usable]), f"of {int(usable.sum())} film images"
+        )
     exact = usable & (fit.redundancy == 0)
     if exact.any():
         yield Note("warning", "only three fiducial marks, no check of their measurement", tuple(ids[exact].tolist()))

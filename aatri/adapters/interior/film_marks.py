@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters.interior.photo_coordinates import Transformations
 from aatri.adapters.imported import read_at
+from aatri.adapters.interior.photo_coordinates import Transformations
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.orientation.interior.affine import AffineFit
+
 
 @dataclass(frozen=True)
 class FilmMarks:

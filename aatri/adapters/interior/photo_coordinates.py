@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters.interior.suspects import joined, suspects_of
 from aatri.adapters.imported import read_at
+from aatri.adapters.interior.suspects import joined, suspects_of
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
@@ -157,6 +157,7 @@ def _calibrated_matrix(block: Block, camera: int) -> Float:
         )
     except InputError as error:
         raise InputError(error.what, where=where, remedy=error.remedy) from error
+
 
 def _half_format(block: Block) -> Float:
     cameras = block.cameras

@@ -32,7 +32,11 @@ def covariance_reduction(problem: IndexedProblem, factored: Factored, state: Sta
 
 
 def reduce_covariances(
-    problem: IndexedProblem, state: State, W: Mapping[str, Float], groups: Mapping[str, Float], records: tuple[Float, ...]
+    problem: IndexedProblem,
+    state: State,
+    W: Mapping[str, Float],
+    groups: Mapping[str, Float],
+    records: tuple[Float, ...],
 ) -> None:
     """Take W W' off the covariances of all blocks and records, in place."""
     for group, w in W.items():

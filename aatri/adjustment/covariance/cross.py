@@ -19,7 +19,7 @@ from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import Factored
 from aatri.arrays import Float, Int
 
 Block = tuple[str, int]

@@ -11,7 +11,6 @@ that of what the observation differs from it. Exact constraints reduce what was 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial

@@ -32,7 +32,11 @@ from aatri.arrays import Bool, Float
 
 
 def s_transformed(
-    problem: IndexedProblem, state: State, groups: Mapping[str, Float], H: Mapping[str, Float], datum: Mapping[str, Bool]
+    problem: IndexedProblem,
+    state: State,
+    groups: Mapping[str, Float],
+    H: Mapping[str, Float],
+    datum: Mapping[str, Bool],
 ) -> dict[str, Float]:
     """Covariances of all blocks under inner constraints.
 

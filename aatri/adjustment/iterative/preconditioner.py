@@ -24,8 +24,8 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.fronts import Work
-from aatri.adjustment.elimination.schedule import of_node
 from aatri.adjustment.elimination.panels import Panels
+from aatri.adjustment.elimination.schedule import of_node
 from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess

@@ -6,7 +6,7 @@ The method is that of `covariance_pose`, for m residuals and one part of k unkno
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS
 from aatri.adjustment.kernels.eliminate_pose import group_of
 
 
-@lru_cache(maxsize=None)
+@cache
 def covariances(m: int, k: int) -> Callable[..., Any]:
     """`pose_covariances` for m residuals and k kept unknowns a ray, with the same parameters; itself for 2 and 6."""
     if (m, k) == (2, 6):
@@ -94,7 +94,9 @@ def covariances(m: int, k: int) -> Callable[..., Any]:
                             if known:
                                 for b in range(k):
                                     s += part[o + a, o + b] * A[r, i, b]
-                            half[i, a] = s - cross[a, 0] * B[r, i, 0] - cross[a, 1] * B[r, i, 1] - cross[a, 2] * B[r, i, 2]
+                            half[i, a] = (
+                                s - cross[a, 0] * B[r, i, 0] - cross[a, 1] * B[r, i, 1] - cross[a, 2] * B[r, i, 2]
+                            )
                     for i in range(m):
                         for e in range(i + 1):
                             s = 0.0

@@ -9,7 +9,7 @@ encloses nothing but numbers may be cached.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS, block_factor
 from aatri.adjustment.kernels.eliminate_pose import POSE, eliminate_pose, group_of
 
 
-@lru_cache(maxsize=None)
+@cache
 def eliminator(m: int, k: int) -> Callable[..., Any]:
     """`eliminate_pose` for m residuals and k kept unknowns a ray, with the same parameters; itself for 2 and 6."""
     if (m, k) == (2, 6):

@@ -98,7 +98,9 @@ def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> Index
 
 def taking_no_part(problem: IndexedProblem) -> dict[str, Bool]:
     """Blocks with free scalars that are held: set aside, or none of their records is active; (n,) by group."""
-    return {u.name: np.asarray((u.free & ~v.free).any(axis=1)) for u, v in zip(problem.stated.unknowns, problem.unknowns)}
+    return {
+        u.name: np.asarray((u.free & ~v.free).any(axis=1)) for u, v in zip(problem.stated.unknowns, problem.unknowns)
+    }
 
 
 def _aside(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> dict[str, Bool]:

@@ -170,7 +170,9 @@ def _check(model: ColmapModel) -> None:
 
 def _numbers_of_model(model: ColmapModel) -> list[AatriError]:
     """Faults for what is not finite, or too large for a quantity, which binary files may hold."""
-    parts: list[tuple[int, str, int, Any]] = [(CAMERAS, f"camera {c.id}", c.line, [*c.parameters, c.width, c.height]) for c in model.cameras]
+    parts: list[tuple[int, str, int, Any]] = [
+        (CAMERAS, f"camera {c.id}", c.line, [*c.parameters, c.width, c.height]) for c in model.cameras
+    ]
     parts += [(IMAGES, f"image {i.id}", i.line, [*i.quaternion, *i.translation]) for i in model.images]
     parts += [(IMAGES, f"a feature of image {i.id}", i.line, i.xy_px.ravel()) for i in model.images]
     parts += [(POINTS, "a point", 0, model.xyz.ravel())]

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Parameters, Residuals, Solution, Tests
-from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.artifacts.suspects import Suspects
+from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.errors import SpecError
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.geometry.rotations import angles_from_rotation
@@ -86,7 +86,9 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
     order = _order(artifact, rows)
     taken = order if most is None else order[:most]
     columns = {key: (unit, [values[k] for k in taken.tolist()]) for key, (unit, values) in found.items()}
-    columns = {key: column for key, column in columns.items() if key == "kind" or any(v not in (None, "") for v in column[1])}
+    columns = {
+        key: column for key, column in columns.items() if key == "kind" or any(v not in (None, "") for v in column[1])
+    }
     return Readable(tuple(columns), tuple(unit for unit, _ in columns.values()),
                     tuple(values for _, values in columns.values()), len(order) - len(taken))  # fmt: skip
 
@@ -100,7 +102,9 @@ def _columns(artifact: Artifact, rows: Table) -> dict[str, tuple[str, list[Any]]
     return found
 
 
-def _column(artifact: Artifact, name: str, declared: Column, values: npt.NDArray[Any]) -> dict[str, tuple[str, list[Any]]]:
+def _column(
+    artifact: Artifact, name: str, declared: Column, values: npt.NDArray[Any]
+) -> dict[str, tuple[str, list[Any]]]:
     unit = "" if declared.unit.startswith("see ") else declared.unit
     if declared.refers:
         target = getattr(artifact, declared.refers)

@@ -10,7 +10,7 @@ from aatri.artifacts.block import CameraParameters, Cameras, DistortionTable, Fi
 from aatri.errors import InputError
 from aatri.formats.tables.settings.camera import VECTORS, CameraSettings
 from aatri.formats.tables.source import Source, ask_for_angle_unit, plain_angle_rad, texts
-from aatri.ids import canonical, is_valid, clipped
+from aatri.ids import canonical, clipped, is_valid
 
 
 class CameraTables(NamedTuple):

@@ -45,8 +45,9 @@ class GeodeticTables(NamedTuple):
     rejects: Rejects
 
 
-def geodetic_tables(source: Source, images: Iterable[str], points: Iterable[str],
-                    covariances: CsvTable | None) -> GeodeticTables:
+def geodetic_tables(
+    source: Source, images: Iterable[str], points: Iterable[str], covariances: CsvTable | None
+) -> GeodeticTables:
     """Geodetic observations in canonical order, with their covariances."""
     nothing = GeodeticTables(Geodetic.empty(), GeodeticCovariances.empty(), Rejects.empty())
     table = source.table("geodetic.csv", GEODETIC)

@@ -24,7 +24,7 @@ from aatri.formats.tables.positions import (
 )
 from aatri.formats.tables.source import Source, no_repeats, not_negative, yes_no
 from aatri.formats.text.csv_table import Column, CsvTable
-from aatri.ids import did_you_mean, clipped, rows_of
+from aatri.ids import clipped, did_you_mean, rows_of
 
 ID, TEXT, NEEDED = Column("id", "cell"), Column("text"), Column("number", "column")
 

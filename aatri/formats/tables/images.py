@@ -13,7 +13,7 @@ from aatri.errors import InputError
 from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative, texts, yes_no
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable
-from aatri.ids import canonical, did_you_mean, clipped
+from aatri.ids import canonical, clipped, did_you_mean
 
 ID, TEXT, NUMBER, NEEDED = Column("id", "cell"), Column("text"), Column("number"), Column("number", "cell")
 
@@ -170,6 +170,4 @@ def _near_duplicates(source: Source, table: CsvTable) -> None:
     for name in table.text["image"]:
         other = first.setdefault(name.casefold(), name)
         if other != name:
-            source.reporter.warn(
-                f"{table.path}: images {clipped(other)!r} and {clipped(name)!r} differ in case only"
-            )
+            source.reporter.warn(f"{table.path}: images {clipped(other)!r} and {clipped(name)!r} differ in case only")

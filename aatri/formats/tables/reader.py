@@ -32,7 +32,6 @@ from aatri.frames.heights import is_tangent_frame
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
-
 NETWORK = {"geodetic.csv", "relative_control.yaml"}
 """Files of which one makes a block without images worth while."""
 

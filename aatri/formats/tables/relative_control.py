@@ -7,8 +7,8 @@ unit. Conditions come out sorted by type, axis, members and value; the order of 
 
 from __future__ import annotations
 
-import os
 import json
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.errors import InputError
 from aatri.formats.tables.geodetic import right_handed_axis
 from aatri.formats.tables.source import FILES, Source, texts
-from aatri.ids import did_you_mean, clipped
+from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import Document, load
 from aatri.units import ANGLE_RAD
 

@@ -11,7 +11,7 @@ from aatri.artifacts.block import RigMembers
 from aatri.errors import InputError
 from aatri.formats.tables.source import Source, ask_for_angle_unit, look_up, plain_angle_rad, texts
 from aatri.formats.text.csv_table import CsvTable
-from aatri.ids import canonical, did_you_mean, clipped
+from aatri.ids import canonical, clipped, did_you_mean
 
 
 def rig_member_table(source: Source) -> RigMembers:

@@ -16,7 +16,7 @@ from aatri.errors import AatriError, Errors, InputError
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
 from aatri.formats.text.number_text import number_of
-from aatri.ids import did_you_mean, clipped
+from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
 from aatri.units import ANGLE_RAD, rad_from_dms

@@ -28,11 +28,11 @@ from aatri.artifacts.block import (
     Block,
 )
 from aatri.errors import ResourceError
-from aatri.formats.text.csv_cells import shielded
 from aatri.formats.tables.geodetic import reject_name
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
 from aatri.formats.tables.settings.writing import settings_text
+from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import in_order_of
 from aatri.progress import SILENT, Reporter
 

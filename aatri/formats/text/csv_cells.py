@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from itertools import repeat
 from typing import NamedTuple
 
-
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a cell begins with that spreadsheets compute or run."""
 

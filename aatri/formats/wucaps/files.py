@@ -216,9 +216,7 @@ def _ground(entries: list[TextLine], path: Path) -> dict[str, GroundPoint]:
             row = _of_width(entries, k, 4, path, "id X Y H")
             name = _id(row, 0)
             if name in ground:
-                raise row.error(
-                    f"point {clipped(name)} twice, first in line {ground[name].entry.line}", "remove one"
-                )
+                raise row.error(f"point {clipped(name)} twice, first in line {ground[name].entry.line}", "remove one")
             ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), entry)
         except InputError as error:
             problems.append(error)

@@ -33,6 +33,7 @@ from aatri.orientation.bundle.result import AdjustedObservations, AdjustedParame
 from aatri.orientation.bundle.settings import BundleSettings, Datum
 from aatri.progress import SILENT, Reporter
 
+
 def adjust_bundle(
     given: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
 ) -> BundleResult:
@@ -117,9 +118,7 @@ def _is_ray(records: Records) -> bool:
     return POSE in groups and POINT in groups
 
 
-def _records(
-    given: BundleInput, part: Participants, settings: BundleSettings
-) -> tuple[list[Records], list[Records]]:
+def _records(given: BundleInput, part: Participants, settings: BundleSettings) -> tuple[list[Records], list[Records]]:
     """Observations and constraints of what takes part."""
     records: list[Records] = []
     constraints: list[Records] = []

@@ -172,5 +172,7 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     groups = [pose_unknowns(given.image_ids, poses, places)] if len(poses) else []
     for o in given.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
-    return [*groups, Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True,
-                                 generator=point_generator)]
+    return [
+        *groups,
+        Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True, generator=point_generator),
+    ]

@@ -180,9 +180,7 @@ def _wrong(
     return {i: np.array(rows) for i, rows in found.items()}
 
 
-def _candidates(
-    given: BundleInput, tests: tuple[Float, ...], rejected: list[Bool]
-) -> tuple[Int, Int, Int, Float]:
+def _candidates(given: BundleInput, tests: tuple[Float, ...], rejected: list[Bool]) -> tuple[Int, Int, Int, Float]:
     """Active records with a test: place of their observations, row, point (-1 none), test."""
     parts = []
     for i, (o, test, out) in enumerate(zip(given.observed, tests, rejected)):

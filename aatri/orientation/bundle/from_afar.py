@@ -18,11 +18,11 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
-from aatri.orientation.bundle.space_start import start_in_space, turned_over
+from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
+from aatri.orientation.bundle.space_start import start_in_space, turned_over
 from aatri.progress import SILENT, Reporter
 
 FAR_SIGMA0 = 3.0

@@ -26,11 +26,11 @@ from aatri.adjustment.statistics.significance import (
 from aatri.camera.models import calibration
 from aatri.camera.parameters.advice import WARNED, advise
 from aatri.ids import shown
-from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
-from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
-from aatri.observations.parameters import ParameterRows
-from aatri.orientation.bundle.block import BundleInput
 from aatri.notes import Note
+from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 
 CHANGED = 1e-3
 """Probability below which a difference to a calibration is told as a warning."""
@@ -154,9 +154,7 @@ def _calibrated(group: AdjustedParameters) -> list[Note]:
     return notes
 
 
-def _unit(
-    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
-) -> list[Note]:
+def _unit(given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates) -> list[Note]:
     name, tests, notes = str(group.given.ids[unit]), parameter_tests(e), []
     lens = np.array([n not in _SHORT.values() for n in e.names]) | (group.given.group == ADDITIONAL)
     prior = tests.data_share < UNDETERMINED_SHARE

@@ -105,7 +105,9 @@ def sigma0_notes(
         refuse_deformed(test.sigma0, 0, max_sigma0, f"{what}, deformation counted")
     misfits = np.flatnonzero(single_misfits(ratios, redundancy))
     if len(tied) > 1 and len(misfits):
-        notes.append(Note("warning", "adjustments that do not fit by themselves", tuple(names[k] for k in misfits.tolist())))
+        notes.append(
+            Note("warning", "adjustments that do not fit by themselves", tuple(names[k] for k in misfits.tolist()))
+        )
     if np.isfinite(sigma0):
         notes.append(
             Note("note", f"strips deform by {sigma0:.3g} times the standard deviations of their points; strips of "

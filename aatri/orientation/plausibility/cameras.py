@@ -137,13 +137,17 @@ def control_notes(
     inside: Bool = (u[:, 2] < 0) & (np.abs(xy) <= limit).all(axis=1)
     outside = np.unique(control[~inside])
     judged = np.unique(control)
-    notes = [Note("note", f"{len(judged) - len(outside)} of {len(judged)} control points lie in what their images show")]
+    notes = [
+        Note("note", f"{len(judged) - len(outside)} of {len(judged)} control points lie in what their images show")
+    ]
     if len(outside):
         off = {int(k): np.inf for k in outside}
         plan = np.linalg.norm(control_m[control, :2] - position_m[image, :2], axis=1)
         for k, d in zip(control.tolist(), plan.tolist()):
             if k in off:
                 off[k] = min(off[k], d)
-        names = tuple(f"{ids[k]} ({length(off[k])} from the nearest of them)" for k in sorted(off, key=lambda k: -off[k]))
+        names = tuple(
+            f"{ids[k]} ({length(off[k])} from the nearest of them)" for k in sorted(off, key=lambda k: -off[k])
+        )
         notes.append(Note("warning", "control outside of what its images show: check coordinates and ids", names))
     return tuple(notes)

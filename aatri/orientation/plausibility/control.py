@@ -133,7 +133,9 @@ def _all_of_it(xy: Float, rows: Int, middle: float, distance: Callable[[Float], 
     off = f"the control points lie {length(middle)} from the images that show them"
     apart = middle > max(FAR * extent, LEAST_FAR_M)
     if apart and found[best] < BETTER * min(middle, from_origin):
-        return Misplaced(rows, f"{off}; {best} they lie {length(found[best])} from them", changes[best][1], certain=True)
+        return Misplaced(
+            rows, f"{off}; {best} they lie {length(found[best])} from them", changes[best][1], certain=True
+        )
     if middle > MOST_SEEN_M:
         return Misplaced(rows, off, "check zone, datum and false easting of control and positions", certain=True)
     return None

@@ -22,7 +22,6 @@ from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
 from aatri.orientation.relative.kernels.start import FITS
 
-
 LINE = 3.0
 """Points lie on a line if they are no farther from it than this many standard deviations, root mean square."""
 

@@ -97,7 +97,16 @@ def resect_images(
     if left.any():
         of_left = left[row]
         part = resect_in_step(
-            xy[of_left], sigma[of_left], row[of_left], X[of_left] - origin, c_mm, *start, left, HUBER, DECREMENT, max_iterations
+            xy[of_left],
+            sigma[of_left],
+            row[of_left],
+            X[of_left] - origin,
+            c_mm,
+            *start,
+            left,
+            HUBER,
+            DECREMENT,
+            max_iterations,
         )
         for found, carefully in zip((X0, R, Q, spread, done), part):
             found[left] = carefully[left]

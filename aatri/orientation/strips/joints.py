@@ -185,9 +185,7 @@ def _joined(found: JointTable, a: int, b: int, observed: Float, sigma: Float, J:
 
 
 def _one_by_one(found: JointTable, models: ModelTable, k: int, limit: float) -> None:
-    one = scale_transfer(
-        models.model(int(found.first[k])), models.model(int(found.second[k])), snooping_limit=limit
-    )
+    one = scale_transfer(models.model(int(found.first[k])), models.model(int(found.second[k])), snooping_limit=limit)
     rows = slice(int(found.start[k]), int(found.start[k + 1]))
     found.scale[k], found.sigma[k] = one.scale, one.sigma
     for name in ("active", "log_scale", "size", "size_sigma", "test"):

@@ -16,7 +16,6 @@ from aatri.errors import InputError
 from aatri.pipeline.plan.graph import Node, downstream
 from aatri.tables.offers import Offer, covers, offer_from_plain
 
-
 MILD = ("check", "grouping", "reduction")
 """Natures that are told and do not stop a run: what a frame asks for may be left out knowingly."""
 

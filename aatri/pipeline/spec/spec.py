@@ -115,7 +115,9 @@ def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: 
         errors.append(SpecError(what, where=document.where("run"), remedy="`run: runs/NAME` says where results go"))
         return base
     if what := wrong_path(base / run):
-        errors.append(SpecError(f"run is {clipped(run)!r}: {what}", where=document.where("run"), remedy="a shorter name"))
+        errors.append(
+            SpecError(f"run is {clipped(run)!r}: {what}", where=document.where("run"), remedy="a shorter name")
+        )
     return base / run
 
 

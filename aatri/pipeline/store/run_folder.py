@@ -88,7 +88,17 @@ def check_is_run(run: Path) -> None:
     SpecError
         If the folder is neither empty nor one of a run.
     """
-    known = {".lock", "run.json", "events.jsonl", "report.html", "objects", "variants", "checkpoints", "accepted", *_FOLDERS}
+    known = {
+        ".lock",
+        "run.json",
+        "events.jsonl",
+        "report.html",
+        "objects",
+        "variants",
+        "checkpoints",
+        "accepted",
+        *_FOLDERS,
+    }
     if run.exists() and not (run / "run.json").is_file():
         names = {p.name for p in run.iterdir() if not p.name.startswith(".tmp-")} if run.is_dir() else {"a file"}
         if names <= known and (".lock" in names or names <= {"objects", "variants"}):

@@ -12,8 +12,8 @@ from markupsafe import Markup
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
-from aatri.report.drawing import svg
 from aatri.ids import shown as shown_ids
+from aatri.report.drawing import svg
 from aatri.report.drawing.labels import Labels
 from aatri.report.drawing.scales import Plan, length_text, near, plan_of, round_below, thinned
 

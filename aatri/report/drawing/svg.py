@@ -6,8 +6,6 @@ small. Colours come from the page's style by class name.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from markupsafe import Markup, escape
 
 from aatri.arrays import Float

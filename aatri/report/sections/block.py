@@ -26,9 +26,7 @@ def show(made: Section, block: Block, _around: Surroundings) -> None:
     }
     crs = f"{block.frames.crs[0]} {block.frames.vertical[0]}".strip()
     made.notes.append(f"Coordinates are in frame {block.frames.id[0]} ({crs}).")
-    made.tables.extend(
-        present(tables.all_rows("Cameras", cameras, columns, 4), tables.rejects_table(block.rejects))
-    )
+    made.tables.extend(present(tables.all_rows("Cameras", cameras, columns, 4), tables.rejects_table(block.rejects)))
 
 
 def _unknown(block: Block, k: int) -> str:

@@ -39,7 +39,9 @@ def _orientations(solution: Solution) -> PageTable | None:
     if not len(images):
         return None
     angles = np.full((len(images), 3), np.nan)
-    angles[images.oriented] = np.degrees(angles_from_rotation(images.ground_from_image[images.oriented], "omega-phi-kappa"))
+    angles[images.oriented] = np.degrees(
+        angles_from_rotation(images.ground_from_image[images.oriented], "omega-phi-kappa")
+    )
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.einsum("nii->ni", images.covariance))
     columns: Cells = {"image": lambda k: str(images.id[k])}
@@ -50,7 +52,9 @@ def _orientations(solution: Solution) -> PageTable | None:
         columns |= {f"s{a} m": tables.formatted(sigma[:, i], metres) for i, a in enumerate("XYZ")}
         columns |= {f"sd{i - 2} mdeg": tables.formatted(1e3 * np.degrees(sigma[:, i]), number) for i in (3, 4, 5)}
     columns["image points"] = lambda k: number(int(images.image_points[k]))
-    return tables.all_rows("Orientations: omega, phi, kappa; sd1 to sd3 turns about the ground axes", images, columns, 1)
+    return tables.all_rows(
+        "Orientations: omega, phi, kappa; sd1 to sd3 turns about the ground axes", images, columns, 1
+    )
 
 
 def _millimetres(value: float) -> str:

@@ -67,4 +67,6 @@ def test_an_order_that_is_asked_for_is_obeyed_in_a_small_problem_and_auto_takes_
     assert trees["across_strips"].place.tolist() == list(range(n))  # positions ascend along the first coordinate
     expected = adjust_large(unknowns, records, start, ordering="auto").state["a"]
     for name in ORDERS:
-        np.testing.assert_allclose(adjust_large(unknowns, records, start, ordering=name).state["a"], expected, atol=1e-9)
+        np.testing.assert_allclose(
+            adjust_large(unknowns, records, start, ordering=name).state["a"], expected, atol=1e-9
+        )

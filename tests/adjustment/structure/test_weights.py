@@ -31,7 +31,9 @@ def test_other_weights_on_one_index_give_the_steps_of_a_problem_made_with_them(m
     for p, q in ((found, wanted), (with_weights(found, {"ray": Weights(records[0].active)}), None)):
         again = q or prepare(unknowns, (records[0], *made[1:]))
         for group, step in steps(p, factorise(p, start), start).items():
-            np.testing.assert_allclose(step, steps(again, factorise(again, start), start)[group], rtol=1e-10, atol=1e-13)
+            np.testing.assert_allclose(
+                step, steps(again, factorise(again, start), start)[group], rtol=1e-10, atol=1e-13
+            )
 
 
 def _point_without(records, point: int):

@@ -8,5 +8,11 @@ from tests.bad_inputs.kit import FILES, block
 
 
 def make(folder: Path) -> list[str] | None:
-    block(folder, {"images.csv": FILES["images.csv"].replace("\n", "\r\n").encode(), "image_points.csv": FILES["image_points.csv"].replace("\n", "\r").strip().encode()})
+    block(
+        folder,
+        {
+            "images.csv": FILES["images.csv"].replace("\n", "\r\n").encode(),
+            "image_points.csv": FILES["image_points.csv"].replace("\n", "\r").strip().encode(),
+        },
+    )
     return None

@@ -8,5 +8,7 @@ from tests.bad_inputs.kit import block, replaced
 
 
 def make(folder: Path) -> list[str] | None:
-    block(folder, replaced("ground_points.csv", "4505279.577", "4 505 279"), replaced("image_points.csv", "10.5", "1_000"))
+    block(
+        folder, replaced("ground_points.csv", "4505279.577", "4 505 279"), replaced("image_points.csv", "10.5", "1_000")
+    )
     return None

@@ -8,5 +8,10 @@ from tests.bad_inputs.kit import block, replaced
 
 
 def make(folder: Path) -> list[str] | None:
-    block(folder, replaced("image_points.csv", "3,d2", "3,d3"), replaced("images.csv", "d2,uav", "d2,uaw"), replaced("geodetic.csv", "distance,1,2", "distance,1,77"))
+    block(
+        folder,
+        replaced("image_points.csv", "3,d2", "3,d3"),
+        replaced("images.csv", "d2,uav", "d2,uaw"),
+        replaced("geodetic.csv", "distance,1,2", "distance,1,77"),
+    )
     return None

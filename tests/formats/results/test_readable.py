@@ -100,7 +100,9 @@ def _read(path: Path) -> list[dict[str, str]]:
 
 def test_an_export_has_suspects_tests_correlations_and_empty_cells_for_what_was_removed(tmp_path: Path) -> None:
     block = made_block()
-    block = replace(block, frames=replace(block.frames, crs=["EPSG:32650"], vertical=["EPSG:5773"], axes=["north,east,up"]))
+    block = replace(
+        block, frames=replace(block.frames, crs=["EPSG:32650"], vertical=["EPSG:5773"], axes=["north,east,up"])
+    )
     write_solution_tables(full_solution(), block, tmp_path)
     suspects = _read(tmp_path / "suspects.csv")
     assert [(r["kind"], r["image"], r["w"], r["size"], r["unit"], r["verdict"]) for r in suspects] == [

@@ -108,7 +108,13 @@ def test_roles_are_written_as_in_the_block_folder():
 def test_parameters_have_a_table_only_if_there_are_any(tmp_path):
     block = made_block()
     without = write_solution_tables(made_solution(block), block, tmp_path / "a")
-    assert [path.name for path in without] == ["exterior.csv", "points.csv", "cameras.csv", "residuals.csv", "frame.csv"]
+    assert [path.name for path in without] == [
+        "exterior.csv",
+        "points.csv",
+        "cameras.csv",
+        "residuals.csv",
+        "frame.csv",
+    ]
     parameters = Parameters(group=["interior"], object=["1-0"], name=["d0"], value=[1e-3], sigma=[np.nan])
     solution = made_solution(block, parameters=parameters)
     assert write_solution_tables(solution, block, tmp_path / "b")[-1].name == "parameters.csv"

@@ -122,15 +122,20 @@ def test_units_reach_every_column(tmp_path: Path) -> None:
     assert block.exterior.position_use[[exterior[i] for i in ("a1", "a2", "d,1", "d2")]].tolist() == [1, 0, 0, 1]
     assert block.exterior.angle_use[[exterior[i] for i in ("a1", "a2", "d,1", "d2")]].tolist() == [0, 0, 1, 1]
     assert block.exterior.refers_to[[exterior[i] for i in ("a1", "a2")]].tolist() == [1, 0]
-    geodetic = dict(zip(block.geodetic.type.tolist(), zip(block.geodetic.value.tolist(), block.geodetic.sigma.tolist())))
+    geodetic = dict(
+        zip(block.geodetic.type.tolist(), zip(block.geodetic.value.tolist(), block.geodetic.sigma.tolist()))
+    )
     assert geodetic["angle"] == pytest.approx((100.5 * gon, 0.0003 * gon))
     assert geodetic["height_difference"] == (378.7, 0.01)
     np.testing.assert_allclose(block.image_points.sigma_mm.min(), 0.004)
     np.testing.assert_allclose(block.fiducial_points.sigma_mm[:, 0].max(), 0.003)
     np.testing.assert_allclose(block.cameras.boresight_rad[1], np.array([0.1, 0, -0.05]) * gon)
     np.testing.assert_allclose(block.distortion_table.correction_mm, [0, 1.1e-3, -2.3e-3])
-    changes = replaced(YAML, "ground: m, angle: gon, sigma_image: um, sigma_ground: cm, sigma_angle: mgon, time: s",
-                       "ground: dm, angle: deg, sigma_image: mm, sigma_ground: mm, sigma_angle: arcsec, time: ms")
+    changes = replaced(
+        YAML,
+        "ground: m, angle: gon, sigma_image: um, sigma_ground: cm, sigma_angle: mgon, time: s",
+        "ground: dm, angle: deg, sigma_image: mm, sigma_ground: mm, sigma_angle: arcsec, time: ms",
+    )
     other = read_block(write_folder(tmp_path / "other", changes))
     np.testing.assert_allclose(other.ground_points.xyz_m[ground["K"]], [44626.3976, 450507.9577, 0.6378])
     np.testing.assert_allclose(other.exterior.angles_rad[exterior["a2"]], np.radians([0.1, 0.2, -399.9]))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.image_points import ImagePointRows
 from aatri.observations.control import Control
-from aatri.observations.positions import Positions
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
+from aatri.observations.positions import Positions
 from tests.orientation.bundle.parts import Parts
 
 C_MM, SIGMA_MM, HEIGHT_M = 150.0, 0.01, 1500.0
@@ -40,8 +40,12 @@ def made_bundle(seed: int = 0, *, start_error: float = 1.0) -> Parts:
 
 def no_control() -> Control:
     nothing = np.zeros((0, 3), dtype=bool)
-    return Control(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), nothing, nothing)
+    return Control(
+        np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), nothing, nothing
+    )
 
 
 def no_positions() -> Positions:
-    return Positions(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    return Positions(
+        np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3))
+    )

@@ -13,11 +13,9 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.result import BundleResult
-from tests.orientation.bundle.parts import adjust_bundle
-from tests.orientation.bundle.parts import Parts
-from tests.orientation.bundle.parts import adjust_bundle_from_afar
 from aatri.orientation.bundle.space_start import images_turned_over
 from tests.campaigns.convergence_basin import disturbed, well_posed, without_positions
+from tests.orientation.bundle.parts import Parts, adjust_bundle, adjust_bundle_from_afar
 
 
 @pytest.fixture(scope="module")

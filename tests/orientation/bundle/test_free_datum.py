@@ -12,12 +12,11 @@ from aatri.adjustment.covariance.s_transformation import s_transformed
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.errors import GeometryError
 from aatri.observations.control import Control
-from aatri.observations.positions import Positions
 from aatri.observations.poses import POINT, POSE
+from aatri.observations.positions import Positions
 from aatri.orientation.bundle.result import BundleResult
-from tests.orientation.bundle.parts import adjust_bundle
-from tests.orientation.bundle.parts import Parts
 from tests.orientation.bundle.made_bundle import made_bundle
+from tests.orientation.bundle.parts import Parts, adjust_bundle
 
 TIGHT = {"tolerance": 1e-9}
 
@@ -111,9 +110,7 @@ def test_no_datum_has_a_smaller_trace_over_the_points_of_the_datum(given: Parts,
     )
 
 
-def test_sigma0_residuals_and_redundancy_numbers_do_not_depend_on_the_datum(
-    given: Parts, free: BundleResult
-) -> None:
+def test_sigma0_residuals_and_redundancy_numbers_do_not_depend_on_the_datum(given: Parts, free: BundleResult) -> None:
     minimal = adjust_bundle(given, datum="minimal", **TIGHT)
     assert free.adjusted.redundancy == minimal.adjusted.redundancy
     assert free.adjusted.sigma0 == pytest.approx(minimal.adjusted.sigma0, rel=1e-9)
@@ -140,7 +137,9 @@ def test_the_datum_has_no_shift_rotation_or_scale_against_its_start(given: Parts
 def _positions(given: Parts, sigma_m: float = 0.1) -> Positions:
     n = len(given.image_ids)
     covariance = np.tile(sigma_m**2 * np.eye(3), (n, 1, 1))
-    return Positions(np.arange(n, dtype=np.int32), np.arange(n, dtype=np.int32), given.poses.position_m, covariance, np.zeros((n, 3)))
+    return Positions(
+        np.arange(n, dtype=np.int32), np.arange(n, dtype=np.int32), given.poses.position_m, covariance, np.zeros((n, 3))
+    )
 
 
 def _control(given: Parts, points, observed) -> Control:

@@ -30,7 +30,7 @@ def _similarities():
 
 
 def _polynomials():
-    axes = [strip_axes(XYZ[STRIP_OF == k], RNG.uniform(-500, 500, (4, 3))) for k in range(3)]
+    axes = [strip_axes(XYZ[k == STRIP_OF], RNG.uniform(-500, 500, (4, 3))) for k in range(3)]
     points = StripPoints(STRIP_OF, POINT_OF, XYZ, COVARIANCE)
     ties = polynomial_ties(points, axes, names=NAMES, n_points=POINTS, free=np.ones((3, 15), dtype=bool))
     return ties, RNG.normal(size=(3, 15))

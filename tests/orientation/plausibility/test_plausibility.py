@@ -109,7 +109,10 @@ def test_a_line_per_camera_tells_field_of_view_height_scale_and_sampling():
     [
         (Cameras(["c"], np.array([0.15]), np.array([[115.0, 115.0]]), np.array([0.02])), "field of view of 180"),
         (Cameras(["c"], np.array([150000.0]), np.array([[115.0, 115.0]]), np.array([0.02])), "field of view of 0.12"),
-        (Cameras(["c"], np.array([150.0]), np.array([[115.0, 115.0]]), np.array([21.0])), "ground sampling distance of 105 m"),
+        (
+            Cameras(["c"], np.array([150.0]), np.array([[115.0, 115.0]]), np.array([21.0])),
+            "ground sampling distance of 105 m",
+        ),
     ],
 )
 def test_wrong_camera_constants_are_warnings(camera, what):

@@ -21,7 +21,9 @@ def _block(seed: int, n_images: int = 20, n_points: int = 60) -> dict[str, np.nd
     """Images of a hilly site with noise and 3 % gross errors, from starts some 10 m and 0.05 rad off."""
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(-300, 300, (n_points, 3)) * [1, 1, 0.15] + [3.4e5, 5.5e6, 200.0]
-    angles = rng.normal(0, 0.1, (n_images, 3)) + np.column_stack([np.zeros((n_images, 2)), rng.uniform(-3, 3, n_images)])
+    angles = rng.normal(0, 0.1, (n_images, 3)) + np.column_stack(
+        [np.zeros((n_images, 2)), rng.uniform(-3, 3, n_images)]
+    )
     R = rotation_from_angles(angles)
     X0 = rng.normal(0, 60, (n_images, 3)) + [3.4e5, 5.5e6, 900.0]
     order = rng.permutation(n_images * n_points)
@@ -151,7 +153,15 @@ def test_the_numpy_form_leaves_what_it_is_not_asked_for_alone() -> None:
     origin = X.mean(axis=0)
     start = block["position_m"] - origin
     X0, R, _, _, done = resect_in_step(
-        *part, X - origin, block["c_mm"], start, block["ground_from_image"], np.array([False, True]), HUBER, DECREMENT, 50
+        *part,
+        X - origin,
+        block["c_mm"],
+        start,
+        block["ground_from_image"],
+        np.array([False, True]),
+        HUBER,
+        DECREMENT,
+        50,
     )
     assert done.tolist() == [False, True]
     np.testing.assert_array_equal(X0[0], start[0])

@@ -15,7 +15,7 @@ from aatri.formats.tables.settings.sections import (
     Two,
     TwoPositive,
 )
-from aatri.ids import did_you_mean, clipped
+from aatri.ids import clipped, did_you_mean
 
 PARAMETERS = {
     "none": (),

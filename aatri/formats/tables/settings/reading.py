@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from aatri.errors import InputError, raise_all
 from aatri.formats.tables.settings.block import DefaultSigmas, FrameSettings, Settings, Units
 from aatri.formats.tables.settings.camera import PARAMETERS, CameraSettings, Pixel, RigMemberSettings, RigMemberSigmas
-from aatri.ids import did_you_mean, is_valid, clipped
+from aatri.ids import clipped, did_you_mean, is_valid
 from aatri.strict_yaml import Document, load
 
 
@@ -93,4 +93,6 @@ def _known_keys(keys: list[str | int]) -> list[str]:
         return list((RigMemberSigmas if names[-1] == "sigmas" else RigMemberSettings).model_fields)
     if names[-1] == "pixel":
         return list(Pixel.model_fields)
-    return ["model", "radius", "correction", *PARAMETERS["opencv"], "b1", "b2", "as"] if names[-1] == "distortion" else []
+    return (
+        ["model", "radius", "correction", *PARAMETERS["opencv"], "b1", "b2", "as"] if names[-1] == "distortion" else []
+    )
