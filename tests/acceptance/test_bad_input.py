@@ -23,23 +23,6 @@ FLAT = STAGES.replace("image_points: interior}}", "image_points: interior},\n"
 """Without corrections that want a flying height: the datum is first asked for by the absolute orientation."""
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("good")
-    only_block = write_pipeline(folder, SIMULATE, stages="")
-    assert aatri("run", "-q", only_block).exit_code == 0
-    assert aatri("export", f"{folder / 'run'}:block", "tables", folder / "block").exit_code == 0
-    return folder / "block"
-
-
-@pytest.fixture
-def project(tmp_path: Path, exported: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(exported, tmp_path / "block")
-    write_pipeline(tmp_path, TABLES)
-    return tmp_path
-
-
 def _fails(code: int, *parts: str) -> None:
     result = aatri("run", "-q")
     assert result.exit_code == code, result.stderr

@@ -2,30 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from aatri.pipeline.methods.registry import find_stages
-from tests.acceptance.small_block import SIMULATE, TABLES, aatri, current, write_pipeline
-
-
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("good")
-    assert aatri("run", "-q", write_pipeline(folder, SIMULATE, stages="")).exit_code == 0
-    assert aatri("export", f"{folder / 'run'}:block", "tables", folder / "block").exit_code == 0
-    return folder / "block"
-
-
-@pytest.fixture
-def project(tmp_path: Path, exported: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(exported, tmp_path / "block")
-    write_pipeline(tmp_path, TABLES)
-    return tmp_path
+from tests.acceptance.small_block import aatri, current
 
 
 def _column(path: Path, name: str, value: str) -> None:
