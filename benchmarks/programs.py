@@ -18,11 +18,12 @@ from threadpoolctl import threadpool_limits
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.arrays import Float
-from aatri.observations.image_points import ImagePointRows
+from aatri.arrays import Float, Int, Text
+from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.positions import Positions, observed_positions
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.block import BundleInput, ControlRows, PositionRows
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
 from benchmarks.blocks import ArrayBlock
 from benchmarks.common_gradient import cost_and_gradient
@@ -164,13 +165,18 @@ def _bundle_input(block: ArrayBlock) -> BundleInput:
         block.image, block.point, block.xy_mm, np.full((m, 2), block.sigma_mm), np.full(m, block.c_mm),
         np.zeros((m, 2)), np.ones(m, dtype=bool),
     )  # fmt: skip
-    nothing = np.zeros((0, 3), dtype=bool)
-    control = ControlRows(np.zeros(0, dtype=np.int32), np.zeros((0, 3)), np.zeros((0, 3, 3)), nothing, nothing)
     covariance = np.tile(block.gnss_sigma_m**2 * np.eye(3), (n, 1, 1))
-    positions = PositionRows(np.arange(n, dtype=np.int32), block.gnss_m, covariance, np.zeros((n, 3)))
+    images = np.arange(n, dtype=np.int32)
+    positions = Positions(images, images, block.gnss_m, covariance, np.zeros((n, 3)))
     ids, point_ids = np.arange(n).astype(str), np.arange(len(block.xyz_m)).astype(str)
-    start = Poses(block.position_m, block.ground_from_image)
-    return BundleInput(ids, point_ids, rays, start, block.xyz_m, control, positions)
+    origin = np.round(block.xyz_m.mean(axis=0))
+
+    def names(rows: Int) -> tuple[Text, Text]:
+        return ids[rays.image[rows]], point_ids[rays.point[rows]]
+
+    observed = (*observed_image_points(rays, (), names), *observed_positions(positions, origin, ids))
+    start = Poses(block.position_m - origin, block.ground_from_image)
+    return BundleInput(ids, point_ids, observed, start, block.xyz_m - origin, origin, rays)
 
 
 def _reconstruction(block: ArrayBlock) -> tuple[Any, list[Any], Float]:

@@ -61,7 +61,18 @@ def retract_poses(poses: Poses, step: Float) -> Poses:
     return Poses(poses.position_m + step[:, :3], rotation)
 
 
-def pose_unknowns(ids: Ids, free: Bool, position_m: Float) -> Unknowns:
-    """The group of poses; `free` is (n, 6), `position_m` (n, 3) tells the order of elimination where images lie."""
+def pose_unknowns(ids: Ids, free: Bool, position_m: Float, distance_m: float | None = None) -> Unknowns:
+    """The group of poses.
+
+    Parameters
+    ----------
+    ids : (n,) str
+    free : (n, 6) bool
+    position_m : (n, 3) float64, m
+        Where images lie, for the order of elimination.
+    distance_m : float, optional, m
+        Of the ground: a centre less certain than this, or a rotation than 1 rad, is not determined.
+    """
     labels = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
-    return Unknowns(POSE, free, labels, ids, retract_poses, position=position_m[:, :2], generator=pose_generator)
+    return Unknowns(POSE, free, labels, ids, retract_poses, position=position_m[:, :2], generator=pose_generator,
+                    implausible=None if distance_m is None else np.array([distance_m] * 3 + [1.0] * 3))  # fmt: skip

@@ -22,6 +22,7 @@ from typing import Literal
 from aatri.adapters.absolute_orientation import absolute_solution, ground_of, orient_strips
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adapters.plausibility import sanity
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -69,5 +70,7 @@ def similarity(
         max_sigma0=options.max_sigma0,
     )
     solution, left_out = absolute_solution(oriented, image_points, "absolute_orientation/similarity")
-    tell([*oriented.notes, *left_out], context)
+    images = solution.images
+    plausible = sanity(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
+    tell([*oriented.notes, *left_out, *plausible], context)
     return solution

@@ -34,6 +34,7 @@ from aatri.adapters.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
+from aatri.adapters.plausibility import sanity
 from aatri.adapters.suspects import after, with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.settings import Settings
@@ -176,6 +177,9 @@ def bundle(
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
     given = bundle_input(block, image_points, initial, options, parameters)
+    if initial is None and given.rays is not None:
+        poses, xyz_m = given.poses, given.xyz_m + given.origin_m
+        tell(sanity(block, poses.position_m + given.origin_m, poses.ground_from_image, xyz_m), context)
     done = _in_rounds(given, options, context)
     given, result, suspects = done.given, done.result, after(suspects, done.given, done.result)
     notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]

@@ -118,7 +118,7 @@ def test_the_demo_is_valid_by_the_schema(pipeline_schema: dict[str, Any]) -> Non
         (("stages", "bundle", "with"), {"max_iterations": 0}, "/stages/bundle/with/max_iterations: minimum"),
         (("stages", "bundle", "with"), {"max_iteration": 5}, "/stages/bundle/with/max_iteration: not allowed"),
         (("stages", "bundle", "from", "blok"), "block", "/stages/bundle/from/blok: not allowed"),
-        (("stages", "bundle", "from"), {"block": None}, "/stages/bundle/from: required image_points"),
+        (("stages", "models", "from"), {"block": None}, "/stages/models/from: required image_points"),
         (("stages", "bundle", "use"), "bundle_adjustment/none", "/stages/bundle/use: enum"),
         (("stages", "block"), {"use": "block/tables"}, "/stages/block: required with"),
         (("stages", "block"), {"use": "block/tables", "with": {}}, "/stages/block/with: required path"),

@@ -24,6 +24,10 @@ from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_u
 from aatri.orientation.bundle.strip_numbering import StripNumbering
 
 
+MOST_RAYS_LOOKED_AT = 20_000
+"""Of so many rays, evenly taken, the median distance is that of all."""
+
+
 @dataclass(frozen=True)
 class BundleInput:
     """A block ready for adjustment: rows are those of all images and points. Coordinates are reduced to the origin.
@@ -169,10 +173,22 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     """
     point = participants.of[POINT]
     free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point))
-    groups = [pose_unknowns(given.image_ids, poses, places)] if len(poses) else []
+    distance = median_distance_m(given)
+    groups = [pose_unknowns(given.image_ids, poses, places, distance)] if len(poses) else []
     for o in given.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
     return [
         *groups,
         Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True, generator=point_generator),
     ]
+
+
+def median_distance_m(given: BundleInput) -> float | None:
+    """Median distance of the points from the images that see them, m; None where nothing tells it."""
+    if given.rays is None:
+        return None
+    rays = given.rays
+    some = slice(None, None, max(1, len(rays.image) // MOST_RAYS_LOOKED_AT))
+    away = given.xyz_m[rays.point[some]] - given.poses.position_m[rays.image[some]]
+    away = away[np.isfinite(away).all(axis=1) & rays.active[some]]
+    return float(np.median(np.linalg.norm(away, axis=1))) if len(away) else None

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adjustment.statistics.w_test import w_tests
+from aatri.adjustment.statistics.record_tests import tests_of_records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
@@ -40,6 +40,9 @@ CLEAR = 0.5
 
 SAME = 1e-3
 """Tests of one point that differ by less, as a share, cannot be told apart."""
+
+WELL_CONTROLLED = 1e-3
+"""Components with a smaller redundancy number are not rejected: what controls them could not be told apart."""
 
 ROUNDS = 12
 
@@ -127,11 +130,10 @@ def tests_of(found: AdjustedObservations, state: State) -> Float:
     """Largest |w| of the components of each record of one kind, (n,); NaN without test."""
     records, rows = found.observed.records, found.rows
     test = np.full(len(found.observed), np.nan)
-    v = found.residuals(state)
-    L = records.whitener[rows]
-    v = L * v if L.ndim == 2 else np.einsum("nij,nj->ni", L, v)
-    w = w_tests(v, found.covariance[rows], found.used[rows], records.observed_components()[rows])
-    test[rows] = _largest(np.abs(w))
+    if len(rows):
+        tests = tests_of_records(records.take(rows), state, found.covariance[rows])
+        controlled = np.einsum("nii->ni", tests.redundancy) > WELL_CONTROLLED
+        test[rows] = _largest(np.where(controlled, np.abs(tests.w), np.nan))
     return test
 
 

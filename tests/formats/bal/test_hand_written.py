@@ -79,7 +79,7 @@ LIMITS = {
     "a whole number": (9, "1 3.0 0.1 0.2", "1 3.5 0.1 0.2", "point 3.5, but there are 4"),
     "focal length": (16, "0.001", "0", "focal length 0"),
     "second focal length": (25, "0.001", "-0.001", "focal length -0.001"),
-    "a number": (30, "1e300", "1e999", "no number"),
+    "a number": (30, "1e99", "1e999", "no number"),
     "counts": (1, "2 4 8", "2 4 0", "does not begin with the numbers"),
 }
 
