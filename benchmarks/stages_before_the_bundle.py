@@ -4,11 +4,11 @@
     python -m benchmarks.stages_before_the_bundle 25 40 --tree ../other-checkout
 
 A block of preset `uav` with so many strips of so many images goes through the chain with calibrated interior, as plain
-function calls; compiled functions are made before. The bundle gives all standard deviations and no statistics of single observations.
-Processor seconds, all threads together, are given because they suffer less than wall time from what else the machine
-does; wall time stands beside them. With `--tree` the chain runs on another checkout too, in a process of its own that
-follows at once, and the ratio of both is given. The first stage that needs them loads the compiled functions, which is
-not part of its time: the chain runs once on a small block before.
+function calls; compiled functions are made before. The bundle gives all standard deviations and no statistics of single
+observations. Processor seconds, all threads together, are given because they suffer less than wall time from what else
+the machine does; wall time stands beside them. With `--tree` the chain runs on another checkout too, in a process of
+its own that follows at once, and the ratio of both is given. The first stage that needs them loads the compiled
+functions, which is not part of its time: the chain runs once on a small block before.
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ import pytest
 
 from aatri.pipeline.methods.kernel_cache import use_kernel_cache
 
-use_kernel_cache()  # before Numba is imported: an edit of a kernel leads to another folder, in the processes of tests too
+# before Numba is imported: an edit of a kernel leads to another folder, in the processes of tests too
+use_kernel_cache()
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -58,9 +58,10 @@ def made_block(
         "ground_points": b.GroundPoints(
             point=given, xyz_m=xyz[given], covariance_m2=np.tile(np.eye(3) * 0.01**2, (len(given), 1, 1)), role=roles,
             datum=np.zeros(len(given), bool), file=np.full(len(given), -1), line=np.zeros(len(given), int)),
-        "ground_point_covariances": b.GroundPointCovariances.empty(), "exterior": b.Exterior.empty(), "geodetic": b.Geodetic.empty(),
-        "geodetic_covariances": b.GeodeticCovariances.empty(), "relative_control": b.RelativeControl.empty(),
-        "relative_control_members": b.RelativeControlMembers.empty(), "rejects": b.Rejects.empty(),
+        "ground_point_covariances": b.GroundPointCovariances.empty(), "exterior": b.Exterior.empty(),
+        "geodetic": b.Geodetic.empty(), "geodetic_covariances": b.GeodeticCovariances.empty(),
+        "relative_control": b.RelativeControl.empty(), "relative_control_members": b.RelativeControlMembers.empty(),
+        "rejects": b.Rejects.empty(),
     }  # fmt: skip
     if truth:
         fields["true_images"] = b.TrueImages(image=np.arange(n_images), position_m=np.array(positions),

@@ -98,8 +98,8 @@ def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:
     factor, tied = part.result.analysis.extrapolation, part.result.tied
     notes = [
         Note("note", f"{part.what}: {len(part.control)} control points, {len(part.positions)} positions, errors of "
-             f"control magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the standard "
-             "deviations of its points")
+             f"control magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
+             "standard deviations of its points")
     ]  # fmt: skip
     if factor > EXTRAPOLATION_WARNED:
         text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"

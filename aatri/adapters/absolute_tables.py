@@ -37,7 +37,7 @@ class Ground:
 
 @dataclass(frozen=True)
 class OrientedPart:
-    """A component on the ground; rows of control and positions are those of `Ground`, `began` those not yet rejected."""
+    """A component on the ground; rows of control and positions as in `Ground`, `began` are those not yet rejected."""
 
     what: str
     component: Component

@@ -29,8 +29,8 @@ from aatri.orientation.bundle.result import BundleResult
 
 
 def bundle_solution(
-    block: Block, given: BundleInput, result: BundleResult, suspects: Suspects, parameters: Sequence[Parameters], calibration: CalibrationTables | None = None,
-    orderings: Orderings | None = None, *, tests: bool = False,
+    block: Block, given: BundleInput, result: BundleResult, suspects: Suspects, parameters: Sequence[Parameters],
+    calibration: CalibrationTables | None = None, orderings: Orderings | None = None, *, tests: bool = False,
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted

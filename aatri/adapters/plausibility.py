@@ -1,4 +1,4 @@
-"""Sanity of a block from its tables: control against positions as given; cameras and control once orientations are known."""
+"""Sanity of a block from its tables: control against positions as given; with orientations, cameras and control."""
 
 from __future__ import annotations
 

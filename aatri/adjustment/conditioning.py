@@ -10,8 +10,8 @@ The directions that can do so are the leading eigenvectors u of D Q D, D = diag(
 subspace iteration with the factor: two solves for all columns together. Q_ii N_ii >= sum of lambda u_i^2, and nearly
 equal where it is large. A block by itself is found by its own 3x3 matrix.
 
-A direction within one block (a single image, a single point) says that this block is weak: it is set aside. Any other is
-a weakness of the whole: it is refused, and the combination named. A tenth of the limits is worth a warning.
+A direction within one block (a single image, a single point) says that this block is weak: it is set aside. Any other
+is a weakness of the whole: it is refused, and the combination named. A tenth of the limits is worth a warning.
 
 Source: Golub & Van Loan, Matrix Computations, 8.2 (subspace iteration).
 """

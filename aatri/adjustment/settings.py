@@ -20,8 +20,8 @@ class Settings:
     tolerance : float
         Bound of the Newton decrement.
     ordering : str
-        `nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the chains
-        `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions.
+        `nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the
+        chains `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions.
     threads : int, optional
         Default: all processors.
     reproducible : bool

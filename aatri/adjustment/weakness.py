@@ -1,4 +1,4 @@
-"""What to do about what a solution leaves nearly open (`conditioning`): refuse it by name, or set single blocks aside."""
+"""What to do about what a solution leaves nearly open (`conditioning`): refuse it by name, or set blocks aside."""
 
 from __future__ import annotations
 

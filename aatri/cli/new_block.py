@@ -45,7 +45,8 @@ image,point,x,y,sx,sy
 point,X,Y,Z,sX,sY,sZ,role
 """,
     "exterior.csv": """\
-# Positions and attitudes of images: observed where a standard deviation is given, else start values. Delete it if there are none.
+# Positions and attitudes of images: observed where a standard deviation is given, else start values. \
+Delete it if there are none.
 # i1,1000.0,2000.0,800.0,0.1,0.1,0.1,,,,,,
 image,X,Y,Z,sX,sY,sZ,a1,a2,a3,s1,s2,s3
 """,
@@ -60,7 +61,8 @@ image,fiducial,x,y
 type,from,to,value,sigma
 """,
     "covariances.csv": """\
-# Covariances of geodetic observations (rows of geodetic.csv from 1) or of control (ids and coordinates). Delete it if there are none.
+# Covariances of geodetic observations (rows of geodetic.csv from 1) or of control (ids and coordinates). \
+Delete it if there are none.
 # ground_points,p1,X,p2,X,0.0001
 table,row_a,coord_a,row_b,coord_b,value
 """,

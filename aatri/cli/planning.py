@@ -131,6 +131,6 @@ def open_run(
         raise SpecError("was run with --local-plugins: planning it executes code of the project", where=str(path),
                         remedy="--local-plugins, if you trust the project")  # fmt: skip
     into = "" if kept["variant"] else str(path)
-    request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use), kept["variant"],
-                      local_plugins)  # fmt: skip
+    request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use),
+                      kept["variant"], local_plugins)  # fmt: skip
     return open_request(request)

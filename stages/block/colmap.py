@@ -32,7 +32,8 @@ def colmap(*, options: ColmapOptions, context: Context = SILENT) -> Block:
     """Read a sparse model."""
     block = read_colmap(
         options.path, image_sigma_px=options.image_sigma_px, position_sigma_m=options.position_sigma,
-        control=options.control, calibrate=options.calibrate, max_reject_share=options.max_reject_share, reporter=context,
+        control=options.control, calibrate=options.calibrate, max_reject_share=options.max_reject_share,
+        reporter=context,
     )  # fmt: skip
     log_counts(block, context)
     return block

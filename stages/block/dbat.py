@@ -35,7 +35,8 @@ def dbat(*, options: DbatOptions, context: Context = SILENT) -> Block:
     """Read a PhotoModeler export and its control points."""
     block = read_dbat(
         options.path, options.control, camera_model=options.camera_model, calibrate=options.calibrate,
-        image_sigma_px=options.image_sigma_px, set_aside=options.undetermined_points == "set_aside", max_reject_share=options.max_reject_share, reporter=context,
+        image_sigma_px=options.image_sigma_px, set_aside=options.undetermined_points == "set_aside",
+        max_reject_share=options.max_reject_share, reporter=context,
     )  # fmt: skip
     log_counts(block, context)
     return block

@@ -48,8 +48,9 @@ def test_a_block_counts_what_is_active_and_points_with_any_coordinate_of_a_role(
     exterior = rows(b.Exterior, 4, position_use=[0, 1, 0, 1], angle_use=[0, 0, 1, 1])
     rejects = rows(b.Rejects, 3)
     fiducials, files = rows(b.Fiducials, 1), rows(b.Files, 1)
-    made = made_block(ground_points=ground, images=images, image_points=measured, exterior=exterior, rejects=rejects,
-                      fiducials=fiducials, files=files, fiducial_points=rows(b.FiducialPoints, 5)).metrics()  # fmt: skip
+    made = made_block(ground_points=ground, images=images, image_points=measured, exterior=exterior,
+                      rejects=rejects, fiducials=fiducials, files=files,
+                      fiducial_points=rows(b.FiducialPoints, 5)).metrics()  # fmt: skip
     assert made == {
         "images": 9, "strips": 2, "cameras": 1, "points": 20, "image_points": 193, "fiducial_points": 5,
         "control_points": 2, "check_points": 2, "exterior_observations": 3, "rejects": 3,

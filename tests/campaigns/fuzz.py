@@ -2,8 +2,8 @@
 
     python -m tests.campaigns.fuzz READER|all --count 20000 [--seed S]
 
-Every input is a good one (`fuzz_seeds`) with up to six changes: bytes flipped, put in, cut out, doubled; words replaced by
-numbers too large, too small, not finite, not ASCII, by quotes, zero bytes, control characters, the words of other
+Every input is a good one (`fuzz_seeds`) with up to six changes: bytes flipped, put in, cut out, doubled; words replaced
+by numbers too large, too small, not finite, not ASCII, by quotes, zero bytes, control characters, the words of other
 places; lines doubled, swapped, glued; texts of 40,000 characters. Afterwards the reader must have given a result or an
 error of aatri's own, of the kind that its input can have (exit code 2, 3, 4 or 9 for what a user writes, 7 for files of
 a run), each in at most 2 s of processor time and 500 MB of memory more than before. What is not so is printed and, with
@@ -37,8 +37,9 @@ WORDS = (
     b"1.2.3", b"9" * 400, b"7" * 40_000, b"x" * 40_000, b"1e" + b"9" * 300, b"", b'"', b'""', b"'", b"#", b"\0", b"\t",
     b"\r", b"\n", b"\x1b[2J", b"\xff\xfe", b"\xe2\x88\x92" b"5", "１２".encode(), "点号".encode("gb18030"),
     b"\xc2\x9b31m", b"\xed\xa0\x80", b"../../etc/passwd", b"/etc/passwd", b"=1+1", b"null", b"true", b"~", b"{}", b"[]",
-    b"{a: 1}", b"[1, 2]", b"!!python/object:os.system", b"&a", b"*a", b"<<", b"---", b": ", b"- ", b"a" * 300, b"12-99-1",
-    b"yes", b"control", b"XY:control Z:check", b"observed", b"distance", b"direction", b"pixel", b"film", b"[[[[[[[[",
+    b"{a: 1}", b"[1, 2]", b"!!python/object:os.system", b"&a", b"*a", b"<<", b"---", b": ", b"- ", b"a" * 300,
+    b"12-99-1", b"yes", b"control", b"XY:control Z:check", b"observed", b"distance", b"direction", b"pixel", b"film",
+    b"[[[[[[[[",
 )  # fmt: skip
 
 
@@ -86,8 +87,9 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
                     shutil.copytree(folder, keep / f"{name}-{number}", dirs_exist_ok=True)
             (folder / file).write_bytes(good[file])
     figures = ", ".join(f"{n} {outcome}" for outcome, n in sorted(counted.items()))
-    sys.stdout.write(f"fuzz {name}: {count} inputs: {figures}; slowest {slowest:.2f} s, at most {largest / 1e6:.0f} MB; "
-                     f"{time.monotonic() - begin:.0f} s" + (f"; WRONG {wrong}" if wrong else "") + "\n")  # fmt: skip
+    sys.stdout.write(f"fuzz {name}: {count} inputs: {figures}; slowest {slowest:.2f} s, at most {largest / 1e6:.0f} "
+                     f"MB; {time.monotonic() - begin:.0f} s"
+                     + (f"; WRONG {wrong}" if wrong else "") + "\n")  # fmt: skip
     return wrong
 
 

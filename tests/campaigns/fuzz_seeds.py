@@ -159,7 +159,8 @@ READERS: dict[str, Reader] = {
     ),
     "colmap_binary": Reader(_colmap_binary, read_colmap, ("cameras.bin", "images.bin", "points3D.bin"), binary=True),
     "control": Reader(
-        lambda f: (colmap_model(f / "m"), (f / "g.csv").write_text("point,X,Y,Z,sX,sY,sZ\n1,0,0,5,1,1,1\n2,1,1,5,0,0,0\n")),
+        lambda f: (colmap_model(f / "m"),
+                   (f / "g.csv").write_text("point,X,Y,Z,sX,sY,sZ\n1,0,0,5,1,1,1\n2,1,1,5,0,0,0\n")),
         lambda f: read_colmap(f / "m", control=f / "g.csv"), ("g.csv",),
     ),
     "records": Reader(_records, _read_records, ("run.json", "current/s.json", "failed/s/error.json")),

@@ -2,12 +2,13 @@
 
     python -m tests.campaigns.opened_files [--short]
 
-Under strace (Debian package strace; without it the campaign is skipped and says so): the demo (`--short`: the small block of
-the other campaigns), a block of tables, then show, status, metrics, report, compare, export and gc of its run, and runs of it
-with a hostile link in the place of each of its files and folders. Opened may be: the run folder, the inputs that the
-pipeline names, the cache; the folder that an export was asked to go to; the folder of temporary files; and, to read only, the installation (Python, its
-libraries, aatri's own code) and what the system's libraries look at (/etc, /proc, /sys, /dev, /usr, /lib). What the links
-lead to is in a folder of its own, which no process may open, even to read, and whose content must stay.
+Under strace (Debian package strace; without it the campaign is skipped and says so): the demo (`--short`: the small
+block of the other campaigns), a block of tables, then show, status, metrics, report, compare, export and gc of its run,
+and runs of it with a hostile link in the place of each of its files and folders. Opened may be: the run folder, the
+inputs that the pipeline names, the cache; the folder that an export was asked to go to; the folder of temporary files;
+and, to read only, the installation (Python, its libraries, aatri's own code) and what the system's libraries look at
+(/etc, /proc, /sys, /dev, /usr, /lib). What the links lead to is in a folder of its own, which no process may open, even
+to read, and whose content must stay.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ from tests.campaigns import harness
 from tests.formats.tables.block_folder import write_folder
 
 ROOT = Path(__file__).resolve().parents[2]
-CALLS = "trace=open,openat,openat2,creat,unlink,unlinkat,rename,renameat,renameat2,truncate,link,linkat,symlink,symlinkat,mkdir,mkdirat,rmdir"
+CALLS = (
+    "trace=open,openat,openat2,creat,unlink,unlinkat,rename,renameat,renameat2,truncate,link,linkat,symlink,symlinkat,"
+    "mkdir,mkdirat,rmdir"
+)
 SYSTEM = ("/etc/", "/proc/", "/sys/", "/dev/", "/usr/", "/lib", "/bin/")
 SECRET = b"of the user's, and no business of aatri's\n"
 TABLES = """\
@@ -36,11 +40,11 @@ stages:
   block: {use: block/tables, with: {path: block}}
 """
 LINKS = (
-    ".lock", "events.jsonl", "run.json", "report.html", "current", "objects", "previous", "running", "failed", "variants",
-    "checkpoints", "accepted", "current/block.json", "current/block.h5", "running/block.log", "running/block.json",
-    "objects/block", "objects/block/KEY", "objects/block/KEY/artifact.h5", "objects/block/KEY/record.json",
-    "objects/block/KEY/stage.log", "previous/block.json", "failed/block", "failed/block/error.json",
-    "failed/block/stage.log",
+    ".lock", "events.jsonl", "run.json", "report.html", "current", "objects", "previous", "running", "failed",
+    "variants", "checkpoints", "accepted", "current/block.json", "current/block.h5", "running/block.log",
+    "running/block.json", "objects/block", "objects/block/KEY", "objects/block/KEY/artifact.h5",
+    "objects/block/KEY/record.json", "objects/block/KEY/stage.log", "previous/block.json", "failed/block",
+    "failed/block/error.json", "failed/block/stage.log",
 )  # fmt: skip
 
 
@@ -117,8 +121,9 @@ def _attack(tables: Path, link: str, secret: Path, trace: object) -> None:
     place.unlink(missing_ok=True)
     place.parent.mkdir(parents=True, exist_ok=True)
     place.symlink_to(secret / "file" if is_file else secret)
-    for verb in (["run", "-q", "--force", "block"], ["gc", "out", "--keep", "0"], ["show", "out:block"], ["status", "out"],
-                 ["report", "out"], ["export", "out:block", "tables", "exported", "--overwrite"]):  # fmt: skip
+    for verb in (["run", "-q", "--force", "block"], ["gc", "out", "--keep", "0"], ["show", "out:block"],
+                 ["status", "out"], ["report", "out"],
+                 ["export", "out:block", "tables", "exported", "--overwrite"]):  # fmt: skip
         trace(tables, *verb, codes=(0, 2, 7))  # type: ignore[operator]
     shutil.rmtree(out)
     (tables / "whole").rename(out)

@@ -231,8 +231,8 @@ def test_a_limit_of_memory_ends_with_its_exit_code_and_does_not_hang(tmp_path: P
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, megabytes << 20))
 
-    done = subprocess.run([sys.executable, "-c", "from aatri.cli.main import main; main()", "run", "-q"], capture_output=True, text=True,
-                          preexec_fn=limit, timeout=120, check=False)  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", "from aatri.cli.main import main; main()", "run", "-q"],
+                          capture_output=True, text=True, preexec_fn=limit, timeout=120, check=False)  # fmt: skip
     assert done.returncode in (0, 8), done.stderr[-2000:]
     assert "a bug" not in done.stderr
 

@@ -1,4 +1,4 @@
-"""Templates of a block folder are a block once images, points and control are filled in, whatever else is left alone."""
+"""Templates of a block folder are a block once images, points and control are filled in, whatever is left alone."""
 
 from __future__ import annotations
 

@@ -56,7 +56,9 @@ def test_the_reader_names_file_and_line(tmp_path: Path) -> None:
     with pytest.raises(AatriError, match=r"block.yaml:4:\d+: frame map: EPSG:4326 .* geographic"):
         read_block(write_folder(tmp_path / "a", changes))
     yaml = FILES["block.yaml"].replace("frames:\n", "frames:\n", 1).replace(
-        "crs: EPSG:32650}\n", "crs: EPSG:32650}\n  geo: {axes: [latitude, longitude, height], crs: EPSG:4979}\n")  # fmt: skip
-    ground = "point,X,Y,Z,frame\nK,4505079.577,446263.976,6.378,\n1,117.1,40.2,7,geo\n2,40.1,117.2,3,geo\n3,40.1,117.2,9,geo\n0123,40.1,117.2,9.5,geo\n"
+        "crs: EPSG:32650}\n",
+        "crs: EPSG:32650}\n  geo: {axes: [latitude, longitude, height], crs: EPSG:4979}\n")  # fmt: skip
+    ground = ("point,X,Y,Z,frame\nK,4505079.577,446263.976,6.378,\n1,117.1,40.2,7,geo\n2,40.1,117.2,3,geo\n"
+              "3,40.1,117.2,9,geo\n0123,40.1,117.2,9.5,geo\n")  # fmt: skip
     with pytest.raises(AatriError, match=r"ground_points.csv:3:\d+: latitude or longitude is out of range"):
         read_block(write_folder(tmp_path / "b", {"block.yaml": yaml, "ground_points.csv": ground}))

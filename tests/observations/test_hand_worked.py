@@ -38,7 +38,8 @@ DOWN = np.eye(3)
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """kappa = 90 degrees: the image's x axis points along Y."""
 STATE = {
-    POSE: Poses(np.array([[0.0, 0.0, 0.0], [100.0, 200.0, 1000.0], [100.0, 200.0, 1000.0]]), np.stack([DOWN, DOWN, QUARTER])),
+    POSE: Poses(np.array([[0.0, 0.0, 0.0], [100.0, 200.0, 1000.0], [100.0, 200.0, 1000.0]]),
+                np.stack([DOWN, DOWN, QUARTER])),
     POINT: np.array([[130.0, 160.0, 0.0], [0.0, 0.0, -1.0]]),
 }  # fmt: skip
 ROWS = ImagePointRows(

@@ -1,4 +1,4 @@
-"""What was asked for stands on the page: calibration, reliability, suspects, orientations, all control and check points."""
+"""What was asked for stands on the page: calibration, reliability, suspects, orientations, control and check points."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use():
 def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id():
     summary, listed = suspects_tables(full_solution().suspects)
     assert summary.rows == [
-        ("absolute_orientation", "control", "rejected", "1"), ("bundle_adjustment", "image_point", "rejected", "1")]  # fmt: skip
+        ("absolute_orientation", "control", "rejected", "1"),
+        ("bundle_adjustment", "image_point", "rejected", "1")]  # fmt: skip
     assert listed.rows[0][:5] == ("bundle_adjustment", "image_point", "1-1", "p10", "rejected")
 
 

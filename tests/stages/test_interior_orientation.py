@@ -126,7 +126,7 @@ def test_an_image_beyond_max_sigma0_is_not_used(block: Block, many: Block) -> No
     found = affine(broken(many), context=told)
     assert 6 not in found.interior.image
     assert any(re.search(f"{many.images.id[6]} .sigma0 2.\\.., beyond max_sigma0 = 20", text) for text in told.warnings)
-    with pytest.raises(GeometryError, match="1 of 10 film images .* beyond max_sigma0"):
+    with pytest.raises(GeometryError, match=r"1 of 10 film images .* beyond max_sigma0"):
         affine(broken(block))
     assert 6 in affine(broken(block), options=AffineOptions(max_sigma0=30.0)).interior.image
 

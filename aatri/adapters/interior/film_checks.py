@@ -159,8 +159,8 @@ def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bool) -
         usual = int(np.bincount(quarter[mine], minlength=4).argmax())
         turned = mine & (quarter != usual)
         if turned.any():
-            text = (f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that the "
-                    "fiducial marks are numbered from the same corner")  # fmt: skip
+            text = (f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that "
+                    "the fiducial marks are numbered from the same corner")  # fmt: skip
             yield Note("warning", text, tuple(block.images.id[marks.image[turned]].tolist()))
 
 

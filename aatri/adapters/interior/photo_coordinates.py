@@ -176,7 +176,8 @@ def _notes(block: Block, outside: Bool) -> Iterator[Note]:
     cameras = block.cameras
     far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * _half_format(block)).any(axis=1)
     if far.any():
-        text = "principal point more than 5 % of the format off the image centre (it counts from there, in mm, x right, y up)"
+        text = ("principal point more than 5 % of the format off the image centre (it counts from there, in mm, "
+                "x right, y up)")  # fmt: skip
         yield Note("warning", f"{text}: camera", tuple(cameras.id[far].tolist()))
 
 

@@ -120,7 +120,7 @@ class Work:
             self.finish(k)
 
     def assemble(self, k: int, pool: ThreadPoolExecutor | None = None) -> None:
-        """Start a front with its records and eliminated blocks, unless that has been done; in threads of a pool, if given."""
+        """Start a front with its records and eliminated blocks, unless that has been done; in threads of `pool`."""
         if self.fronts[k] is not None:
             return
         node = self.problem.tree.nodes[k]

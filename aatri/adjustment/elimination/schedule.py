@@ -35,9 +35,9 @@ PARALLEL_FLOPS = 1e9
 class Schedule:
     """Who works on which nodes of a tree, and in which order, on the way up and on the way down.
 
-    Subtrees are independent: they run in parallel, one BLAS thread each. Above them the tree is worked on level by level;
-    where a level has fewer nodes than there are threads, one node after the other with all BLAS threads. A small problem
-    has no subtrees: its nodes come one after the other.
+    Subtrees are independent: they run in parallel, one BLAS thread each. Above them the tree is worked on level by
+    level; where a level has fewer nodes than there are threads, one node after the other with all BLAS threads. A small
+    problem has no subtrees: its nodes come one after the other.
 
     Attributes
     ----------

@@ -7,8 +7,8 @@ not touch the `share` group (control) is named before one that does, the less pr
 
 No more than a share of the records of a block of the `share` group (a strip), or of a kind that does not touch it, is
 rejected in all: where more disagrees the model is wrong, not the data, and to go on would cut the block off. The last
-record that ties a block of the neighbourhood to the `share` group stays, for the others of that block would be tested by
-nothing; and a record without a test is never rejected for it (`stranded`).
+record that ties a block of the neighbourhood to the `share` group stays, for the others of that block would be tested
+by nothing; and a record without a test is never rejected for it (`stranded`).
 """
 
 from __future__ import annotations

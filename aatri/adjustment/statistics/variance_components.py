@@ -1,7 +1,8 @@
 """Variance components: what must be added to a-priori covariances so that residuals are as large as they should be.
 
-A group of records with covariances C_o has, beyond them, a common standard deviation tau in every component: S_o = C_o +
-tau^2 I. Asked is the tau for which the sum of squared standardised residuals equals the sum of redundancy numbers,
+A group of records with covariances C_o has, beyond them, a common standard deviation tau in every component:
+S_o = C_o + tau^2 I. Asked is the tau for which the sum of squared standardised residuals equals the sum of redundancy
+numbers,
 
     sum_o v_o'(C_o + tau^2 I)^-1 v_o = sum_o r_o,
 

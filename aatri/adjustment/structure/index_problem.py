@@ -163,7 +163,7 @@ def _graph(layout: Layout, kept: list[Parts], rays: tuple[Int, Int, Parts] | Non
 
 
 def _better_tree(graph: Graph, layout: Layout) -> Tree:
-    """One front for few vertices; else nested dissection, or minimum degree where that is less work and worth trying."""
+    """One front for few vertices; else nested dissection, or minimum degree where it is less work and worth trying."""
     if graph.n <= DENSE_VERTICES:
         return _tree(graph, layout, [OrderedNode(np.arange(graph.n), ())])
     tree = _tree(graph, layout, _order(graph, layout, "nested_dissection"))

@@ -34,7 +34,8 @@ class IndexedProblem:
     unknowns : tuple of Unknowns
         Its unknowns, with all scalars held of blocks that take no part; see `weights`.
     records : tuple of Records
-        Its records, active or not: the index does not depend on it. The constraints follow them, as records of a weight.
+        Its records, active or not: the index does not depend on it. The constraints follow them, as records of a
+        weight.
     layout : Layout
     tree : Tree
     rays : Rays or None

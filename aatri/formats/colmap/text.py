@@ -154,7 +154,8 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
     point = ids.integers()
     pose = head.numbers(1, 8).tolist()
     return ColmapImage(
-        head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), xy, point, head.line,
+        head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), xy, point,
+        head.line,
     )  # fmt: skip
 
 

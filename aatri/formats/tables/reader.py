@@ -105,9 +105,9 @@ def _block(source: Source) -> Block:
         frames=_frames(settings),
         **camera._asdict(),
         rig_members=rigs, strips=images.strips, images=images.images, fiducial_points=fiducial_points, points=points,
-        image_points=image_points, ground_points=ground.points, ground_point_covariances=ground.covariances, exterior=exterior, geodetic=geodetic.geodetic,
-        geodetic_covariances=geodetic.covariances, relative_control=relative, relative_control_members=members,
-        rejects=geodetic.rejects,
+        image_points=image_points, ground_points=ground.points, ground_point_covariances=ground.covariances,
+        exterior=exterior, geodetic=geodetic.geodetic, geodetic_covariances=geodetic.covariances,
+        relative_control=relative, relative_control_members=members, rejects=geodetic.rejects,
     )  # fmt: skip
 
 

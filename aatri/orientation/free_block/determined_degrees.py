@@ -1,7 +1,7 @@
 """The degree of each strip's polynomial: what control and ties determine, for plan and height apart.
 
-It begins at the degree asked for, for plan (a and b) and height (c) of every strip, and falls until all coefficients are
-determined:
+It begins at the degree asked for, for plan (a and b) and height (c) of every strip, and falls until all coefficients
+are determined:
 
 - by rank: eigenvalues of the unit-diagonal normal matrix below `RANK`; the strips in their null vectors fall by one;
 - by sense: a strip falls if the corrections of its points, RMS, would be less precise than `WORST` times a single point

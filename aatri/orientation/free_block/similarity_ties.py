@@ -2,8 +2,8 @@
 
     x_o = T_j + s_j R_j x + R_j b,     dx_o = dT + [s R x + R b]x' d + s R x m
 
-with the seven unknowns of geometry.similarity per strip; x are coordinates in the strip, reduced to a centre of its own,
-b lever arms along the strip's axes in metres. Covariances turn with the strip: s^2 R C R'.
+with the seven unknowns of geometry.similarity per strip; x are coordinates in the strip, reduced to a centre of its
+own, b lever arms along the strip's axes in metres. Covariances turn with the strip: s^2 R C R'.
 """
 
 from __future__ import annotations

@@ -48,7 +48,8 @@ class Ties(Generic[S]):
         The group of the strips' unknowns, named `STRIP`.
     n_points : int
     compiled : callable, optional
-        (order, what the points of the ties are reduced to in that order, (n, 3)) -> faster lane, see adjustment.records.
+        (order, what the points of the ties are reduced to in that order, (n, 3)) -> faster lane, see
+        adjustment.records.
     """
 
     strip: Int

@@ -1,8 +1,8 @@
 """One adjustment of strips tied by common points and by given coordinates, with the tests of all observations.
 
-An observation whose gross error could be told only with a standard deviation of `WEAK` times that of the observation and
-of a strip's point together is not rejected: hardly anything else determines what it determines, and without it the strips
-would extrapolate.
+An observation whose gross error could be told only with a standard deviation of `WEAK` times that of the observation
+and of a strip's point together is not rejected: hardly anything else determines what it determines, and without it the
+strips would extrapolate.
 
 Rejected observations stay in the index and are predicted by the others. Points without an active observation in a strip
 take no part: their given coordinates count for nothing, and they have no test.

@@ -3,7 +3,8 @@
     field of view        2 atan(d / 2c), d the diagonal of the format
     flying height        Z0 - Z, medians over the images of the camera and the points they show
     scale                distance / c, the distance along the axis of the image; of digital images times the pixel: GSD
-    control inside       a control point projects into the format, by more than a tenth of it, of each image that shows it
+    control inside       a control point projects into the format, by more than a tenth of it, of each image that
+                         shows it
 
 Figures no camera and no flight has are warnings: a field of view below 1 or above 170 degrees, a ground sampling
 distance below 0.01 mm or above 100 m, points behind their camera, control outside of what its images show. They come
@@ -95,11 +96,12 @@ def _one_camera(cameras: Cameras, k: int, name: str, depth: Float, height: Float
         parts.append(f"ground sampling distance {length(sampling)}")
     notes = [Note("note", f"camera {name}: {', '.join(parts)}")]
     if field < FIELD_OF_VIEW_DEG[0] or field > FIELD_OF_VIEW_DEG[1]:
-        notes.append(Note("warning", f"camera {name} has a field of view of {field:.3g} deg: principal distance {c:g} mm "
-                          f"or format ({diagonal:.4g} mm across the diagonal) is wrong"))  # fmt: skip
+        notes.append(Note("warning", f"camera {name} has a field of view of {field:.3g} deg: principal distance "
+                          f"{c:g} mm or format ({diagonal:.4g} mm across the diagonal) is wrong"))  # fmt: skip
     if sampling < SAMPLING_M[0] or sampling > SAMPLING_M[1]:
         notes.append(Note("warning", f"camera {name} has a ground sampling distance of {length(sampling)}: check "
-                          f"principal distance ({c:g} mm), pixel size ({pixel:g} mm) and the unit of coordinates"))  # fmt: skip
+                          f"principal distance ({c:g} mm), pixel size ({pixel:g} mm) and the unit of "
+                          "coordinates"))  # fmt: skip
     if behind > BEHIND:
         notes.append(Note("warning", f"{behind:.0%} of the points of camera {name} lie behind it: check axes, angles "
                           "and the sign of heights"))  # fmt: skip

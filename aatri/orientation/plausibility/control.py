@@ -7,7 +7,8 @@ middle of the other control points, where no positions are known):
   point with X and Y swapped lies no farther than the others do, that is the error; else it is said, and the adjustment
   has to decide: objects at very different distances are legal.
 - all of it lies off the block if a swap of X and Y, a unit (feet, km, mm) or a zone number before the easting brings
-  the median of d below a tenth of itself and of the distance from the origin; or if the median of d exceeds 100 km, which no image sees: then zone or datum differ.
+  the median of d below a tenth of itself and of the distance from the origin; or if the median of d exceeds 100 km,
+  which no image sees: then zone or datum differ.
 
 Only what is certain in this sense stops; nothing is changed here. Cf. EPSG guidance note 7-1 on axis order; the rows
 70 to 78 of common input errors.

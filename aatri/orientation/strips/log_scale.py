@@ -104,7 +104,7 @@ def _across(base: Float, ray: Float) -> Float:
 
 
 def _displacement(model: ModelRows) -> tuple[Float, Float, Float, Float]:
-    """Derivatives (n, 5) of the way a point moves along its left ray, by d and t; left direction; right ray; tangents."""
+    """Derivatives (n, 5) of the way of a point along its left ray, by d and t; left direction; right ray; tangents."""
     X = model.xyz
     w = X - model.base
     T = tangents(model.base)

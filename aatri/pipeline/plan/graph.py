@@ -183,7 +183,8 @@ def _check_required(
         if not port.optional and port.name not in stage.inputs:
             errors.append(SpecError(f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
                                     where=spec.where(stage.name, "from"),
-                                    remedy=_candidates(spec, stage.name, port.name, roles[stage.name].ports, roles)))  # fmt: skip
+                                    remedy=_candidates(spec, stage.name, port.name, roles[stage.name].ports,
+                                                       roles)))  # fmt: skip
 
 
 def _candidates(spec: Spec, stage: str, port: str, ports: Mapping[str, str], roles: Mapping[str, _Role]) -> str:

@@ -2,8 +2,8 @@
 
 A stage that takes the result states by name what it uses of it. An offer counts as used if one stage of the pipeline
 uses it; which of them are selected to run does not matter. It is left alone where the pipeline makes nothing that it
-bears upon: control points in a pipeline that ends with models. Unused groupings and checks, and what pipeline.yaml names
-under `ignore`, are warnings; so is everything where a stage does not state what it uses.
+bears upon: control points in a pipeline that ends with models. Unused groupings and checks, and what pipeline.yaml
+names under `ignore`, are warnings; so is everything where a stage does not state what it uses.
 """
 
 from __future__ import annotations

@@ -149,7 +149,8 @@ def _check_name(document: Document, at: tuple[str, str], what: str, errors: list
     """Names of stages and variants are names of files too."""
     if not is_stage_name(at[1]):
         errors.append(SpecError(f"{clipped(at[1])!r} is no name of a {what}", where=document.where_key(*at),
-                                remedy=f"at most {MAX_NAME} small letters, digits and _, beginning with a letter"))  # fmt: skip
+                                remedy=f"at most {MAX_NAME} small letters, digits and _, beginning with a "
+                                       "letter"))  # fmt: skip
 
 
 def _inputs(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, str]:

@@ -1,8 +1,8 @@
 """What the JSON files of a run must hold: records, the overview, failures; anything else is damage.
 
 A file that parses may still be no record: of another shape, with numbers that JSON does not have (NaN, 1e999), with
-halves of characters, nested without end, or with names that lead elsewhere. All of it is told as one error, ArtifactError,
-so that readers of records need not ask again.
+halves of characters, nested without end, or with names that lead elsewhere. All of it is told as one error,
+ArtifactError, so that readers of records need not ask again.
 """
 
 from __future__ import annotations

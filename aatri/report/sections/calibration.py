@@ -76,7 +76,8 @@ def _film(solution: Solution) -> PageTable | None:
         mine = np.flatnonzero(film & (p.name == name))
         worst = mine[int(np.argmax(np.abs(p.value[mine])))]
         rows.append((str(name), str(units[worst]), str(p.object[worst]), number(len(mine)),
-                     number(float(np.sqrt((p.value[mine] ** 2).mean()))), number(float(np.sqrt(np.nanmean(p.sigma[mine] ** 2)))),
+                     number(float(np.sqrt((p.value[mine] ** 2).mean()))),
+                     number(float(np.sqrt(np.nanmean(p.sigma[mine] ** 2)))),
                      number(float(np.abs(p.value[worst])))))  # fmt: skip
     heads = ("film correction", "unit", "largest in", "images", "RMS", "RMS sigma", "largest")
     return PageTable("Film corrections per image, in figures", heads, rows, 3)

@@ -79,7 +79,7 @@ def rejects_table(rejects: Rejects) -> PageTable | None:
 
 
 def all_rows(caption: str, table: Sized, columns: Cells, texts: int) -> PageTable | None:
-    """All rows of a table up to `MOST_FOLDED`; folded where they are many. `columns` maps a head to the cell of a row."""
+    """All rows of a table up to `MOST_FOLDED`; folded where they are many. `columns`: head to cell of a row."""
     if not len(table):
         return None
     shown = min(MOST_FOLDED, len(table))

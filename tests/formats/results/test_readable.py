@@ -36,7 +36,8 @@ def full_solution():
         test=[4.0, -8.5], verdict=["rejected", "rejected"])  # fmt: skip
     parameters = Parameters(
         group=["film", "additional", "additional", "additional"], object=["1-0", "cam", "cam", "cam"],
-        name=["film correction d0", "k1", "k2", "p1"], value=[1e-4, 3e-8, 0.0, 2e-6], sigma=[1e-3, 2e-9, 0.0, 1e-6])  # fmt: skip
+        name=["film correction d0", "k1", "k2", "p1"], value=[1e-4, 3e-8, 0.0, 2e-6],
+        sigma=[1e-3, 2e-9, 0.0, 1e-6])  # fmt: skip
     covariances = ParameterCovariances(
         first=[1, 1, 1, 2, 2, 3], second=[1, 2, 3, 2, 3, 3],
         covariance=[4e-18, 0.0, -1e-15, 0.0, 0.0, 1e-12])  # fmt: skip
@@ -106,7 +107,8 @@ def test_an_export_has_suspects_tests_correlations_and_empty_cells_for_what_was_
     write_solution_tables(full_solution(), block, tmp_path)
     suspects = _read(tmp_path / "suspects.csv")
     assert [(r["kind"], r["image"], r["w"], r["size"], r["unit"], r["verdict"]) for r in suspects] == [
-        ("control", "", "4.0", "0.1", "m", "rejected"), ("image_point", "1-1", "-8.5", "0.06", "mm", "rejected")]  # fmt: skip
+        ("control", "", "4.0", "0.1", "m", "rejected"),
+        ("image_point", "1-1", "-8.5", "0.06", "mm", "rejected")]  # fmt: skip
     tests = _read(tmp_path / "tests.csv")
     assert (tests[1]["wx"], tests[1]["redundancy_x"], tests[1]["detectable_x"], tests[1]["active"]) == (
         "8.5", "0.5", "0.029", "no")  # fmt: skip

@@ -81,8 +81,8 @@ def warnings_of(folder: Path, changes: dict[str, str | bytes | None]) -> list[st
     return heard.warned
 
 
-@pytest.mark.parametrize(("sigma_cm", "is_odd"), [("0.01", False), ("0.00999", True), ("99999", False), ("100001", True),
-                                                  ("0", False)])  # fmt: skip
+@pytest.mark.parametrize(("sigma_cm", "is_odd"), [("0.01", False), ("0.00999", True), ("99999", False),
+                                                  ("100001", True), ("0", False)])  # fmt: skip
 def test_sigmas_below_a_tenth_of_a_millimetre_or_above_a_kilometre_are_pointed_out(
     tmp_path: Path, sigma_cm: str, is_odd: bool
 ) -> None:

@@ -79,7 +79,8 @@ def test_a_number_too_large_for_its_square_is_no_quantity(tmp_path: Path, text: 
     with pytest.raises(AatriError, match="too large"):
         loads(f"a: {text}")
     for name, old in (("ground_points.csv", "6.378"), ("image_points.csv", "20.25"), ("exterior.csv", "385.1"),
-                      ("geodetic.csv", "141.42"), ("block.yaml", "153.84"), ("relative_control.yaml", "200.05")):  # fmt: skip
+                      ("geodetic.csv", "141.42"), ("block.yaml", "153.84"),
+                      ("relative_control.yaml", "200.05")):  # fmt: skip
         assert re.search("too large|not a number", fault_of(write_folder(tmp_path / "b", replaced(name, old, text))))
 
 

@@ -125,7 +125,8 @@ LIMITS = {
     "strip ends": ("PREPHI.DAT", "  -320", "  -320", "   320", 12, "the last one has no last photo"),
     "photo ends": ("PREPHI.DAT", "     13    9.0    10.0\n    -99    0.0     0.0\n", "     13 9 10\n  -99 0 0\n",
                    "     13    9.0    10.0\n", 16, "the file ends within photo 400"),
-    "four words": ("PREPHI.DAT", "   12   76.5   -72.0", "   12   76.5   -72.0", "   12   76.5   -72.0  1", 4, "4 words"),
+    "four words": ("PREPHI.DAT", "   12   76.5   -72.0", "   12   76.5   -72.0", "   12   76.5   -72.0  1", 4,
+                   "4 words"),
     "ground twice": ("PRECKI.DAT", "   14  ", "   15  ", "   12  ", 4, "point 12 twice, first in line 1"),
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Scales of many joints through the compiled loop, against `scale_transfer` of each joint alone; chains of unlike length."""
+"""Scales of many joints through the compiled loop, against `scale_transfer` of each alone; chains of unlike length."""
 
 from __future__ import annotations
 
