@@ -65,8 +65,8 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
         **(true_orientation_figures(block, at_truth.solution) if at_truth else {}),
         **_datum_figures(block, solution, at_check, at_truth),
     }
-    without_theory = {name for name, of in (("check_theory", at_check), ("truth_over", at_truth), ("truth_nees", at_truth))
-                      if of is None or not of.over_datum}  # fmt: skip
+    theories = (("check_theory", at_check), ("truth_over", at_truth), ("truth_nees", at_truth))
+    without_theory = {name for name, of in theories if of is None or not of.over_datum}  # fmt: skip
     known = {name: value for name, value in figures.items()
              if not np.isnan(value) and not name.startswith(tuple(without_theory))}  # fmt: skip
     return Evaluation(

@@ -17,7 +17,7 @@ def _column(path: Path, name: str, value: str) -> None:
     names = header.split(",")
     at = names.index(name) if name in names else len(names)
     cells = [row.split(",") for row in rows]
-    table = [names[:at] + [name] + names[at + 1 :]] + [row[:at] + [value] + row[at + 1 :] for row in cells]
+    table = [[*names[:at], name, *names[at + 1 :]], *([*row[:at], value, *row[at + 1 :]] for row in cells)]
     path.write_text("\n".join(",".join(row) for row in table) + "\n")
 
 

@@ -111,7 +111,6 @@ def test_solution_covariances_and_tests_of_one_factor_equal_dense_algebra(monkey
 
 def test_a_rejected_record_that_is_a_gross_error_shows_its_size_in_the_prediction() -> None:
     unknowns, records, start = strips(2)
-    J, _ = dense_jacobian(unknowns, records, start)
     exact, whole = start, records[0].evaluate
     shift = np.zeros((len(records[0].active), 3))
     target = whole(exact, np.arange(len(shift)))[0]

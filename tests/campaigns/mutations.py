@@ -12,6 +12,7 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 ARITHMETIC = {
     ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.Pow: ("**", "*"),
@@ -129,7 +130,7 @@ def _of_node(node: ast.AST, at: _Places) -> Iterator[Mutation]:
                     yield from at.between(before, at.of(after)[0], old, new)
         case ast.BoolOp(op=op, values=values):
             pair = ("and", "or") if isinstance(op, ast.And) else ("or", "and")
-            for before, after in zip(values, values[1:]):
+            for before, after in pairwise(values):
                 yield from at.between(before, at.of(after)[0], *pair)
             for k in range(len(values)):
                 kept = [f"({at.text(value)})" for i, value in enumerate(values) if i != k]

@@ -86,7 +86,7 @@ def test_what_observations_determine_stays_and_only_the_rest_is_fitted() -> None
     assert figures["truth_aligned_components"] == 4
     assert figures["truth_rmse_x_m"] < 1e-6
     assert figures["truth_rmse_z_m"] < 1e-6
-    raised = replace(turned, points=replace(turned.points, xyz_m=turned.points.xyz_m + [0.0, 0.0, 0.5]))
+    raised = replace(turned, points=replace(turned.points, xyz_m=turned.points.xyz_m + np.array([0.0, 0.0, 0.5])))
     figures = evaluate(block, raised).metrics()
     assert figures["truth_rmse_z_m"] == pytest.approx(0.5, rel=1e-3)
     assert np.ptp(z) > 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def test_a_clean_block_loses_next_to_nothing_and_is_adjusted_once(chain: Chain) 
 
 def test_no_more_than_the_share_of_a_kind_is_rejected_and_what_stays_is_told(chain: Chain) -> None:
     class Told:
-        lines: list[str] = []
+        lines: ClassVar[list[str]] = []
 
         def log(self, message: str) -> None: ...
 

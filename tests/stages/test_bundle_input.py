@@ -29,7 +29,7 @@ from tests.stages.hand_block import (
 OF = hand()
 CORNERS = (0, 5, 24, 29)
 MAP = (5e5, 5e6, 300.0)
-EXACT = dict(tail=",0,0,0", head=",sX,sY,sZ")
+EXACT = {"tail": ",0,0,0", "head": ",sX,sY,sZ"}
 
 
 def exterior_rows(of: Hand, angles: object, position: object = None, tail: str = "", head: str = "") -> str:
@@ -87,7 +87,7 @@ def test_positions_of_antennas_are_a_datum_by_themselves(tmp_path: Path) -> None
     exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), antenna, ",0.001,0.001,0.001,antenna",
                              ",sX,sY,sZ,refers_to")  # fmt: skip
     block, points = read(tmp_path, OF, exterior=exterior, camera={"lever_arm": arm.tolist()})
-    shifted = start(OF, block, position_m=OF.position_m + [0.5, -0.2, 0.3])
+    shifted = start(OF, block, position_m=OF.position_m + np.array([0.5, -0.2, 0.3]))
     found = bundle(block, points, shifted)
     assert_is_the_block(found, OF)
     mine = rows_of(found, "position")
@@ -117,7 +117,7 @@ def test_a_position_that_is_wrong_shows_its_error_with_its_sign_and_its_row(tmp_
 
 
 def test_positions_are_not_used_where_they_are_not_wanted(tmp_path: Path) -> None:
-    wrong = OF.position_m + [5.0, 0.0, 0.0]
+    wrong = OF.position_m + np.array([5.0, 0.0, 0.0])
     exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), wrong, ",0.01,0.01,0.01", ",sX,sY,sZ")
     block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior)
     found = bundle(block, points, options=BundleOptions(positions={"use": False}))
@@ -191,7 +191,8 @@ def test_control_that_is_wrong_shows_its_error_with_its_sign_and_its_row(tmp_pat
 
 def test_exact_control_is_held_even_where_the_start_is_elsewhere(tmp_path: Path) -> None:
     """All control moved alike: the whole block follows, to the digit."""
-    moved = replace(OF, position_m=OF.position_m + [3.0, -2.0, 1.0], xyz_m=OF.xyz_m + [3.0, -2.0, 1.0])
+    by = np.array([3.0, -2.0, 1.0])
+    moved = replace(OF, position_m=OF.position_m + by, xyz_m=OF.xyz_m + by)
     block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS, **EXACT, off=[3.0, -2.0, 1.0]))
     assert_is_the_block(bundle(block, points, start(OF, block)), moved)
 

@@ -151,7 +151,7 @@ def test_strips_that_do_not_fit_control_at_all_are_an_error():
 def test_sigma0_is_told_with_what_is_expected_and_its_interval():
     made = MadeBlock(3, 5, noise_m=0.02)
     made.control(range(0, len(made.truth), 5), sigma_m=0.02)
-    _, solution, heard = _adjusted(made)
+    _, _, heard = _adjusted(made)
     assert any("sigma0 with the deformation of the strips counted" in line and "95 %" in line for line in heard.lines)
     assert any("sigma0 of control" in line for line in heard.lines)
     assert heard.warnings == []

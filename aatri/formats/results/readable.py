@@ -83,7 +83,7 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
         found = {k: shared[k] for k in ("kind", "image", "point")} | found | {"unit": shared["unit"]}
     if isinstance(artifact, Solution) and name == "parameters":
         found["unit"] = ("", parameter_units(artifact))
-    order = _order(artifact, rows)
+    order = _order(rows)
     taken = order if most is None else order[:most]
     columns = {key: (unit, [values[k] for k in taken.tolist()]) for key, (unit, values) in found.items()}
     columns = {
@@ -135,7 +135,7 @@ def _plain(values: npt.NDArray[Any]) -> list[Any]:
     return [None if v != v else v for v in listed] if values.dtype.kind == "f" else listed
 
 
-def _order(artifact: Artifact, rows: Table) -> Int:
+def _order(rows: Table) -> Int:
     """Rows in the order to be shown: the largest first where there is a measure, the untested last."""
     measure: Float | None = None
     if isinstance(rows, Suspects):

@@ -84,7 +84,7 @@ def geodetic_covariances(
     return result
 
 
-def with_own_covariances(source: Source, table: CsvTable, covariances: CsvTable | None) -> CsvTable:
+def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTable:
     """ground_points.csv with the variances and covariances of single points that covariances.csv gives."""
     chosen = _of(covariances, "ground_points")
     if covariances is None or not len(chosen):

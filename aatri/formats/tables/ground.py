@@ -59,7 +59,7 @@ def ground_point_tables(
         return nothing
     no_repeats(table, ["point"], "ground point")
     check_places(covariances, table)
-    table = with_own_covariances(source, table, covariances)
+    table = with_own_covariances(table, covariances)
     frame = frames_of(source, table)
     role = _roles(table)
     xyz = stacked(table, COORDINATES)

@@ -12,9 +12,9 @@ adjustments of whole strips, in which tau, the deformation added to the standard
 counted. How much strips in fact deform depends on their points and overlaps, hence this is a gauge of one digit: beyond
 `max_sigma0` times what is expected points, ids or frames are mixed up.
 
-With tau counted sigma0 is near 1 by construction wherever tau had to be added, so that its test warns where gross errors
-are left. Where strips agree better than the standard deviations of their points say it is small, which the stages before
-have told of their image points: here that is a note.
+With tau counted sigma0 is near 1 by construction wherever tau had to be added, so that its test warns where gross
+errors are left. Where strips agree better than the standard deviations of their points say it is small, which the
+stages before have told of their image points: here that is a note.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def refuse_deformed(sigma0: float, models: int, max_sigma0: float, what: str) ->
     expected = expected_ratio(models)
     if np.isfinite(sigma0) and sigma0 > max_sigma0 * expected:
         raise ConvergenceError(
-            f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g} times the {expected:.2g} that strips of "
-            f"{models} models lead one to expect: strips and control do not fit each other",
+            f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g} times the {expected:.2g} that strips "
+            f"of {models} models lead one to expect: strips and control do not fit each other",
             remedy="check ids of points and control, units and axes of control, strips and models of the images; "
             "standard deviations that are too small by this factor are to be corrected in the block",
         )
@@ -122,7 +122,7 @@ def given_note(tied: TiedResult[Any]) -> Note:
     What polynomials leave of the deformation is smooth, so that control fits somewhat worse than ties: less than that
     is a note.
     """
-    test: GlobalTest = global_test(tied.given_sigma0, int(round(tied.given_redundancy)))
+    test: GlobalTest = global_test(tied.given_sigma0, round(tied.given_redundancy))
     if test.verdict in ("warned", "far") and (test.verdict == "warned" or test.sigma0 < 1):
         test = replace(test, verdict="fits")
     return sigma0_note(test, OF_GIVEN)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -124,7 +125,7 @@ def _portions(start: Int) -> list[tuple[int, int]]:
     pieces = max(round(int(start[-1]) / AT_ONCE), 1)
     bounds = np.searchsorted(start[:-1], np.linspace(0, start[-1], pieces + 1)[1:-1])
     edges = np.unique(np.concatenate([[0], bounds, [len(start) - 1]])).tolist()
-    return list(zip(edges[:-1], edges[1:]))
+    return list(pairwise(edges))
 
 
 def _orient(
@@ -142,17 +143,16 @@ def _orient(
     work, model = np.full((n, 9), np.nan), np.full((n, 15), np.nan)
     row = np.repeat(np.arange(m), np.diff(start))
 
-    def all_pairs(work_on: Callable[[int, int], None]) -> None:
-        in_threads(n, lambda a, b: work_on(*items_between(start, a, b)), worth=WORTH_A_THREAD)
+    def all_pairs(loop: Callable[..., None], *arguments: object) -> None:
+        in_threads(n, lambda a, b: loop(*items_between(start, a, b), start, *arguments), worth=WORTH_A_THREAD)
 
     chosen, settled = plain.copy(), np.zeros(m, dtype=bool)
     q = np.column_stack([rays.left[:, :2] / -rays.left[:, 2:], rays.right[:, :2] / -rays.right[:, 2:]])
-    all_pairs(lambda a, b: parallel_starts(a, b, start, q, chosen, pose))
+    all_pairs(parallel_starts, q, chosen, pose)
     for _ in range(FALLBACKS):  # points behind an image are taken out, and it is adjusted again
-        all_pairs(lambda a, b: snoop(a, b, start, table, chosen, limit, max_iterations, pose, W, iterations,
-                                     inside, active, work))  # fmt: skip
+        all_pairs(snoop, table, chosen, limit, max_iterations, pose, W, iterations, inside, active, work)
         chosen &= iterations > 0
-        all_pairs(lambda a, b: intersect(a, b, start, chosen, pose, table, model))
+        all_pairs(intersect, chosen, pose, table, model)
         newly = active & chosen[row] & ~(model[:, 12:14] > 0).all(axis=1)
         active[newly] = inside[newly] = False
         hit = np.bincount(row[newly], minlength=m) > 0

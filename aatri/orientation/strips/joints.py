@@ -7,6 +7,7 @@ snooping by the rules of `scale_transfer`, which takes the joints that are not c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,7 +127,7 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
     bounds = np.searchsorted(start[:-1], np.linspace(0, n, pieces + 1)[1:-1])
     edges = np.unique(np.concatenate([[0], bounds, [j]])).tolist()
     done = np.zeros(j, dtype=bool)
-    for a, b in zip(edges[:-1], edges[1:]):
+    for a, b in pairwise(edges):
         rows = slice(int(start[a]), int(start[b]))
         sides = (_rows(models, roots, of_row, side[rows]) for side in (first_row, second_row))
         done[a:b] = _joined(found, a, b, *log_scales(*sides), snooping_limit)

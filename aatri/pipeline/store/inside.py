@@ -111,7 +111,7 @@ def names_in(run: Path, *names: str) -> list[str]:
     found = kind(run, *names)
     if found not in ("", "folder"):
         raise _foreign(place(run, *names), found)
-    return sorted(os.listdir(place(run, *names))) if found else []
+    return sorted(entry.name for entry in place(run, *names).iterdir()) if found else []
 
 
 def make_folder(run: Path, *names: str) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.evaluation import Differences, Evaluation
 from aatri.ids import rows_of
 from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
@@ -24,25 +24,25 @@ def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
 
 def point_tables(evaluation: Evaluation) -> list[PageTable]:
     """Differences at all control and check points, the largest first, with the largest share of its sigma."""
-    found = []
-    differences = evaluation.differences
-    for kind in ("control", "check"):
-        rows = np.flatnonzero(differences.kind == kind)
-        if not len(rows):
-            continue
-        d, s = differences.difference_m[rows], differences.sigma_m[rows]
-        order = np.argsort(-np.nan_to_num(np.abs(d)).max(axis=1), kind="stable")
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.fmax.reduce(np.where(s > 0, np.abs(d) / s, np.nan), axis=1)
-        columns: tables.Cells = {
-            "point": lambda k: str(differences.point[rows[order[k]]]),
-            **{f"d{a} m": tables.formatted(d[order, i], metres) for i, a in enumerate("XYZ")},
-            **{f"s{a} m": tables.formatted(s[order, i], metres) for i, a in enumerate("XYZ")},
-            "largest d / s": lambda k: number(float(ratio[order[k]])) if np.isfinite(ratio[order[k]]) else DASH,
-            "rays": lambda k: number(int(differences.rays[rows[order[k]]])),
-        }
-        found += present(tables.all_rows(f"Differences at {kind} points, the largest first", rows, columns, 1))
-    return found
+    return present(*(_table(evaluation.differences, kind) for kind in ("control", "check")))
+
+
+def _table(differences: Differences, kind: str) -> PageTable | None:
+    rows = np.flatnonzero(differences.kind == kind)
+    if not len(rows):
+        return None
+    d, s = differences.difference_m[rows], differences.sigma_m[rows]
+    order = np.argsort(-np.nan_to_num(np.abs(d)).max(axis=1), kind="stable")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.fmax.reduce(np.where(s > 0, np.abs(d) / s, np.nan), axis=1)
+    columns: tables.Cells = {
+        "point": lambda k: str(differences.point[rows[order[k]]]),
+        **{f"d{a} m": tables.formatted(d[order, i], metres) for i, a in enumerate("XYZ")},
+        **{f"s{a} m": tables.formatted(s[order, i], metres) for i, a in enumerate("XYZ")},
+        "largest d / s": lambda k: number(float(ratio[order[k]])) if np.isfinite(ratio[order[k]]) else DASH,
+        "rays": lambda k: number(int(differences.rays[rows[order[k]]])),
+    }
+    return tables.all_rows(f"Differences at {kind} points, the largest first", rows, columns, 1)
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:

@@ -37,7 +37,8 @@ cameras:
     boresight: [0.1, 0, -0.2]
     sigmas: {lever_arm: [0.01, .inf, 0.0], boresight: .inf}
 rigs:
-  R: {nadir: {}, left: {position: [-0.1, 0, 0.02], angles: [0, -45, 0], sigmas: {position: 0.01, angles: [0.1, .inf, 0]}},
+  R: {nadir: {}, left: {position: [-0.1, 0, 0.02], angles: [0, -45, 0], \
+sigmas: {position: 0.01, angles: [0.1, .inf, 0]}},
       aft: {angles: [30, 0, 0]}}
 """
 
@@ -88,8 +89,8 @@ def test_rigs_mounts_and_sigmas_of_lever_arms_are_read_and_written(tmp_path: Pat
     assert block.images.strip.tolist() == [-1] * 3
     assert block.cameras.mount_deg.tolist() == [90]
     assert (block.undulation_m, block.heading) == (-12.3, "grid")
-    found = {n: (s, bool(f)) for n, s, f in zip(block.camera_parameters.name.tolist(),
-                                                block.camera_parameters.sigma.tolist(), block.camera_parameters.free)}  # fmt: skip
+    given = block.camera_parameters
+    found = {n: (s, bool(f)) for n, s, f in zip(given.name.tolist(), given.sigma.tolist(), given.free)}
     assert found["lever_arm.x"] == (0.01, False)
     assert found["lever_arm.y"][1]
     assert found["lever_arm.z"] == (0.0, False)
@@ -135,13 +136,17 @@ BAD = {
     "unknown rig": (_replaced("images.csv", "2.5,R", "2.5,Q"), "images.csv:4:13", "rig 'Q' is unknown"),
     "unknown member": (_replaced("images.csv", "left", "lefd"), "images.csv:3:15", "did you mean 'left'"),
     "rig without member": (_replaced("images.csv", "R,left", "R,"), "images.csv:3:", "both rig and member"),
-    "member twice": (_replaced("images.csv", "2.5,R", "1.5,R"), "images.csv:4:", "twice in one exposure, first in line 2"),
+    "member twice": (_replaced("images.csv", "2.5,R", "1.5,R"), "images.csv:4:",
+                     "twice in one exposure, first in line 2"),
     "no time": (_replaced("images.csv", "2.5,R", ",R"), "images.csv:4:", "needs time, or strip and sequence"),
-    "frame placed": (_replaced("block.yaml", "nadir: {}", "nadir: {position: [1, 0, 0]}"), "block.yaml:23:6", "is the frame"),
+    "frame placed": (_replaced("block.yaml", "nadir: {}", "nadir: {position: [1, 0, 0]}"), "block.yaml:23:6",
+                     "is the frame"),
     "empty rig": (_replaced("block.yaml", "rigs:\n", "rigs:\n  S: {}\n"), "block.yaml:23:6", "a rig needs members"),
     "rig key": (_replaced("block.yaml", "{angles: [30", "{angels: [30"), "block.yaml:24:", "did you mean 'angles'"),
-    "rig sigma": (_replaced("block.yaml", "{position: 0.01,", "{postion: 0.01,"), "block.yaml:23:", "did you mean 'position'"),
-    "rig without unit": (_replaced("block.yaml", "angle: deg, sigma_i", "sigma_i"), "block.yaml:", "but a rig has angles"),
+    "rig sigma": (_replaced("block.yaml", "{position: 0.01,", "{postion: 0.01,"), "block.yaml:23:",
+                  "did you mean 'position'"),
+    "rig without unit": (_replaced("block.yaml", "angle: deg, sigma_i", "sigma_i"), "block.yaml:",
+                         "but a rig has angles"),
     "mount": (_replaced("block.yaml", "mount: 90", "mount: 45"), "block.yaml:18:12", "mount is 45"),
     "undulation": (_replaced("block.yaml", "-12.3", "-1230"), "block.yaml:6:13", "undulation is -1230"),
     "heading": (_replaced("block.yaml", "roll-pitch-heading", "omega-phi-kappa"), "block.yaml:", "heading belongs to"),
@@ -149,7 +154,8 @@ BAD = {
     "coordinate": (_replaced("covariances.csv", "B,X,A,Y", "B,x,A,Y"), "covariances.csv:2:17", "coord_a is 'x'"),
     "twice": ({"covariances.csv": COVARIANCES + "ground_points,A,Y,B,X,0.5\n"}, "covariances.csv:6:", "given twice"),
     "own twice": (_replaced("covariances.csv", "A,Z,A,Z", "A,X,A,X"), "covariances.csv:3:", "the point has sX already"),
-    "no coordinate": (_replaced("covariances.csv", "B,X,A,Y", "C,Z,A,Y"), "covariances.csv:2:", "without this coordinate"),
+    "no coordinate": (_replaced("covariances.csv", "B,X,A,Y", "C,Z,A,Y"), "covariances.csv:2:",
+                      "without this coordinate"),
     "exact": (_replaced("ground_points.csv", "3,2,2,2", "3,0,0,0"), "covariances.csv:2:", "is exact"),
     "too large": (_replaced("covariances.csv", "B,X,1", "B,X,2.5"), "covariances.csv:", "not positive definite"),
     "with their own": (_replaced("covariances.csv", "Y,0.25", "Y,0.99"), "covariances.csv:", "not positive definite"),
@@ -157,7 +163,8 @@ BAD = {
                     "covariances.csv:", "another frame"),
     "unknown table": (_replaced("covariances.csv", "ground_points,A,Z", "grond_points,A,Z"), "covariances.csv:3:1",
                       "did you mean 'ground_points'"),
-    "geodetic": ({"covariances.csv": "table,row_a,row_b,value\ngeodetic,1,2,1\n"}, "covariances.csv:2:1", "no geodetic.csv"),
+    "geodetic": ({"covariances.csv": "table,row_a,row_b,value\ngeodetic,1,2,1\n"}, "covariances.csv:2:1",
+                 "no geodetic.csv"),
 }  # fmt: skip
 
 

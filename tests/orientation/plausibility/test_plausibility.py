@@ -59,8 +59,8 @@ def test_a_point_far_off_for_no_known_reason_is_a_warning():
         (lambda p: p * 0.3048, "divided by 0.3048", "metres"),
         (lambda p: p / 1000, "times 1000", "km"),
         (lambda p: p * 1000, "divided by 1000", "mm"),
-        (lambda p: p + [50e6, 0], "without the zone number", "zone number"),
-        (lambda p: p + [-430e3, 12e3], "lie 431 km from the images", "zone"),
+        (lambda p: p + np.array([50e6, 0]), "without the zone number", "zone number"),
+        (lambda p: p + np.array([-430e3, 12e3]), "lie 431 km from the images", "zone"),
     ],
 )
 def test_all_control_of_another_order_unit_or_zone(change, what, remedy):
@@ -81,7 +81,7 @@ def test_objects_seen_from_afar_are_legal():
 
 
 def test_points_no_image_shows_are_not_judged():
-    county = np.vstack([POINTS, MAP + [90e3, 40e3]])
+    county = np.vstack([POINTS, MAP + np.array([90e3, 40e3])])
     assert misplaced_control([*IDS, "K"], county, STATIONS, *RAYS) == ()
 
 

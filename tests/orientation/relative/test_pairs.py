@@ -15,7 +15,7 @@ from aatri.errors import GeometryError
 from aatri.geometry import intersection
 from aatri.geometry.coplanarity import Rays, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.dependent import relative_orientation
+from aatri.orientation.relative.dependent import RelativeOrientation, relative_orientation
 from aatri.orientation.relative.kernels import model_points
 from aatri.orientation.relative.kernels import sampson as kernel
 from tests.complex_step import complex_step
@@ -78,13 +78,19 @@ def _unlike() -> dict[str, Rays]:
     }  # fmt: skip
 
 
+def _orientation_or_error(rays: Rays) -> RelativeOrientation | GeometryError:
+    try:
+        return relative_orientation(rays)
+    except GeometryError as error:
+        return error
+
+
 def _assert_as_alone(found: many.RelativeOrientations, rays: Rays, start: np.ndarray, pair: int) -> None:
     rows = np.arange(start[pair], start[pair + 1])
-    try:
-        alone = relative_orientation(rays.take(rows))
-    except GeometryError as error:
+    alone = _orientation_or_error(rays.take(rows))
+    if isinstance(alone, GeometryError):
         assert not found.formed[pair]
-        assert found.reasons[pair] == error.what
+        assert found.reasons[pair] == alone.what
         return
     assert found.formed[pair]
     assert found.warnings.get(pair, ()) == alone.warnings

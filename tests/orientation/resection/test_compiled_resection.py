@@ -25,7 +25,7 @@ def _block(seed: int, n_images: int = 20, n_points: int = 60) -> dict[str, np.nd
         [np.zeros((n_images, 2)), rng.uniform(-3, 3, n_images)]
     )
     R = rotation_from_angles(angles)
-    X0 = rng.normal(0, 60, (n_images, 3)) + [3.4e5, 5.5e6, 900.0]
+    X0 = rng.normal(0, 60, (n_images, 3)) + np.array([3.4e5, 5.5e6, 900.0])
     order = rng.permutation(n_images * n_points)
     image, point = (x[order].astype(np.int32) for x in divmod(np.arange(n_images * n_points), n_points))
     u = np.einsum("nji,nj->ni", R[image], xyz[point] - X0[image])

@@ -15,7 +15,8 @@ from aatri.pipeline.store.cache import Cache, of_file
 from tests.formats.tables.block_folder import write_folder
 
 ODD: list[Any] = [None, 1, "x", [], {}, {"stat": 1}, {"stat": [], "seen": "x", "value": 1}, {"method": {}}, [[1]],
-                  {"stat": None, "seen": 10**30, "value": None}, {"method": {"ports": 1}, "options": 1, "files": []}]  # fmt: skip
+                  {"stat": None, "seen": 10**30, "value": None},
+                  {"method": {"ports": 1}, "options": 1, "files": []}]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", [b"", b"\0", b"[]", b'{"a":', b"[" * 100_000, b'{"a": NaN}', b'{"a": "\\ud800"}'])
@@ -44,7 +45,7 @@ def test_a_run_with_every_entry_of_every_cache_damaged_ends_as_ever(
     write_folder(tmp_path / "block")
     (tmp_path / "pipeline.yaml").write_text("run: out\nstages:\n  block: {use: block/tables, with: {path: block}}\n")
     assert CliRunner().invoke(app, ["run", "-q"]).exit_code == 0
-    caches = [p for p in (tmp_path / "cache" / "aatri").glob("*.json")]
+    caches = list((tmp_path / "cache" / "aatri").glob("*.json"))
     assert len(caches) >= 3
     for value in ODD:
         for path in caches:

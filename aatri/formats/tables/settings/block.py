@@ -99,8 +99,8 @@ class Settings(Section):
     heading: Annotated[Literal["true", "grid"], BeforeValidator(_word)] | None = None
     sigma: DefaultSigmas = DefaultSigmas()
     terrain_height: float | None = None
-    cameras: dict[str, CameraSettings] = {}
-    rigs: dict[str, Rig] = {}
+    cameras: dict[str, CameraSettings] = Field(default_factory=dict)
+    rigs: dict[str, Rig] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _consistent(self) -> Settings:

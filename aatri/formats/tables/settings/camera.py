@@ -32,6 +32,11 @@ VECTORS = {"principal_point": "xy", "symmetry_point": "xy", "lever_arm": "xyz", 
 """Camera parameters of several components; a component is called `principal_point.x`."""
 
 
+def _zeros(n: int) -> Any:
+    """The default of a field: a list of n zeros."""
+    return Field(default_factory=lambda: [0.0] * n)
+
+
 class Pixel(Section):
     """Size in mm, origin and y direction of pixel coordinates."""
 
@@ -44,9 +49,9 @@ class Distortion(Section):
     """Distortion model with its parameters."""
 
     model: Literal["none", "brown", "table", "opencv", "fisheye", "bal", "dbat3"]
-    parameters: dict[str, float] = {}
-    radius: list[Annotated[float, Field(ge=0)]] = []
-    correction: list[float] = []
+    parameters: dict[str, float] = Field(default_factory=dict)
+    radius: list[Annotated[float, Field(ge=0)]] = Field(default_factory=list)
+    correction: list[float] = Field(default_factory=list)
 
     @model_validator(mode="before")
     @classmethod
@@ -77,13 +82,13 @@ class CameraSettings(Section):
     pixel: Pixel | None = None
     format: TwoPositive | None = None
     principal_distance: Positive
-    principal_point: Two = [0.0, 0.0]
-    symmetry_point: Two = [0.0, 0.0]
-    fiducials: dict[str, Two] = {}
+    principal_point: Two = _zeros(2)
+    symmetry_point: Two = _zeros(2)
+    fiducials: dict[str, Two] = Field(default_factory=dict)
     distortion: Distortion = Distortion(model="none")
-    sigmas: dict[str, FreeSigma | list[FreeSigma]] = {}
-    lever_arm: Three = [0.0, 0.0, 0.0]
-    boresight: Three = [0.0, 0.0, 0.0]
+    sigmas: dict[str, FreeSigma | list[FreeSigma]] = Field(default_factory=dict)
+    lever_arm: Three = _zeros(3)
+    boresight: Three = _zeros(3)
     mount: Literal[0, 90, 180, 270] = 0
 
     @model_validator(mode="after")
@@ -105,15 +110,15 @@ class CameraSettings(Section):
 class RigMemberSigmas(Section):
     """Standard deviations of the place of a rig member: 0 fixed, .inf free, else weighted."""
 
-    position: ThreeFreeSigmas = [0.0, 0.0, 0.0]
-    angles: ThreeFreeSigmas = [0.0, 0.0, 0.0]
+    position: ThreeFreeSigmas = _zeros(3)
+    angles: ThreeFreeSigmas = _zeros(3)
 
 
 class RigMemberSettings(Section):
     """A camera of a rig: projection centre (m) and omega, phi, kappa in the camera axes of the first member."""
 
-    position: Three = [0.0, 0.0, 0.0]
-    angles: Three = [0.0, 0.0, 0.0]
+    position: Three = _zeros(3)
+    angles: Three = _zeros(3)
     sigmas: RigMemberSigmas = RigMemberSigmas()
 
 
