@@ -20,8 +20,8 @@ from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float, Int, Text
 from aatri.observations.image_points import ImagePointRows, observed_image_points
-from aatri.observations.positions import Positions, observed_positions
 from aatri.observations.poses import Poses
+from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings

@@ -20,9 +20,9 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.absolute_orientation import absolute_solution, ground_of, orient_strips
+from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
-from aatri.adapters.plausibility import sanity
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution

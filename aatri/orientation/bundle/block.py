@@ -23,7 +23,6 @@ from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_unknowns
 from aatri.orientation.bundle.strip_numbering import StripNumbering
 
-
 MOST_RAYS_LOOKED_AT = 20_000
 """Of so many rays, evenly taken, the median distance is that of all."""
 
