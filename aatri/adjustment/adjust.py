@@ -95,11 +95,12 @@ def adjust_large(
         refuse_singular(problem, start)
     linear = problem.subtrees is None and all(r.linear and r.loss is None for r in problem.records)
     here, history = IterationState(problem, dict(start), factored), []
+    redundancy = counts(problem)[2]
     for iteration in range(1, max_iterations + 1):
         problem, factored = here.problem, here.factored
         found = steps(problem, factored, here.state)
         history.append(Step(factored.cost, here.decrement, factored.damping))
-        tell_iteration(reporter, iteration, factored.cost, counts(problem)[2], here.decrement, here.damping.value)
+        tell_iteration(reporter, iteration, factored.cost, redundancy, here.decrement, here.damping.value)
         trial = steadied(problem, retract_state(problem.unknowns, here.state, found), veto)
         if factored.damping == 0.0 and (linear or here.decrement <= tolerance) and settled(problem, here.state):
             weak, hardly = weak_blocks_of(problem, factored)

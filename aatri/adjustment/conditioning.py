@@ -24,6 +24,7 @@ import numpy as np
 
 from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.backsolve import solve_columns
+from aatri.adjustment.threads import thread_control
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
@@ -72,7 +73,8 @@ def conditioning(problem: IndexedProblem, factored: Factored) -> Conditioning:
     vertices: list[int] = []
     open_: list[str] = []
     nearly: list[str] = []
-    values, U = _leading(problem, factored)
+    with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
+        values, U = _leading(problem, factored)
     limit, bare = _limits(problem), np.where(factored.diagonal > 0, factored.diagonal, 1.0)
     vertex_of = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
     for value, u in zip(values, U.T):

@@ -81,7 +81,7 @@ def observed_image_points(
             "mm",
             unknowns=tuple(parameter_unknowns(p) for p in parameters),
             start={p.group: p.start for p in parameters},
-            veto=lambda some: side_veto(rays.take(some)),
+            veto=lambda some: side_veto(rays if len(some) == len(rays.image) else rays.take(some)),
         )
     ]
     for p in parameters:

@@ -90,15 +90,17 @@ def taking_part(given: BundleInput) -> Participants:
     own = {u.name: len(u.free) for o in given.observed for u in o.unknowns}
     part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
     needed = {POSE: np.full(len(part[POSE]), 6), POINT: 3 - _held(given.observed, len(part[POINT])).sum(axis=1)}
-    components = [o.records.observed_components().sum(axis=1) for o in given.observed]
+    components = [_components(o.records) for o in given.observed]
     while True:
         usable = [_usable(o.records, part) for o in given.observed]
         count = {name: np.zeros(len(p), dtype=np.int64) for name, p in part.items()}
         tied = {name: np.zeros(len(p), dtype=bool) for name, p in part.items()}
         for o, m, use in zip(given.observed, components, usable):
-            rows = np.flatnonzero(use & o.records.active)
+            active = use & o.records.active
+            rows: Int | slice = slice(None) if active.all() else np.flatnonzero(active)
             for group, block in o.records.touches:
-                count[group] += np.bincount(block[rows], m[rows], len(count[group])).astype(np.int64)
+                of_rows = np.bincount(block[rows], None if isinstance(m, int) else m[rows], len(count[group]))
+                count[group] += of_rows.astype(np.int64) * (m if isinstance(m, int) else 1)
                 if len(o.records.touches) > 1:
                     tied[group][block[rows]] = True
         now = {name: p & tied[name] for name, p in part.items()}
@@ -123,6 +125,13 @@ def touched_points(given: BundleInput) -> Bool:
                 if group == POINT:
                     touched[block[o.records.active]] = True
     return touched
+
+
+def _components(records: Records) -> int | Int:
+    """Observed components of each record, or of all where they are the same."""
+    if records.whitener.ndim == 2 and (records.whitener > 0).all():
+        return records.rows
+    return np.asarray(records.observed_components().sum(axis=1))
 
 
 def _usable(records: Records, part: Mapping[str, Bool]) -> Bool:
