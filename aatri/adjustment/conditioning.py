@@ -24,8 +24,8 @@ import numpy as np
 
 from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.backsolve import solve_columns
-from aatri.adjustment.threads import thread_control
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.threads import thread_control
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.notes import Note
