@@ -109,7 +109,10 @@ def _values(source: Source, table: CsvTable, types: list[str], column: str) -> F
         except ValueError:
             if cell:
                 bad.append(k)
-    table.complain(bad, column, f"{column} is {{}}, not a number", f"angles are in {units.angle or 'units.angle'}")
+    in_units = {True: f"angles are in {units.angle or 'units.angle'}", False: "lengths are in units.ground"}
+    for angle, unit in in_units.items():
+        some = [k for k in bad if (types[k] in ANGLES) == angle]
+        table.complain(some, column, f"{column} is {{}}, not a number", unit)
     if units.angle is None and any(t in ANGLES for t in types):
         source.problems.append(InputError("units.angle is missing, but geodetic.csv has angles",
                                           where=source.document.where("units"),

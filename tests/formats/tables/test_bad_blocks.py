@@ -81,6 +81,8 @@ BAD: dict[str, tuple[Change, str, str, str]] = {
     "geodetic station": (replaced("geodetic.csv", "distance,1,2", "distance,1,77"), "geodetic.csv:2:12", "'77'", "add it"),
     "geodetic set": (replaced("geodetic.csv", ",s1,", ",,"), "geodetic.csv:4:", "a direction needs `set`", "name"),
     "geodetic number": (replaced("geodetic.csv", "141.42", "141,42"), "geodetic.csv:2:", "cells", "decimal point"),
+    "length no number": (replaced("geodetic.csv", "141.42", "far"), "geodetic.csv:2:14", "'far', not a number", "ground"),
+    "angle no number": (replaced("geodetic.csv", "100.5", "wide"), "geodetic.csv:3:11", "'wide', not a number", "gon"),
     "covariance row": (replaced("covariances.csv", "4,5", "4,9"), "covariances.csv:2:12", "rows 1 to 7", "from 1"),
     "covariance size": (replaced("covariances.csv", "1e-6", "1e-3"), "covariances.csv:2:14", "not positive definite", ""),
     "relative type": (replaced("relative_control.yaml", "sphere", "shpere"), "relative_control.yaml:6:10", "did you mean",
