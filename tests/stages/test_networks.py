@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from aatri.adapters.bundle_input import bundle_input
 from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.settings import BundleSettings
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 
@@ -84,6 +87,17 @@ def test_an_exact_distance_holds_and_counts_in_the_redundancy(tmp_path: Path) ->
     assert solution.redundancy == weighted.redundancy
     at = np.flatnonzero((solution.residuals.kind == "relative_distance") & (solution.residuals.point == "D-E"))
     assert solution.residuals.sigma[at, 0].tolist() == [0.0]
+
+
+def test_a_loss_of_all_observations_leaves_what_is_exact_alone(tmp_path: Path) -> None:
+    given = bundle_input(_network(tmp_path, exact="DE"), None, None, BundleOptions())
+    result = adjust_bundle(given, BundleSettings(huber=1.0, loss_on_all=True))
+    problem = result.adjusted.problem
+    assert problem.constraints
+    assert all(r.loss is None for r in problem.constraints)
+    row = {str(k): i for i, k in enumerate(given.point_ids)}
+    length = np.linalg.norm(result.xyz_m[row["D"]] - result.xyz_m[row["E"]])
+    assert length == pytest.approx(_observed()[LINES.index("DE")], abs=1e-7)
 
 
 def test_a_network_without_datum_is_refused_and_free_with_inner_constraints(tmp_path: Path) -> None:

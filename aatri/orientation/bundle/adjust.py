@@ -127,7 +127,7 @@ def _records(given: BundleInput, part: Participants, settings: BundleSettings) -
             continue
         named = replace(o.records, label=o.label)
         chosen = named if len(rows) == len(o) else named.take(rows)
-        if settings.huber is not None and (_is_ray(chosen) or (settings.loss_on_all and not o.components)):
+        if settings.huber is not None and (_is_ray(chosen) or (settings.loss_on_all and not (o.components or o.exact))):
             chosen = replace(chosen, loss=Huber(settings.huber))
         (constraints if o.exact else records).append(chosen)
     return records, constraints

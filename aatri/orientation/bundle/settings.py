@@ -28,7 +28,7 @@ class BundleSettings:
     huber : float, optional
         Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
     loss_on_all : bool
-        The loss is that of all kinds of observations but priors.
+        The loss is that of all kinds of observations but priors; what is exact has none.
     solution : Settings
         How the normal equations are solved.
     """
