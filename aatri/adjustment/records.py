@@ -13,7 +13,7 @@ first ... last - 1, active or not, into v (n, m) and one array (n, m, k) per tou
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,6 +115,16 @@ class Records:
     def residuals(self, state: State) -> Float:
         """Residuals of all records, in units of the observation, (n, m)."""
         return self.evaluate(state, np.arange(len(self.active)))[0]
+
+
+def keys_of(records: Sequence[Records]) -> tuple[str, ...]:
+    """What tells observation types apart: their name; where several have one name (positions with and without drift),
+    the name and a number, from 1, in their order: `position 1`, `position 2`.
+    """
+    names = [r.name for r in records]
+    return tuple(
+        name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}" for k, name in enumerate(names)
+    )
 
 
 def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:

@@ -22,6 +22,7 @@ from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
+from aatri.adjustment.records import keys_of
 from aatri.adjustment.statistics.record_tests import RecordTests, tests_of_records
 from aatri.adjustment.stepping.linearity import after_step
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, counts
@@ -69,9 +70,9 @@ class Solved:
         return self._covariances if blocks else covariances_at(self.problem, self.state, self.factored, blocks=False)
 
     def tests(self) -> dict[str, RecordTests]:
-        """Tests of all records by name of their type, predicted where not active; constraints are not tested."""
-        known = self._covariances.records
-        return {r.name: tests_of_records(r, self.state, c) for r, c in zip(self.problem.observed, known)}
+        """Tests of all records by key of their type, predicted where not active; constraints are not tested."""
+        observed, known = self.problem.observed, self._covariances.records
+        return {key: tests_of_records(r, self.state, c) for key, r, c in zip(keys_of(observed), observed, known)}
 
     def reduced_normals(self) -> ReducedNormals:
         """Normal equations of the kept unknowns at the state, blocks eliminated, before Cholesky."""
@@ -88,7 +89,7 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
     state : mapping
         Where to linearise; for a linear problem any.
     weights : mapping, optional
-        Other weights of some observation types.
+        Other weights of some observation types, by key.
 
     Raises
     ------

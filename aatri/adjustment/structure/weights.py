@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.records import Records
+from aatri.adjustment.records import Records, keys_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import with_held
 from aatri.adjustment.unknowns import Unknowns
@@ -35,19 +35,19 @@ class Weights:
 
 
 def with_weights(problem: IndexedProblem, weights: Mapping[str, Weights]) -> IndexedProblem:
-    """The problem with other weights of some observation types, by name.
+    """The problem with other weights of some observation types, by their keys (`records.keys_of`).
 
     Raises
     ------
     ValueError
-        If a name is not that of exactly one observation type, or an array has another shape than before.
+        If a key is not that of an observation type, or an array has another shape than before.
     """
+    of_key = dict(zip(keys_of(problem.observed), problem.observed))
     changed = {}
-    for name, new in weights.items():
-        named = [r for r in problem.observed if r.name == name]
-        if len(named) != 1:
-            raise ValueError(f"{len(named)} observation types are called {name}: weights need one")
-        changed[id(named[0])] = _weighted(named[0], new)
+    for key, new in weights.items():
+        if key not in of_key:
+            raise ValueError(f"no observation type has the key {key}: there are {', '.join(of_key)}")
+        changed[id(of_key[key])] = _weighted(of_key[key], new)
     return with_parts_taken(with_records(problem, changed))
 
 

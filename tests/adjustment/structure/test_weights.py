@@ -11,6 +11,8 @@ from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.records import keys_of
+from aatri.adjustment.solve import solve
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.weights import Weights, taking_no_part, with_weights
 from aatri.errors import GeometryError
@@ -86,7 +88,26 @@ def test_a_point_that_nothing_observes_at_all_is_not_determined() -> None:
 def test_weights_of_an_unknown_name_or_another_shape_are_refused() -> None:
     unknowns, records, _ = made_problem()
     indexed = prepare(unknowns, records)
-    with pytest.raises(ValueError, match="0 observation types are called rays"):
+    with pytest.raises(ValueError, match="no observation type has the key rays: there are ray, "):
         with_weights(indexed, {"rays": Weights(records[0].active)})
     with pytest.raises(ValueError, match="weights of ray"):
         with_weights(indexed, {"ray": Weights(records[0].active[1:])})
+
+
+def test_two_observation_types_of_one_name_are_weighted_apart_by_their_keys() -> None:
+    unknowns, records, start = made_problem(1, n_kept=14, n_points=40)
+    direct = records[1]
+    half = np.arange(len(direct.active)) % 2 == 0
+    parts = [replace(direct, active=direct.active & half), replace(direct, active=direct.active & ~half)]
+    both = (records[0], *parts, *records[2:])
+    name = direct.name
+    assert keys_of(both)[:3] == ("ray", f"{name} 1", f"{name} 2")
+    indexed = prepare(unknowns, both)
+    changed = {f"{name} 2": Weights(whitener=3.0 * direct.whitener)}
+    wanted = prepare(unknowns, (*both[:2], replace(parts[1], whitener=3.0 * direct.whitener), *records[2:]))
+    found = with_weights(indexed, changed)
+    for group, step in steps(found, factorise(found, start), start).items():
+        np.testing.assert_allclose(step, steps(wanted, factorise(wanted, start), start)[group], rtol=1e-10, atol=1e-13)
+    assert list(solve(indexed, start).tests())[:3] == ["ray", f"{name} 1", f"{name} 2"]
+    with pytest.raises(ValueError, match=f"no observation type has the key {name}: "):
+        with_weights(indexed, {name: Weights(active=direct.active)})
