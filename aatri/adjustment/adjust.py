@@ -89,11 +89,11 @@ def adjust_large(
     notes = _without_observations(problem)
     factored = factorise_constrained(problem, start)
     refuse_unusable(IterationState(problem, dict(start), factored))
-    if problem.subtrees is not None:
+    if not factored.factor.whole:
         from aatri.adjustment.iterative.conjugate_gradients import refuse_singular  # compiled only where it is needed
 
         refuse_singular(problem, start)
-    linear = problem.subtrees is None and all(r.linear and r.loss is None for r in problem.records)
+    linear = factored.factor.whole and all(r.linear and r.loss is None for r in problem.records)
     here, history = IterationState(problem, dict(start), factored), []
     redundancy = counts(problem)[2]
     for iteration in range(1, max_iterations + 1):
@@ -116,7 +116,7 @@ def adjust_large(
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:
             break
-        factored.panels.clear()  # no later use; the next factorisation needs the room
+        factored.factor.clear()  # no later use; the next factorisation needs the room
         here, more = with_runaways_slowed(following(here, trial, found, veto, reporter))
         notes += more
         refuse_unusable(here)

@@ -54,3 +54,8 @@ class Adjusted:
     down_weighted: int = 0
     factored: Factored | None = None
     notes: tuple[Note, ...] = ()
+
+    @property
+    def has_factor(self) -> bool:
+        """Whether covariances can be asked for: the problem was solved by its factor."""
+        return self.problem.iterative is None

@@ -98,7 +98,7 @@ def factorise_constrained(problem: IndexedProblem, state: State, damping: float 
     GeometryError
         If the constraints depend on each other; the message names them.
     """
-    if problem.subtrees is not None:
+    if problem.iterative is not None:
         from aatri.adjustment.iterative.conjugate_gradients import (
             solve_by_conjugate_gradients,  # compiled only where it is needed
         )

@@ -60,7 +60,7 @@ def _null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> 
         vectors = np.zeros((layout.n_kept, int(open_.sum())))
         vectors[free] = among_free[:, open_]
         return int(open_.sum()), vectors
-    if problem.subtrees is not None:
+    if not factored.factor.whole:
         return len(factored.weak), _weak_columns(problem, factored)
     trusted = _without_weak_descendants(problem, factored)
     leading = [_leading_null_vector(problem, factored, k, row) for k, row in trusted]
@@ -92,7 +92,7 @@ def _leading_null_vector(problem: IndexedProblem, factored: Factored, k: int, ro
     for j in range(k, -1, -1):
         node = problem.tree.nodes[j]
         front = np.concatenate([np.zeros(node.panel), x[node.columns[node.panel :]]])
-        panel = factored.panels[j]
+        panel = factored.factor.panel(j)
         if j == k:
             leading = np.array(panel[: row + 1, :row], order="F")
             part = np.append(np.zeros(row), 1.0)

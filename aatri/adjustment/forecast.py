@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from aatri.adjustment.elimination.schedule import Schedule
 from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
 from aatri.adjustment.settings import Solver as Solver
-from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
 from aatri.adjustment.structure.tree import Node
 from aatri.errors import ResourceError, SpecError
 from aatri.progress import Reporter
@@ -136,7 +136,7 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     why = "" if solver != "auto" else f"above the limit of {limit / 1e9:.3g} GB even with the factor on disk: "
     reporter.log(f"{why}conjugate gradients; there will be no standard deviations")
     subtrees, piece = subtrees_within(problem.tree, limit / 2), piece_within(problem.layout.n_kept, limit / 4)
-    return replace(problem, subtrees=subtrees, piece=piece)
+    return replace(problem, iterative=PartlyFactorised(subtrees, piece))
 
 
 def _announce(problem: IndexedProblem, expected: Forecast, reporter: Reporter) -> None:

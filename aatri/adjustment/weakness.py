@@ -26,7 +26,7 @@ def weak_blocks_of(problem: IndexedProblem, factored: Factored) -> tuple[Blocks,
     GeometryError
         If combinations of several blocks are open.
     """
-    if problem.subtrees is not None:
+    if not factored.factor.whole:
         return {}, []
     found = conditioning(problem, factored)
     refuse_open(found)
@@ -63,10 +63,8 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     ------
     GeometryError
     """
-    if problem.subtrees is not None:
-        return
     factored = factorise_constrained(problem, state)
-    if not np.isfinite(factored.cost) or (factored.determined == 0).any():
+    if not factored.factor.whole or not np.isfinite(factored.cost) or (factored.determined == 0).any():
         return
     if factored.weak:
         refuse_undetermined(problem, state, factored)

@@ -54,8 +54,8 @@ class _Log:
 def test_the_factor_is_as_large_as_predicted() -> None:
     unknowns, records, start = _tangled()
     problem = prepare(unknowns, records)
-    panels = factorise(problem, start).panels
-    kept = sum(panels[k].nbytes for k, node in enumerate(problem.tree.nodes) if node.panel)
+    factor = factorise(problem, start).factor
+    kept = sum(factor.panel(k).nbytes for k, node in enumerate(problem.tree.nodes) if node.panel)
     assert forecast(problem).factor_bytes == kept
 
 
@@ -85,7 +85,7 @@ def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up() -> No
     for name, limit in {"fits": 1.01 * whole, "on disk": 1.01 * spilled, "neither": 0.99 * spilled}.items():
         log = _Log()
         problem = adjust_large(unknowns, records, start, memory_gb=limit / 1e9, reporter=log).problem
-        found[name] = (problem.spill, problem.subtrees is not None)
+        found[name] = (problem.spill, problem.iterative is not None)
         assert log.lines[1].startswith(f"memory predicted: {whole / 1e6:.0f} MB (factor ")
         assert ("the factor goes to" in log.lines[2]) == (name == "on disk")
         assert ("conjugate gradients" in log.lines[2]) == (name == "neither")
@@ -98,7 +98,7 @@ def test_a_disk_without_room_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     usage = shutil.disk_usage("/")._replace(free=int(expected.factor_bytes))
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     limit = 1.01 * expected.memory_bytes(spill=True) / 1e9
-    assert adjust_large(unknowns, records, start, memory_gb=limit).problem.subtrees is not None
+    assert not adjust_large(unknowns, records, start, memory_gb=limit).has_factor
 
 
 def test_without_a_limit_a_share_of_the_machine_is_used(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -110,7 +110,7 @@ class _Down:
         """Covariances of a node, whose parent has been visited."""
         tree = self.problem.tree
         node, boundary = tree.nodes[k], self.boundary.pop(k, _NOTHING)
-        S = lapack.panel_covariance(self.factored.panels[k], boundary) if node.panel else boundary
+        S = lapack.panel_covariance(self.factored.factor.panel(k), boundary) if node.panel else boundary
         self._take(k, node, S, pool)
         for child in node.children:
             self.boundary[child] = part_of(S, tree.maps[child])

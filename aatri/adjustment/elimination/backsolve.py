@@ -21,16 +21,7 @@ from aatri.arrays import Float
 
 def kept_step(problem: IndexedProblem, factored: Factored) -> Float:
     """Step of the kept unknowns, (n_kept,)."""
-    if factored.solution is not None:
-        return np.where(problem.layout.held, 0.0, -factored.solution)
-    x = np.zeros(problem.layout.n_kept)
-    for k in range(len(problem.tree.nodes) - 1, -1, -1):
-        node = problem.tree.nodes[k]
-        if not node.panel:
-            continue
-        front = np.concatenate([factored.y[k], x[node.columns[node.panel :]]])
-        lapack.backward(factored.panels[k], front)
-        x[node.columns[: node.panel]] = front[: node.panel]
+    x = factored.factor.solution(problem.tree, factored.y, problem.layout.n_kept)
     return np.where(problem.layout.held, 0.0, -x)
 
 
@@ -41,13 +32,13 @@ def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> 
     for k, node in enumerate(nodes):
         if node.panel:
             front = np.asfortranarray(x[node.columns])
-            lapack.forward_columns(factored.panels[k], front)
+            lapack.forward_columns(factored.factor.panel(k), front)
             x[node.columns] = front
     for k in range(len(nodes) - 1, -1, -1):
         node = nodes[k]
         if node.panel:
             front = np.asfortranarray(x[node.columns])
-            lapack.backward_columns(factored.panels[k], front)
+            lapack.backward_columns(factored.factor.panel(k), front)
             x[node.columns[: node.panel]] = front[: node.panel]
     return np.where(problem.layout.held[:, None], 0.0, x)
 

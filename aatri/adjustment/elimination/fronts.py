@@ -19,6 +19,7 @@ import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, of_one_part, side_by_side
+from aatri.adjustment.elimination.factor import DirectFactor, without_factor
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
@@ -29,7 +30,6 @@ from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Node
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
-from aatri.errors import ResourceError
 
 
 def factorise(problem: IndexedProblem, state: State, damping: float = 0.0) -> Factored:
@@ -40,12 +40,8 @@ def factorise(problem: IndexedProblem, state: State, damping: float = 0.0) -> Fa
     ResourceError
         If the problem is solved by conjugate gradients: there is no factor.
     """
-    if problem.subtrees is not None:
-        raise ResourceError(
-            f"exact covariances need the factor of the normal equations, {problem.tree.factor_bytes / 1e9:.3g} GB, and "
-            "this block is solved by conjugate gradients, without it",
-            remedy="raise memory_gb, or give more disk to TMPDIR",
-        )
+    if problem.iterative is not None:
+        raise without_factor(f", {problem.tree.factor_bytes / 1e9:.3g} GB")
     work = Work(problem, state, damping)
     Schedule.of(problem).up(work.assemble, work.finish)
     return work.result()
@@ -208,5 +204,6 @@ class Work:
     def result(self) -> Factored:
         """All that later steps need."""
         weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
-        return Factored(self.panels, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak,
-                        float(self.cost.sum()), self.damping)  # fmt: skip
+        factor, cost = DirectFactor(self.panels), float(self.cost.sum())
+        return Factored(factor, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak, cost,
+                        self.damping)  # fmt: skip

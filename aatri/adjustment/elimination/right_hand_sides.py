@@ -86,7 +86,7 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
         if not len(some):
             continue
         part = np.asfortranarray(front[:, some])
-        lapack.forward_columns(factored.panels[k], part)
+        lapack.forward_columns(factored.factor.panel(k), part)
         x[np.ix_(node.columns, some)] = part
     return Sides(x, right.block, of_block)
 
@@ -98,7 +98,7 @@ def backward(problem: IndexedProblem, factored: Factored, state: State, u: Sides
         node = problem.tree.nodes[k]
         if node.panel and x.shape[1]:
             front = np.asfortranarray(x[node.columns])
-            lapack.backward_columns(factored.panels[k], front)
+            lapack.backward_columns(factored.factor.panel(k), front)
             x[node.columns[: node.panel]] = front[: node.panel]
     x[problem.layout.held] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])

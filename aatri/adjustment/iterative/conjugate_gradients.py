@@ -31,6 +31,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
+from aatri.adjustment.elimination.factor import IterativeFactor
 from aatri.adjustment.elimination.schedule import Stretch, stretches
 from aatri.adjustment.iterative.preconditioner import partly_factorised
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
@@ -71,7 +72,7 @@ def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping:
     Returns
     -------
     Factored
-        With the kept unknowns' solution in place of panels.
+        With the kept unknowns' solution in place of a factor.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping:
         x = conjugate_gradients(S.times, S.gradient(), preconditioner.solve, ACCURACY, SMALL)
         factored.y = [np.array([np.sqrt(max(float(x @ S.times(x)), 0.0))])]
     preconditioner.panels.clear()
-    return replace(factored, solution=x)
+    return replace(factored, factor=IterativeFactor(x))
 
 
 def refuse_singular(problem: IndexedProblem, state: State) -> None:

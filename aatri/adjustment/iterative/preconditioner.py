@@ -30,7 +30,7 @@ from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, PartlyFactorised
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State
@@ -87,7 +87,7 @@ def partly_factorised(problem: IndexedProblem, state: State, damping: float) -> 
     Factored
         Without the solution; `weak` names first pivots that are not positive.
     """
-    work, subtrees = Work(problem, state, damping), problem.subtrees or ()
+    work, subtrees = Work(problem, state, damping), _part(problem).subtrees
     with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
         run_all(pool, [partial(work.run, nodes) for nodes in subtrees])
     below = sorted(k for nodes in subtrees for k in nodes)
@@ -103,6 +103,11 @@ def partly_factorised(problem: IndexedProblem, state: State, damping: float) -> 
     return Preconditioner(problem, with_panel, work.panels, factors), work.result()
 
 
+def _part(problem: IndexedProblem) -> PartlyFactorised:
+    assert problem.iterative is not None
+    return problem.iterative
+
+
 class _Pieces:
     """Diagonal blocks of the unknowns above, while they are summed up."""
 
@@ -110,7 +115,7 @@ class _Pieces:
         self.problem = problem
         nodes, size = problem.tree.nodes, problem.layout.size
         own = [nodes[k].vertices[: nodes[k].own] for k in above]
-        members = _cut(np.concatenate(own), size, problem.piece) if own else []
+        members = _cut(np.concatenate(own), size, _part(problem).piece) if own else []
         self.piece_of, self.row_of = np.full(len(size), -1), np.zeros(len(size), dtype=np.int64)
         self.columns: list[Int] = []
         self.sums: list[tuple[Float, Float, Float]] = []

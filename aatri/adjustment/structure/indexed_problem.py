@@ -20,7 +20,23 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 
 if TYPE_CHECKING:
-    from aatri.adjustment.elimination.panels import Panels
+    from aatri.adjustment.elimination.factor import Factor
+
+
+@dataclass(frozen=True)
+class PartlyFactorised:
+    """How much of a matrix is factorised where the whole factor has no room.
+
+    Attributes
+    ----------
+    subtrees : tuple of tuple of int
+        Nodes of subtrees that are factorised, children before parents.
+    piece : int
+        How many of the other unknowns are factorised together, at most.
+    """
+
+    subtrees: tuple[tuple[int, ...], ...]
+    piece: int
 
 
 @dataclass(frozen=True)
@@ -52,10 +68,8 @@ class IndexedProblem:
         Blocks of any group that are held as weak, with all their records inactive.
     spill : bool
         The panels of the factor go to a file.
-    subtrees : tuple of tuple of int, optional
-        Solve by conjugate gradients, with these subtrees factorised (`preconditioner`).
-    piece : int
-        Then: how many of the other unknowns are factorised together, at most.
+    iterative : PartlyFactorised, optional
+        Solve by conjugate gradients, with so much of the matrix factorised (`preconditioner`).
     """
 
     stated: Problem
@@ -71,8 +85,7 @@ class IndexedProblem:
     hold: Float
     set_aside: dict[str, Bool] = field(default_factory=dict)
     spill: bool = False
-    subtrees: tuple[tuple[int, ...], ...] | None = None
-    piece: int = 0
+    iterative: PartlyFactorised | None = None
 
     @property
     def constraints(self) -> tuple[Records, ...]:
@@ -116,8 +129,8 @@ class Factored:
 
     Attributes
     ----------
-    panels : Panels of (n, m) float64
-        L11 and L21 of each node.
+    factor : Factor
+        Of the reduced normal equations, whole or not.
     y : list of (m,) float64
         Forward-substituted gradient of each node.
     block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
@@ -131,11 +144,9 @@ class Factored:
     damping : float
     multiplier, violation : (m,) float64
         Of the constraints, if any.
-    solution : (n_kept,) float64, optional
-        Of the kept unknowns, where it was found without a factor.
     """
 
-    panels: Panels
+    factor: Factor
     y: list[Float]
     block_factor: Float
     block_y: Float
@@ -146,7 +157,6 @@ class Factored:
     damping: float
     multiplier: Float = field(default_factory=lambda: np.zeros(0))
     violation: Float = field(default_factory=lambda: np.zeros(0))
-    solution: Float | None = None
 
     @property
     def decrease(self) -> float:

@@ -80,7 +80,7 @@ def adjust_bundle(
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted)
     covariances, notes = settings.covariances and not adjusted.down_weighted, list(adjusted.notes)
-    if covariances and adjusted.problem.subtrees is not None:
+    if covariances and not adjusted.has_factor:
         needed = forecast(adjusted.problem)
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
         notes.append(Note("warning", text))

@@ -82,7 +82,7 @@ def without_idle_parameters(
     SpecError, ResourceError
         If there are no standard deviations to judge by.
     """
-    if before.result.adjusted.problem.subtrees is not None:
+    if not before.result.adjusted.has_factor:
         raise ResourceError(
             "self_calibration.remove needs standard deviations, and conjugate gradients give none",
             remedy="raise memory_gb, or leave out remove",

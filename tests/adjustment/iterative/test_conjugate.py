@@ -48,7 +48,7 @@ def test_the_direct_solution_to_a_millionth_of_its_standard_deviations(
     _small_pieces(monkeypatch)
     direct, iterated = _both(maker, seed, room)
     nodes = len(direct.problem.tree.nodes)
-    inside = sum(len(nodes) for nodes in iterated.problem.subtrees)
+    inside = sum(len(nodes) for nodes in iterated.problem.iterative.subtrees)
     assert {"none": inside == 0, "some": 0 < inside < nodes, "all": inside == nodes}[room]
     for name, covariance in marginal_covariances(direct).groups.items():
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
