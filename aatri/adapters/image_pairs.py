@@ -13,7 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import ModelPoints, Models, Orientations, Unformed
 from aatri.artifacts.suspects import Suspects
-from aatri.geometry.coplanarity import Rays
+from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation.relative.pairs import RelativeOrientations
 
@@ -32,7 +32,7 @@ class Pairs:
         Rows in points, ascending within a pair.
     left_row, right_row : (n,) int32
         Rows of the measurements.
-    rays : Rays
+    rays : RayPairs
     """
 
     left: Int
@@ -41,7 +41,7 @@ class Pairs:
     point: Int
     left_row: Int
     right_row: Int
-    rays: Rays
+    rays: RayPairs
 
     def names(self, block: Block) -> Text:
         """Ids of the models, left-right."""
@@ -124,7 +124,7 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> Pairs:
     return Pairs(
         left, right, np.concatenate([[0], np.cumsum(np.bincount(pair, minlength=len(left)))]),
         m.point[a].astype(np.int32), a.astype(np.int32), b.astype(np.int32),
-        Rays(np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]), np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
+        RayPairs(np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]), np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
              m.sigma_mm[a], m.sigma_mm[b]),
     )  # fmt: skip
 

@@ -65,7 +65,7 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     role, _, name = use.partition("/")
     declared = registry.role(role)
     if use in registry.variants:
-        raise SpecError(f"there is a stage {use} already: {registry.origins[use].place}", where="--plugin",
+        raise SpecError(f"there is a stage {use} already: {registry.origins[use].where}", where="--plugin",
                         remedy="choose another name")  # fmt: skip
     cards = [registry.card(variant) for variant in registry.variants_of(role)]
     start = next((card for card in cards if not _needs_options(card)), None)

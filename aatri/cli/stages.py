@@ -67,7 +67,7 @@ def _about(registry: Registry, name: str) -> dict[str, Any]:
 
 def _origin(registry: Registry, name: str) -> dict[str, str]:
     origin = registry.origins.get(name)
-    return {"source": origin.source, "place": origin.place} if origin else {"source": "", "place": ""}
+    return {"source": origin.source, "place": origin.where} if origin else {"source": "", "place": ""}
 
 
 def _say_roles(listed: dict[str, Any]) -> None:

@@ -31,7 +31,7 @@ _AXES = skew(np.eye(3))
 
 
 @dataclass(frozen=True)
-class Rays:
+class RayPairs:
     """Rays of the same points in two images.
 
     Attributes
@@ -47,9 +47,9 @@ class Rays:
     left_sigma: Float
     right_sigma: Float
 
-    def take(self, rows: Bool | Int) -> Rays:
+    def take(self, rows: Bool | Int) -> RayPairs:
         """The rays of the chosen points."""
-        return Rays(self.left[rows], self.right[rows], self.left_sigma[rows], self.right_sigma[rows])
+        return RayPairs(self.left[rows], self.right[rows], self.left_sigma[rows], self.right_sigma[rows])
 
 
 def ray_directions(xy_mm: npt.ArrayLike, c_mm: float) -> Float:
@@ -129,7 +129,7 @@ def coplanarity_derivatives(dE: Float, left: Float, right: Float) -> tuple[Float
     return dF, np.concatenate([of_left[:, :, :2], of_right[:, :, :2]], axis=2).transpose(1, 2, 0)
 
 
-def sampson(left_from_right: Float, base: Float, directions: Float, rays: Rays) -> tuple[Float, Float]:
+def sampson(left_from_right: Float, base: Float, directions: Float, rays: RayPairs) -> tuple[Float, Float]:
     """Sampson distance v = -F / s_F of every point and its exact derivatives: the change of s_F is part of them.
 
     The sign is that of a residual, computed minus observed: v is negative where the y-parallax is positive.
@@ -152,7 +152,7 @@ def sampson(left_from_right: Float, base: Float, directions: Float, rays: Rays) 
     return v, -(dF + v[:, None] * ds_F) / s_F[:, None]
 
 
-def parallax(left_from_right: Float, base: Float, rays: Rays) -> tuple[Float, Float]:
+def parallax(left_from_right: Float, base: Float, rays: RayPairs) -> tuple[Float, Float]:
     """y-parallax of every point in the right image and its standard deviation, both in mm.
 
     Positive if the right image point lies on the side of its epipolar line to which dF/d(x2, y2) points; for a base
@@ -169,7 +169,7 @@ def parallax(left_from_right: Float, base: Float, rays: Rays) -> tuple[Float, Fl
     return F / slope, s_F / slope
 
 
-def corrected(left_from_right: Float, base: Float, rays: Rays, *, steps: int = 2) -> tuple[Float, Float]:
+def corrected(left_from_right: Float, base: Float, rays: RayPairs, *, steps: int = 2) -> tuple[Float, Float]:
     """Rays after the smallest weighted correction of the image coordinates that makes them coplanar with the base.
 
     Each step is the first-order optimal correction -F S g / (g' S g), g the gradient and S the variances; a second
@@ -190,5 +190,5 @@ def corrected(left_from_right: Float, base: Float, rays: Rays, *, steps: int = 2
     return left, right
 
 
-def _variances(rays: Rays) -> Float:
+def _variances(rays: RayPairs) -> Float:
     return np.concatenate([rays.left_sigma, rays.right_sigma], axis=1) ** 2

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.geometry.coplanarity import Rays, corrected
+from aatri.geometry.coplanarity import RayPairs, corrected
 from aatri.geometry.vectors import finite_rows
 
 PARALLEL = 1e-12
@@ -46,14 +46,14 @@ class Intersection:
     depth: Float
 
 
-def intersect_pair(left_from_right: Float, base: Float, rays: Rays) -> Intersection:
+def intersect_pair(left_from_right: Float, base: Float, rays: RayPairs) -> Intersection:
     """Points of a model from the rays of its two images.
 
     Parameters
     ----------
     left_from_right : (3, 3) float64
     base : (3,) float64
-    rays : Rays
+    rays : RayPairs
         As measured; they are corrected here.
     """
     left, right = corrected(left_from_right, base, rays)

@@ -16,7 +16,7 @@ from aatri.artifacts.block import CHECK, CONTROL
 from aatri.errors import GeometryError
 from aatri.simulation import earth, targets
 from aatri.simulation.flight import Plan
-from aatri.simulation.rays import Photography, Rays, taken
+from aatri.simulation.rays import Photography, SimulatedRays, taken
 from aatri.simulation.settings import Flight, Known, Ties
 from aatri.simulation.terrain import Surface
 
@@ -35,13 +35,13 @@ class GroundTargets:
     id: list[str]
     local_m: Float  # (n, 3) E, N, h
     role: Int  # (n, 3) as in Block.ground_points, zeros for new points without known coordinates
-    rays: Rays
+    rays: SimulatedRays
 
 
 @dataclass(frozen=True)
 class _Seen:
     local_m: Float
-    rays: Rays
+    rays: SimulatedRays
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _seen(photography: Photography, local_m: Float) -> _Seen:
     return _chosen(_Seen(local_m, rays), _counts(rays, len(local_m)) >= LEAST_RAYS)
 
 
-def _counts(rays: Rays, points: int) -> Int:
+def _counts(rays: SimulatedRays, points: int) -> Int:
     return np.bincount(rays.point, minlength=points)
 
 
@@ -182,10 +182,10 @@ def _within(photography: Photography, ground: Ground, plan_m: Float, what: str) 
     )
 
 
-def _joined(parts: list[_Seen]) -> Rays:
+def _joined(parts: list[_Seen]) -> SimulatedRays:
     """Rays of all parts, the points numbered through."""
     starts = np.cumsum([0, *(len(p.local_m) for p in parts)])
-    return Rays(
+    return SimulatedRays(
         np.concatenate([np.zeros(0, np.int64), *(p.rays.image for p in parts)]),
         np.concatenate([np.zeros(0, np.int64), *(p.rays.point + s for p, s in zip(parts, starts))]),
         np.concatenate([np.zeros((0, 2)), *(p.rays.photo_mm for p in parts)]),

@@ -33,17 +33,17 @@ class Photography:
 
 
 @dataclass(frozen=True)
-class Rays:
+class SimulatedRays:
     """Image points: rows of images and points, and photo coordinates."""
 
     image: Int
     point: Int
     photo_mm: Float
 
-    def of_points(self, number: Int) -> Rays:
+    def of_points(self, number: Int) -> SimulatedRays:
         """The rays of the points whose new number is not negative, with that number."""
         kept = number[self.point] >= 0
-        return Rays(self.image[kept], number[self.point[kept]], self.photo_mm[kept])
+        return SimulatedRays(self.image[kept], number[self.point[kept]], self.photo_mm[kept])
 
 
 def cartesian(local_m: Float, spherical: bool) -> Float:
@@ -56,10 +56,10 @@ def cartesian_rotation(station_m: Float, rotation: Float, spherical: bool) -> Fl
     return np.asarray(earth.tangent_from_place(station_m) @ rotation) if spherical else rotation
 
 
-def taken(photography: Photography, local_m: Float) -> Rays:
+def taken(photography: Photography, local_m: Float) -> SimulatedRays:
     """All rays from the points, given as (n, 3) local E, N, h, to the images in which they fall."""
     if not len(local_m):
-        return Rays(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))
+        return SimulatedRays(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))
     points_m = cartesian(local_m, photography.spherical)
     tree = cKDTree(local_m[:, :2])
     reach = _reach_m(photography, float(local_m[:, 2].min()))
@@ -70,7 +70,9 @@ def taken(photography: Photography, local_m: Float) -> Rays:
         image = start + np.repeat(np.arange(len(near)), [len(n) for n in near])
         point = np.concatenate([np.asarray(n, dtype=np.int64) for n in near])
         found.append(_imaged(photography, points_m, image, point))
-    return Rays(*(np.concatenate([getattr(r, name) for r in found]) for name in ("image", "point", "photo_mm")))
+    return SimulatedRays(
+        *(np.concatenate([getattr(r, name) for r in found]) for name in ("image", "point", "photo_mm"))
+    )
 
 
 def _reach_m(photography: Photography, lowest_m: float) -> float:
@@ -81,7 +83,7 @@ def _reach_m(photography: Photography, lowest_m: float) -> float:
     return float(height * np.tan(min(corner + tilt, np.deg2rad(80.0))))
 
 
-def _imaged(photography: Photography, points_m: Float, image: Int, point: Int) -> Rays:
+def _imaged(photography: Photography, points_m: Float, image: Int, point: Int) -> SimulatedRays:
     camera, c = photography.camera, photography.camera.principal_distance_mm
     station_m = photography.station_m
     stations_m = cartesian(station_m, photography.spherical)
@@ -101,4 +103,4 @@ def _imaged(photography: Photography, points_m: Float, image: Int, point: Int) -
             xy = forward.refracted_radially(xy, K, c)
     photo = forward.through_lens(xy, camera) + camera.principal_point_mm
     inside = (np.abs(photo) <= half - camera.margin_mm).all(axis=1)
-    return Rays(image[inside], point[inside], photo[inside])
+    return SimulatedRays(image[inside], point[inside], photo[inside])

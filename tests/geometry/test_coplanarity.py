@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from aatri.geometry.coplanarity import (
-    Rays,
+    RayPairs,
     coplanarity,
     coplanarity_derivatives,
     corrected,
@@ -29,7 +29,7 @@ def pair():
     rng = np.random.default_rng(4)
     left, right = (np.column_stack([rng.uniform(-100, 100, (9, 2)), np.full(9, -150.0)]) for _ in range(2))
     sigma = rng.uniform(0.003, 0.02, (2, 9, 2))
-    return exp_rotation(rng.normal(size=3)), unit(rng.normal(size=3)), Rays(left, right, *sigma)
+    return exp_rotation(rng.normal(size=3)), unit(rng.normal(size=3)), RayPairs(left, right, *sigma)
 
 
 def _turned(d, R):
@@ -87,7 +87,7 @@ def test_derivatives_of_the_sampson_distance_hold_the_change_of_its_standard_dev
 def test_the_y_parallax_of_parallel_images_is_y2_minus_y1():
     xy = np.array([[10.0, 20.0, -80.0, 20.013], [5.0, -60.0, -85.0, -60.02]])
     sigma = np.full((2, 2), 0.005)
-    p, s = parallax(np.eye(3), np.array([1.0, 0, 0]), Rays(*_rays(xy), sigma, sigma))
+    p, s = parallax(np.eye(3), np.array([1.0, 0, 0]), RayPairs(*_rays(xy), sigma, sigma))
     np.testing.assert_allclose(p, [0.013, -0.02], rtol=1e-12)
     np.testing.assert_allclose(s, 0.005 * np.sqrt(2), rtol=1e-12)
 
@@ -98,10 +98,10 @@ def test_corrected_rays_are_coplanar_and_the_correction_is_the_smallest(pair):
     R = exp_rotation([0.1, -0.05, 0.3])
     left, right = (-150 * u / u[:, 2:] for u in (X, (X - b) @ R))
     left[:, :2] += np.random.default_rng(2).normal(0, 0.02, (9, 2))
-    noisy = Rays(left, right, rays.left_sigma, rays.right_sigma)
+    noisy = RayPairs(left, right, rays.left_sigma, rays.right_sigma)
     new_left, new_right = corrected(R, b, noisy)
     v, _ = sampson(R, b, tangents(b), noisy)
-    left_over, _ = sampson(R, b, tangents(b), Rays(new_left, new_right, rays.left_sigma, rays.right_sigma))
+    left_over, _ = sampson(R, b, tangents(b), RayPairs(new_left, new_right, rays.left_sigma, rays.right_sigma))
     assert np.abs(left_over).max() < 1e-6
     moved = np.hstack([(new_left - left)[:, :2] / rays.left_sigma, (new_right - right)[:, :2] / rays.right_sigma])
     np.testing.assert_allclose(np.linalg.norm(moved, axis=1), np.abs(v), rtol=1e-3)
@@ -125,7 +125,7 @@ def test_intersection_covariance_is_that_of_repeated_measurement():
     s1, s2 = np.full((4000, 2), 0.01), np.full((4000, 2), 0.02)
     left[:, :2] += rng.normal(0, s1)
     right[:, :2] += rng.normal(0, s2)
-    found = intersect_pair(R, b, Rays(left, right, s1, s2))
+    found = intersect_pair(R, b, RayPairs(left, right, s1, s2))
     spread = np.cov(found.xyz.T)
     np.testing.assert_allclose(found.covariance[0], spread, rtol=0.1, atol=0.05 * spread.max())
     np.testing.assert_allclose(found.xyz.mean(axis=0), X[0], atol=1e-5)
@@ -134,7 +134,7 @@ def test_intersection_covariance_is_that_of_repeated_measurement():
 
 def test_parallel_rays_have_no_intersection():
     u, sigma = np.array([[1.0, 2.0, -150.0]]), np.full((1, 2), 0.01)
-    found = intersect_pair(np.eye(3), np.array([1.0, 0, 0]), Rays(u, u, sigma, sigma))
+    found = intersect_pair(np.eye(3), np.array([1.0, 0, 0]), RayPairs(u, u, sigma, sigma))
     assert np.isnan(found.xyz).all()
     assert np.isnan(found.covariance).all()
     assert np.isnan(intersect_rays(np.eye(3)[:2], np.vstack([u, u]), np.array([0, 0]), 2)).all()
@@ -156,6 +156,6 @@ def test_intersection_engo431(shared_data: Path):
     R1, R2 = (rotation_from_angles(np.radians(example[side]["opk_deg"])) for side in ("left_EO", "right_EO"))
     xy = np.array(list(example["obs"].values()))
     z, sigma = np.full((2, 1), -example["f_mm"]), np.full((2, 2), 0.01)
-    rays = Rays(np.hstack([xy[:, :2], z]), np.hstack([xy[:, 2:], z]), sigma, sigma)
+    rays = RayPairs(np.hstack([xy[:, :2], z]), np.hstack([xy[:, 2:], z]), sigma, sigma)
     found = intersect_pair(R1.T @ R2, R1.T @ (X2 - X1), rays).xyz @ R1.T + X1
     np.testing.assert_allclose(found, list(example["answer"].values()), atol=6e-4)

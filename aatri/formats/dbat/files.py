@@ -56,7 +56,7 @@ class Photo:
 
 
 @dataclass(frozen=True)
-class GivenPoint:
+class ObjectPoint:
     """Given coordinates of a point in m, its standard deviations, where it stands."""
 
     xyz_m: tuple[float, ...]
@@ -82,8 +82,8 @@ class Export:
     title: str
     camera: DefaultCamera
     photos: list[Photo]
-    control: dict[str, GivenPoint]
-    points: dict[str, GivenPoint]
+    control: dict[str, ObjectPoint]
+    points: dict[str, ObjectPoint]
     marks: list[Mark]
 
 
@@ -119,7 +119,7 @@ def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
     return Export(title, camera, photos, control, points, marks)
 
 
-def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, GivenPoint]:
+def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoint]:
     """Read a control point file; a point without standard deviations is fixed, its sigmas are 0.
 
     Raises
@@ -127,7 +127,7 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, GivenPoin
     InputError
         If the file is missing or a line is not of its form.
     """
-    control: dict[str, GivenPoint] = {}
+    control: dict[str, ObjectPoint] = {}
     problems: list[InputError] = []
     for k, text in enumerate(read_lines(path, reporter), 1):
         if not text.strip() or text.lstrip().startswith("#"):
@@ -199,12 +199,12 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
     return Photo(name, tuple(value[1:4]), tuple(value[4:]), orientation)
 
 
-def _points(source: _Lines) -> dict[str, GivenPoint]:
-    points: dict[str, GivenPoint] = {}
+def _points(source: _Lines) -> dict[str, ObjectPoint]:
+    points: dict[str, ObjectPoint] = {}
     while source.more():
         entry = source.next(7, "id X Y Z sX sY sZ")
         value = [entry.number(k) for k in range(1, 7)]
-        _add(points, GivenPoint(tuple(value[:3]), tuple(value[3:]), entry), entry)
+        _add(points, ObjectPoint(tuple(value[:3]), tuple(value[3:]), entry), entry)
     return points
 
 
@@ -222,7 +222,7 @@ def _marks(source: _Lines, photos: int) -> list[Mark]:
     return marks
 
 
-def _control_point(entry: TextLine) -> GivenPoint:
+def _control_point(entry: TextLine) -> ObjectPoint:
     if len(entry.words) not in (5, 6, 8):
         raise entry.error(
             f"{len(entry.words)} values", "write `id, name, X, Y, Z`, and no, one or three standard deviations"
@@ -231,10 +231,10 @@ def _control_point(entry: TextLine) -> GivenPoint:
     sigma = {5: [0.0] * 3, 6: value[3:] * 3, 8: value[3:]}[len(entry.words)]
     if min(sigma) < 0:
         raise entry.error(f"a standard deviation of {min(sigma):g}", "it is 0 (fixed) or positive")
-    return GivenPoint(tuple(value[:3]), tuple(sigma), entry)
+    return ObjectPoint(tuple(value[:3]), tuple(sigma), entry)
 
 
-def _add(points: dict[str, GivenPoint], point: GivenPoint, entry: TextLine) -> None:
+def _add(points: dict[str, ObjectPoint], point: ObjectPoint, entry: TextLine) -> None:
     name = entry.words[0]
     if not is_valid(name):
         raise entry.error(f"{clipped(name)!r} is no id")

@@ -48,7 +48,7 @@ from aatri.artifacts.block import (
     Rejects,
 )
 from aatri.errors import GeometryError, InputError, raise_all
-from aatri.formats.dbat.files import DefaultCamera, Export, GivenPoint, Photo, read_control, read_export
+from aatri.formats.dbat.files import DefaultCamera, Export, ObjectPoint, Photo, read_control, read_export
 from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
 from aatri.formats.screening import MAX_REJECT_SHARE, NOT_SEEN, screen_block
 from aatri.formats.tables.images import image_point_order
@@ -132,7 +132,7 @@ def read_dbat(
     return screen_block(block, reporter, max_reject_share)
 
 
-def _refuse_undetermined(source: Export, given: dict[str, GivenPoint]) -> None:
+def _refuse_undetermined(source: Export, given: dict[str, ObjectPoint]) -> None:
     """Object points that their image points cannot determine: none at all, or one without control."""
     rays = Counter(name for name, _ in {(m.point, m.photo) for m in source.marks})
     remedy = "measure it in two images at least, remove it, or set `undetermined_points: set_aside`"
@@ -146,7 +146,7 @@ def _refuse_undetermined(source: Export, given: dict[str, GivenPoint]) -> None:
     raise_all(problems)
 
 
-def _not_seen(source: Export, given: dict[str, GivenPoint]) -> Rejects:
+def _not_seen(source: Export, given: dict[str, ObjectPoint]) -> Rejects:
     seen = {m.point for m in source.marks}
     names = canonical(name for name in source.points if name not in seen and name not in given)
     n = len(names)
@@ -168,7 +168,7 @@ def _distinct(photos: list[Photo]) -> list[Photo]:
     return photos
 
 
-def _shift(source: Export, given: dict[str, GivenPoint], control: Path | None, reporter: Reporter) -> Float:
+def _shift(source: Export, given: dict[str, ObjectPoint], control: Path | None, reporter: Reporter) -> Float:
     """Mean of the control file minus the export over common points, (3,) m."""
     if not given:
         return np.zeros(3)
@@ -255,7 +255,7 @@ def _image_points(source: Export, image_ids: list[str], point_ids: list[str], pi
     return table.take(image_point_order(table))
 
 
-def _ground_points(source: Export, given: dict[str, GivenPoint], point_ids: list[str], shift_m: Float) -> GroundPoints:
+def _ground_points(source: Export, given: dict[str, ObjectPoint], point_ids: list[str], shift_m: Float) -> GroundPoints:
     """Control as given; all other object points as start values."""
     names = canonical([*source.points, *given])
     points = [given.get(p) or source.points[p] for p in names]

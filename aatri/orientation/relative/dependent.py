@@ -25,7 +25,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.coplanarity import Rays, parallax, sampson
+from aatri.geometry.coplanarity import RayPairs, parallax, sampson
 from aatri.geometry.intersection import Intersection
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.orientation.relative.essential import essential_starts
@@ -92,13 +92,13 @@ class RelativeOrientation:
 
 
 def relative_orientation(
-    rays: Rays, *, snooping_limit: float = 4.0, max_iterations: int = 20, min_points: int = 5
+    rays: RayPairs, *, snooping_limit: float = 4.0, max_iterations: int = 20, min_points: int = 5
 ) -> RelativeOrientation:
     """Orient the right image of a pair to the left one.
 
     Parameters
     ----------
-    rays : Rays
+    rays : RayPairs
         The points measured in both images.
     snooping_limit : float
         Points whose y-parallax is wrong by more than this many standard deviations are rejected, the worst first.
@@ -135,7 +135,7 @@ def dependent_angles(left_from_right: Float, base: Float) -> Float:
     return np.concatenate([angles, base[1:] / base[0]])
 
 
-def _best(rays: Rays, limit: float, max_iterations: int) -> AdjustedPair:
+def _best(rays: RayPairs, limit: float, max_iterations: int) -> AdjustedPair:
     """The solution from the parallel start if it is good, else the best of all starts."""
     best: AdjustedPair | None = None
     failures: list[GeometryError | ConvergenceError] = []
@@ -157,7 +157,7 @@ def _best(rays: Rays, limit: float, max_iterations: int) -> AdjustedPair:
     return best
 
 
-def _starts(rays: Rays, limit: float) -> Iterator[tuple[State, Bool]]:
+def _starts(rays: RayPairs, limit: float) -> Iterator[tuple[State, Bool]]:
     """Starts in the order of their cost: (state, points to begin with)."""
     everything = np.ones(len(rays.left), dtype=bool)
     yield state_of(*parallel_start(rays)), everything
@@ -173,7 +173,7 @@ def _rank(solution: AdjustedPair) -> tuple[int, float]:
     return -int(solution.active.sum()), squares
 
 
-def _finish(rays: Rays, solution: AdjustedPair, limit: float) -> RelativeOrientation:
+def _finish(rays: RayPairs, solution: AdjustedPair, limit: float) -> RelativeOrientation:
     result = solution.result
     R, b, T = result.state
     p, sigma = parallax(R, b, rays)

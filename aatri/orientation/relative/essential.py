@@ -20,7 +20,7 @@ from math import comb
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.geometry.coplanarity import Rays
+from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.intersection import projection_coefficients
 from aatri.geometry.rotations import log_rotation
 
@@ -32,12 +32,12 @@ _BEHIND = 100.0
 _SEED = 5
 
 
-def essential_starts(rays: Rays, *, most: int = 4) -> list[tuple[Float, Float]]:
+def essential_starts(rays: RayPairs, *, most: int = 4) -> list[tuple[Float, Float]]:
     """Relative orientations that explain the points, the best first.
 
     Parameters
     ----------
-    rays : Rays
+    rays : RayPairs
         At least five points.
     most : int
         Orientations returned at most; they differ by more than 0.02 rad.
@@ -140,7 +140,7 @@ def _samples(n: int) -> Int:
     return np.argsort(random.random((SAMPLES, min(n, 2000))), axis=1)[:, :5] * n // min(n, 2000)
 
 
-def _sampson_distances(E: Float, rays: Rays) -> Float:
+def _sampson_distances(E: Float, rays: RayPairs) -> Float:
     """(h, n) Sampson distances of all points for all hypotheses."""
     of_left, of_right = rays.right @ E.swapaxes(1, 2), rays.left @ E
     F = np.einsum("ni,hni->hn", rays.left, of_left)
@@ -153,7 +153,7 @@ def _cost(distance: Float) -> Float:
     return np.asarray(np.log1p((distance / _CAUCHY) ** 2).sum(axis=-1))
 
 
-def _best_decomposition(E: Float, distance: Float, rays: Rays) -> tuple[float, Float, Float]:
+def _best_decomposition(E: Float, distance: Float, rays: RayPairs) -> tuple[float, Float, Float]:
     """Cost, rotation and base of the decomposition with most points in front."""
     ranked = []
     for R, b in decompositions(E):

@@ -17,7 +17,7 @@ from aatri.adjustment.dense import DenseResult, Linearise, adjust
 from aatri.adjustment.statistics.snooping import snoop, statistics
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError
-from aatri.geometry.coplanarity import Rays, sampson
+from aatri.geometry.coplanarity import RayPairs, sampson
 from aatri.geometry.intersection import Intersection, intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
@@ -66,12 +66,12 @@ def state_of(left_from_right: Float, base: Float) -> State:
     return left_from_right, base, tangents(base)
 
 
-def adjust_pair(rays: Rays, start: State, active: Bool, *, limit: float, max_iterations: int) -> AdjustedPair:
+def adjust_pair(rays: RayPairs, start: State, active: Bool, *, limit: float, max_iterations: int) -> AdjustedPair:
     """Adjust with snooping; points that come to lie behind an image are taken out and it is adjusted again.
 
     Parameters
     ----------
-    rays : Rays
+    rays : RayPairs
     start : State
     active : (n,) bool
         Points to begin with; the others are tested for re-admission.
@@ -116,7 +116,7 @@ def _update(state: State, step: Float) -> State:
     return state_of(exp_rotation(step[:3]) @ R, unit(b + T @ step[3:]))
 
 
-def _linearise(rays: Rays) -> Linearise[State]:
+def _linearise(rays: RayPairs) -> Linearise[State]:
     def linearise(state: State) -> tuple[Float, Float]:
         v, J = sampson(*state, rays)
         return v[:, None], J[:, None]
@@ -125,7 +125,7 @@ def _linearise(rays: Rays) -> Linearise[State]:
 
 
 def _snooped(
-    rays: Rays, start: State, active: Bool, limit: float, max_iterations: int
+    rays: RayPairs, start: State, active: Bool, limit: float, max_iterations: int
 ) -> tuple[DenseResult[State], Bool]:
     """Adjustment with data snooping; with fewer than seven points an error is seen, but not located."""
     n = len(active)

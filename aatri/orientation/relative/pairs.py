@@ -16,7 +16,7 @@ import numpy as np
 from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
-from aatri.geometry.coplanarity import Rays
+from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.intersection import Intersection, inverse_of_normals
 from aatri.geometry.rotations import nearest_rotation
 from aatri.orientation.relative.dependent import FEWEST, MANY_REJECTED, WEAK_RAD, judged, relative_orientation
@@ -77,7 +77,7 @@ class RelativeOrientations:
 
 
 def relative_orientations(
-    rays: Rays,
+    rays: RayPairs,
     start: Int,
     *,
     snooping_limit: float = 4.0,
@@ -89,7 +89,7 @@ def relative_orientations(
 
     Parameters
     ----------
-    rays : Rays
+    rays : RayPairs
         The points of all pairs, pair by pair.
     start : (m + 1,) int
         First point of each pair; the last is the number of points.
@@ -129,7 +129,7 @@ def _portions(start: Int) -> list[tuple[int, int]]:
 
 
 def _orient(
-    found: RelativeOrientations, all_rays: Rays, all_start: Int, first: int, last: int,
+    found: RelativeOrientations, all_rays: RayPairs, all_start: Int, first: int, last: int,
     limit: float, max_iterations: int, min_points: int,
 ) -> None:  # fmt: skip
     """The compiled loops over the pairs first ... last - 1; what they orient is filled in."""
@@ -210,7 +210,7 @@ def _fill_points(
     found.point_covariance[rows] = np.where(of_done[:, None, None], covariance, np.nan)
 
 
-def _plain(rays: Rays, start: Int, fewest: int) -> Bool:
+def _plain(rays: RayPairs, start: Int, fewest: int) -> Bool:
     """Pairs without any of the defects that `start.refuse_degenerate` looks for, clearly."""
     n = np.diff(start)
     plain = np.asarray(n >= fewest)
@@ -257,7 +257,13 @@ def _judge(found: RelativeOrientations, pairs: Int, start: Int, limit: float) ->
 
 
 def _one_by_one(
-    found: RelativeOrientations, rays: Rays, pair: int, start: Int, limit: float, max_iterations: int, min_points: int
+    found: RelativeOrientations,
+    rays: RayPairs,
+    pair: int,
+    start: Int,
+    limit: float,
+    max_iterations: int,
+    min_points: int,
 ) -> None:
     rows = slice(int(start[pair]), int(start[pair + 1]))
     try:

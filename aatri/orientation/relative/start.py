@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Float
 from aatri.errors import GeometryError
-from aatri.geometry.coplanarity import Rays
+from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
 from aatri.orientation.relative.kernels.start import FITS
@@ -29,7 +29,7 @@ NO_BASE = 2.0
 """There is no base if a rotation alone fits within this many standard deviations, in the median."""
 
 
-def parallel_start(rays: Rays) -> tuple[Float, Float]:
+def parallel_start(rays: RayPairs) -> tuple[Float, Float]:
     """Rotation and base of two images that look the same way.
 
     Returns
@@ -52,7 +52,7 @@ def parallel_start(rays: Rays) -> tuple[Float, Float]:
     return R, unit([t.real, t.imag, 0.0]) if abs(t) > 1e-12 else np.array([1.0, 0.0, 0.0])
 
 
-def refuse_degenerate(rays: Rays, min_points: int) -> None:
+def refuse_degenerate(rays: RayPairs, min_points: int) -> None:
     """Refuse point sets that determine no orientation.
 
     Raises
@@ -83,7 +83,7 @@ def _plane(u: Float) -> npt.NDArray[np.complex128]:
     return np.asarray((u[:, 0] + 1j * u[:, 1]) / -u[:, 2])
 
 
-def _rotation_misfit(rays: Rays) -> float:
+def _rotation_misfit(rays: RayPairs) -> float:
     """Median misfit, in standard deviations, of the best rotation of the right rays onto the left ones."""
     u1, u2 = unit(rays.left), unit(rays.right)
     turned = u2 @ nearest_rotation(u1.T @ u2).T

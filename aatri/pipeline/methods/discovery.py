@@ -58,10 +58,10 @@ class Origin:
     distribution: str = ""
 
     @property
-    def place(self) -> str:
+    def where(self) -> str:
         """The file, or else the name of the module; with the installed package."""
-        place = str(self.file or self.module)
-        return f"{place} ({self.distribution})" if self.distribution else place
+        name = str(self.file or self.module)
+        return f"{name} ({self.distribution})" if self.distribution else name
 
     @property
     def import_name(self) -> str:
@@ -129,11 +129,11 @@ def installed() -> Iterator[Found]:
 
 def project_package(folder: Path) -> str:
     """The private name under which a project's folder of stages is imported; makes the package."""
-    place = folder.resolve()
-    name = f"{_PROJECT_PACKAGE}_" + hashlib.sha256(str(place).encode()).hexdigest()[:12]
+    root = folder.resolve()
+    name = f"{_PROJECT_PACKAGE}_" + hashlib.sha256(str(root).encode()).hexdigest()[:12]
     if name not in sys.modules:
-        package = types.ModuleType(name, f"Stages of the project in {place}.")
-        package.__path__ = [str(place)]
+        package = types.ModuleType(name, f"Stages of the project in {root}.")
+        package.__path__ = [str(root)]
         sys.modules[name] = package
     importlib.invalidate_caches()
     return name

@@ -101,8 +101,8 @@ def find_stages(local: Path | None = None) -> Registry:
         other = kept.setdefault(one.name, one)
         if not other.origin.is_same(one.origin):
             raise PluginError(
-                f"{'stage' if '/' in one.name else 'role'} {one.name} is there twice: {other.origin.place} and "
-                f"{one.origin.place}",
+                f"{'stage' if '/' in one.name else 'role'} {one.name} is there twice: {other.origin.where} and "
+                f"{one.origin.where}",
                 remedy="rename or remove one of them",
             )
     names = sorted(kept)
@@ -137,7 +137,7 @@ def _role_loader(found: Found, names: Iterable[str]) -> Callable[[], Role]:
             others = [n for n in names if "/" not in n and n != found.name]
             raise PluginError(
                 f"declares no ROLE = Role(ports, kind){did_you_mean(found.name, others)}",
-                where=found.origin.place,
+                where=found.origin.where,
                 remedy="name the folder like the role its variants belong to, or declare a new role",
             )
         return declared
@@ -153,7 +153,7 @@ def _variant_loader(found: Found) -> Callable[[], Callable[..., Any]]:
         if not inspect.isroutine(function):
             stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
             has = f"; it has {', '.join(stages)}" if stages else ""
-            raise PluginError(f"has no function {wanted}{has}", where=found.origin.place,
+            raise PluginError(f"has no function {wanted}{has}", where=found.origin.where,
                               remedy="the stage function is named like its file")  # fmt: skip
         return function
 
@@ -173,7 +173,7 @@ def _not_imported(origin: Origin, error: Exception) -> AatriError:
     for cause in _causes(error):
         lacks = isinstance(cause, OSError) and cause.errno in (errno.ENOMEM, errno.EAGAIN)
         if isinstance(cause, MemoryError) or lacks or any(words in str(cause) for words in _NO_MEMORY):
-            return ResourceError(f"no memory to import {origin.place}", remedy="a machine with more memory")
+            return ResourceError(f"no memory to import {origin.where}", remedy="a machine with more memory")
     remedy = "install what it imports" if isinstance(error, ModuleNotFoundError) else "correct or remove it"
     what = f"cannot be imported: {type(error).__name__}: {error}"
     return PluginError(what, where=_line_of(error, origin), remedy=remedy)
@@ -190,7 +190,7 @@ def _line_of(error: Exception, origin: Origin) -> str:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(origin.file)]
     if isinstance(error, SyntaxError) and error.filename == str(origin.file):
         lines.append(error.lineno)
-    return f"{origin.file}:{lines[-1]}" if lines else origin.place
+    return f"{origin.file}:{lines[-1]}" if lines else origin.where
 
 
 def _place(function: Callable[..., Any], origin: Origin | None) -> str:
@@ -198,7 +198,7 @@ def _place(function: Callable[..., Any], origin: Origin | None) -> str:
     code = getattr(inspect.unwrap(function), "__code__", None)
     if code is not None:
         return f"{code.co_filename}:{code.co_firstlineno}"
-    return origin.place if origin else str(function)
+    return origin.where if origin else str(function)
 
 
 def _card(function: Callable[..., Any], role: str) -> StageCard:

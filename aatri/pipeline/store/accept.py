@@ -64,7 +64,7 @@ def accept(run: Path, stage: str, old: Mapping[str, Any] | None, new: Mapping[st
     with on_disk(base / "accepted"):
         inside.make_folder(base, "accepted", stage)
         write_json(said, base, *_at(stage, key))
-    return inside.place(base, *_at(stage, key))
+    return inside.path_of(base, *_at(stage, key))
 
 
 def _at(stage: str, key: str) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ def _garbage(base: Path, stage: str, key: str) -> Garbage:
     with contextlib.suppress(ArtifactError):
         record = read_record(base, *at, RECORD) or {}
     files = [name for name in inside.names_in(base, *at) if inside.kind(base, *at, name) == "file"]
-    folder = inside.place(base, *at)
+    folder = inside.path_of(base, *at)
     size = sum((folder / name).stat().st_size for name in files)
     return Garbage(stage, key, folder, str(record.get("ended", "")), size)
 

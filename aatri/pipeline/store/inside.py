@@ -38,7 +38,7 @@ _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getatt
 _TEMPORARY = ".tmp-"
 
 
-def place(run: Path, *names: str) -> Path:
+def path_of(run: Path, *names: str) -> Path:
     """Path of something in a run.
 
     Raises
@@ -59,7 +59,7 @@ def place(run: Path, *names: str) -> Path:
 def kind(run: Path, *names: str) -> str:
     """What has a name: `file`, `folder`, `link`, something else in words, or empty for nothing."""
     try:
-        mode = place(run, *names).lstat().st_mode
+        mode = path_of(run, *names).lstat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return ""
     return "folder" if stat.S_ISDIR(mode) else not_regular(mode).removeprefix("a ") or "file"
@@ -75,7 +75,7 @@ def file_path(run: Path, *names: str) -> Path:
     ArtifactError
         If it is a link or no file.
     """
-    path = place(run, *names)
+    path = path_of(run, *names)
     if what := not_regular(path.lstat().st_mode):
         raise _foreign(path, what)
     return path
@@ -110,14 +110,14 @@ def names_in(run: Path, *names: str) -> list[str]:
     """
     found = kind(run, *names)
     if found not in ("", "folder"):
-        raise _foreign(place(run, *names), found)
-    return sorted(entry.name for entry in place(run, *names).iterdir()) if found else []
+        raise _foreign(path_of(run, *names), found)
+    return sorted(entry.name for entry in path_of(run, *names).iterdir()) if found else []
 
 
 def make_folder(run: Path, *names: str) -> Path:
     """Make a folder and those above it."""
     for level in range(len(names) + 1):
-        path = place(run, *names[:level])
+        path = path_of(run, *names[:level])
         path.mkdir(parents=not level, exist_ok=True)
         if level and (what := _not_a_folder(path)):
             raise _foreign(path, what)
@@ -126,7 +126,7 @@ def make_folder(run: Path, *names: str) -> Path:
 
 def write(data: bytes, run: Path, *names: str) -> Path:
     """Write a file whole or not at all: temporary name, to the disk, rename, the folder to the disk."""
-    path = place(run, *names)
+    path = path_of(run, *names)
     temporary = temporary_name(path)
     try:
         with temporary.open("xb") as file:
@@ -141,7 +141,7 @@ def write(data: bytes, run: Path, *names: str) -> Path:
 
 def create(run: Path, *names: str) -> TextIO:
     """A new text file in place of whatever has its name."""
-    path = place(run, *names)
+    path = path_of(run, *names)
     remove(run, *names)
     return path.open("x", encoding="utf-8")
 
@@ -154,7 +154,7 @@ def open_kept(run: Path, *names: str, flags: int = 0) -> int:
     ArtifactError
         If it is a link, no file, or has another name elsewhere.
     """
-    path = place(run, *names)
+    path = path_of(run, *names)
     if kind(run, *names) not in ("", "file"):
         raise _foreign(path, kind(run, *names))
     handle = os.open(path, os.O_RDWR | os.O_CREAT | _NO_FOLLOW | flags, 0o666)
@@ -167,19 +167,19 @@ def open_kept(run: Path, *names: str, flags: int = 0) -> int:
 
 def move(run: Path, source: tuple[str, ...], target: tuple[str, ...]) -> None:
     """Rename, over whatever has the new name."""
-    place(run, *source).replace(place(run, *target))
+    path_of(run, *source).replace(path_of(run, *target))
 
 
 def remove(run: Path, *names: str) -> None:
     """Remove a name that is not a folder's, if it is there."""
     with contextlib.suppress(NotADirectoryError):
-        place(run, *names).unlink(missing_ok=True)
+        path_of(run, *names).unlink(missing_ok=True)
 
 
 def remove_folder(run: Path, *names: str) -> None:
     """Remove a folder with all that is in it, and no folder that a link leads to."""
     if kind(run, *names) == "folder":
-        shutil.rmtree(place(run, *names))
+        shutil.rmtree(path_of(run, *names))
     else:
         remove(run, *names)
 

@@ -55,7 +55,7 @@ def locked(run: Path, command: str, *, stage: str = "", enabled: bool = True) ->
 @contextlib.contextmanager
 def _held(base: Path, *names: str, command: str, shared: bool) -> Iterator[None]:
     with on_disk(base):
-        path, handle = inside.place(base, *names), inside.open_kept(base, *names)
+        path, handle = inside.path_of(base, *names), inside.open_kept(base, *names)
     try:
         try:
             _lock(handle, shared=shared)

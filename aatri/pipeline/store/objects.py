@@ -60,7 +60,7 @@ def commit_object(
     with on_disk(base):
         folder = inside.make_folder(base, *at)
         inside.remove(base, *at, RECORD)
-        final = inside.place(base, *at, ARTIFACT)
+        final = inside.path_of(base, *at, ARTIFACT)
         temporary = inside.temporary_name(final)
         try:
             content_digest = hdf5.write(artifact, temporary, record.get("warnings", ()))
@@ -73,8 +73,8 @@ def commit_object(
         output = {"kind": artifact.kind, "file": final.name, "sha256": sha256, "size": size,
                   "content_digest": content_digest}  # fmt: skip
         if with_log and inside.kind(run, "running", f"{stage}.log") == "file":
-            log = inside.place(run, "running", f"{stage}.log")
-            log.replace(inside.place(base, *at, "stage.log"))
+            log = inside.path_of(run, "running", f"{stage}.log")
+            log.replace(inside.path_of(base, *at, "stage.log"))
         full = {"schema": SCHEMA, "stage": stage, "key": key, **record, "output": output}
         full["seal"] = seal(full)
         write_json(full, base, *at, RECORD)

@@ -54,9 +54,9 @@ def read_json(run: Path, *names: str) -> dict[str, Any] | None:
     except OSError as error:
         if isinstance(error, ArtifactError):
             raise
-        raise ArtifactError(f"not readable: {error.strerror}", where=str(inside.place(run, *names)),
+        raise ArtifactError(f"not readable: {error.strerror}", where=str(inside.path_of(run, *names)),
                             remedy=_REMEDY) from error  # fmt: skip
-    where = str(inside.place(run, *names))
+    where = str(inside.path_of(run, *names))
     try:
         value = strict_json(data)
     except (ValueError, RecursionError) as error:
@@ -90,7 +90,7 @@ def read_record(run: Path, *names: str) -> dict[str, Any] | None:
     record = read_json(run, *names)
     if record is None:
         return None
-    where, remedy = str(inside.place(run, *names)), "aatri run makes the result again"
+    where, remedy = str(inside.path_of(run, *names)), "aatri run makes the result again"
     if record.get("schema") != SCHEMA:
         raise ArtifactError(f"a record of form {str(record.get('schema'))[:20]}; this aatri reads form {SCHEMA}",
                             where=where, remedy=remedy)  # fmt: skip
@@ -124,7 +124,7 @@ def read_failure(run: Path, stage: str) -> dict[str, Any] | None:
     """
     found = read_json(run, "failed", stage, "error.json")
     if found is not None:
-        _check(found, _FAILURE, str(inside.place(run, "failed", stage, "error.json")), _REMEDY)
+        _check(found, _FAILURE, str(inside.path_of(run, "failed", stage, "error.json")), _REMEDY)
     return found
 
 

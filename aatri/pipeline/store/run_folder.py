@@ -122,7 +122,7 @@ def make_current(run: Path, record: Mapping[str, Any]) -> None:
     with on_disk(run / "current"):
         inside.make_folder(run, "current")
         _set_aside(run, stage)
-        _link(artifact_file(run, record), inside.place(run, "current", f"{stage}.h5"))
+        _link(artifact_file(run, record), inside.path_of(run, "current", f"{stage}.h5"))
         write_json(dict(record), run, "current", f"{stage}.json")
         inside.remove(run, "previous", f"{stage}.json")
 
@@ -132,7 +132,7 @@ def is_current(run: Path, record: Mapping[str, Any]) -> bool:
     stage = record["stage"]
     try:
         current = current_record(run, stage)
-        link, target = inside.place(run, "current", f"{stage}.h5"), artifact_file(run, record)
+        link, target = inside.path_of(run, "current", f"{stage}.h5"), artifact_file(run, record)
         return current == record and _leads_to(link, target) and failure(run, stage) is None
     except (ArtifactError, FileNotFoundError):
         return False
@@ -175,7 +175,7 @@ def _own_record(run: Path, folder: str, stage: str) -> dict[str, Any] | None:
     record = read_record(run, folder, f"{stage}.json")
     if record is not None and record["stage"] != stage:
         raise ArtifactError(f"the record of another stage, {record['stage']}",
-                            where=str(inside.place(run, folder, f"{stage}.json")), remedy="aatri run")  # fmt: skip
+                            where=str(inside.path_of(run, folder, f"{stage}.json")), remedy="aatri run")  # fmt: skip
     return record
 
 

@@ -1,4 +1,4 @@
-"""Labels that do not cover each other: each takes the first free place around its point, or is left out."""
+"""Labels that do not cover each other: each takes the first free spot around its point, or is left out."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ class Labels:
         self.taken += [(x - half, y - half, x + half, y + half) for x, y in xy.tolist()]
 
     def around(self, xy: Float, texts: Sequence[str], class_: str = "small label") -> tuple[list[Markup], int]:
-        """Labels right, left, above or below of points (n, 2), and how many found no place."""
+        """Labels right, left, above or below of points (n, 2), and how many found no room."""
         marks = []
         for (x, y), text in zip(xy.tolist(), texts):
             wide = CHARACTER_PX * len(text)
-            places = (
+            spots = (
                 (x + AWAY_PX, y + 3, "start"), (x - AWAY_PX, y + 3, "end"), (x, y - AWAY_PX, "middle"),
                 (x, y + AWAY_PX + LINE_PX - 3, "middle"),
             )  # fmt: skip
-            for place in places:
-                mark = self._write(*place, wide, text, class_)
+            for spot in spots:
+                mark = self._write(*spot, wide, text, class_)
                 if mark is not None:
                     marks.append(mark)
                     break
         return marks, len(texts) - len(marks)
 
     def at(self, x: float, y: float, text: str, anchor: str, class_: str) -> list[Markup]:
-        """A label at one place, if it is free."""
+        """A label at one spot, if it is free."""
         mark = self._write(x, y, anchor, CHARACTER_PX * len(text), text, class_)
         return [] if mark is None else [mark]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aatri.geometry.coplanarity import Rays
+from aatri.geometry.coplanarity import RayPairs
 
 C_MM = 153.84
 
@@ -29,7 +29,7 @@ def rays_of(left, right, sigma=0.005, c=C_MM):
     """Rays of image coordinates with one standard deviation."""
     s = np.full((len(left), 2), sigma)
     z = np.full(len(left), -c)
-    return Rays(np.column_stack([left, z]), np.column_stack([right, z]), s, s)
+    return RayPairs(np.column_stack([left, z]), np.column_stack([right, z]), s, s)
 
 
 def simulate(X, R1, R2, X1, X2, rng=None, sigma=0.005):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.geometry.coplanarity import Rays, essential_matrix
+from aatri.geometry.coplanarity import RayPairs, essential_matrix
 from aatri.geometry.rotations import exp_rotation
 from aatri.orientation.relative.essential import decompositions, essential_starts, five_point
 
@@ -48,6 +48,6 @@ def test_half_of_the_points_wrong_is_survived():
     assert (u2[:, 2] < 0).all()
     right[:30, :2] += rng.uniform(-40, 40, (30, 2))
     sigma = np.full((60, 2), 0.005)
-    found_R, found_b = essential_starts(Rays(left, right, sigma, sigma))[0]
+    found_R, found_b = essential_starts(RayPairs(left, right, sigma, sigma))[0]
     np.testing.assert_allclose(found_R, R, atol=1e-6)
     np.testing.assert_allclose(found_b, b, atol=1e-6)

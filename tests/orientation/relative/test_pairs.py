@@ -13,7 +13,7 @@ from aatri.adjustment.statistics import reliability
 from aatri.adjustment.stepping import damping
 from aatri.errors import GeometryError
 from aatri.geometry import intersection
-from aatri.geometry.coplanarity import Rays, essential_matrix, sampson
+from aatri.geometry.coplanarity import RayPairs, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
 from aatri.orientation.relative.dependent import RelativeOrientation, relative_orientation
 from aatri.orientation.relative.kernels import model_points
@@ -24,12 +24,14 @@ from tests.orientation.relative.pairs import gruber_ground, rays_of, rotation, s
 ORIGIN = np.zeros(3)
 
 
-def _stacked(pairs: list[Rays]) -> tuple[Rays, np.ndarray]:
+def _stacked(pairs: list[RayPairs]) -> tuple[RayPairs, np.ndarray]:
     start = np.cumsum([0, *(len(rays.left) for rays in pairs)])
-    return Rays(*(np.concatenate([getattr(r, name) for r in pairs]) for name in Rays.__dataclass_fields__)), start
+    return RayPairs(
+        *(np.concatenate([getattr(r, name) for r in pairs]) for name in RayPairs.__dataclass_fields__)
+    ), start
 
 
-def _pair(seed: int, *, points: int = 8, wrong: float = 0.0, kappa: float = 0.0, size_mm: float = 2.0) -> Rays:
+def _pair(seed: int, *, points: int = 8, wrong: float = 0.0, kappa: float = 0.0, size_mm: float = 2.0) -> RayPairs:
     rng = np.random.default_rng(seed)
     X = gruber_ground(points, rng, relief=0.08)
     base = np.array([0.6, 0.0, 0.0]) + rng.normal(0, 0.03, 3)
@@ -37,23 +39,23 @@ def _pair(seed: int, *, points: int = 8, wrong: float = 0.0, kappa: float = 0.0,
     right, bad = rays.right.copy(), rng.random(len(X)) < wrong
     right[bad, :2] += rng.uniform(-size_mm, size_mm, (int(bad.sum()), 2))
     sigma = rng.uniform(0.7, 1.4, (len(X), 4)) * 0.005
-    return Rays(rays.left, right, sigma[:, :2].copy(), sigma[:, 2:].copy())
+    return RayPairs(rays.left, right, sigma[:, :2].copy(), sigma[:, 2:].copy())
 
 
-def _spoiled(rays: Rays, rows: slice, shift: list[float]) -> Rays:
+def _spoiled(rays: RayPairs, rows: slice, shift: list[float]) -> RayPairs:
     right = rays.right.copy()
     right[rows] += shift
-    return Rays(rays.left, right, rays.left_sigma, rays.right_sigma)
+    return RayPairs(rays.left, right, rays.left_sigma, rays.right_sigma)
 
 
-def _cylinder() -> Rays:
+def _cylinder() -> RayPairs:
     angle = np.random.default_rng(1).uniform(-1, 1, 18)
     x = np.random.default_rng(2).uniform(0, 0.6, 18)
     X = np.column_stack([x, np.sin(2 * angle) * 0.5, -0.5 - 0.5 * np.cos(2 * angle)])
     return simulate(X, np.eye(3), np.eye(3), ORIGIN, np.array([0.6, 0, 0]))[0]
 
 
-def _unlike() -> dict[str, Rays]:
+def _unlike() -> dict[str, RayPairs]:
     """Pairs of every kind, plain and not."""
     rng = np.random.default_rng(3)
     X = gruber_ground(4, rng, relief=0.05)
@@ -72,20 +74,20 @@ def _unlike() -> dict[str, Rays]:
         "copied": rays_of(100 * X[:, :2], 100 * X[:, :2]),
         "unrelated": rays_of(rng.uniform(-90, 90, (18, 2)), rng.uniform(-90, 90, (18, 2))),
         "cylinder": _cylinder(), "corner": simulate(corner, rotation(rng), rotation(rng), ORIGIN, b, rng)[0],
-        "behind": Rays(crossed.left, behind, crossed.left_sigma, crossed.right_sigma),
+        "behind": RayPairs(crossed.left, behind, crossed.left_sigma, crossed.right_sigma),
         "half wrong": _pair(13, wrong=0.5, size_mm=40.0), "large": _pair(14, points=120, wrong=0.1),
         "one huge": _spoiled(_pair(15), slice(4, 5), [50.0, 50.0, 0.0]), "last": _pair(16, wrong=0.05),
     }  # fmt: skip
 
 
-def _orientation_or_error(rays: Rays) -> RelativeOrientation | GeometryError:
+def _orientation_or_error(rays: RayPairs) -> RelativeOrientation | GeometryError:
     try:
         return relative_orientation(rays)
     except GeometryError as error:
         return error
 
 
-def _assert_as_alone(found: many.RelativeOrientations, rays: Rays, start: np.ndarray, pair: int) -> None:
+def _assert_as_alone(found: many.RelativeOrientations, rays: RayPairs, start: np.ndarray, pair: int) -> None:
     rows = np.arange(start[pair], start[pair + 1])
     alone = _orientation_or_error(rays.take(rows))
     if isinstance(alone, GeometryError):
@@ -196,7 +198,7 @@ def test_compiled_distances_and_derivatives_are_those_of_the_numpy_form_and_of_c
         np.testing.assert_allclose(work[:, 1:6], step, atol=1e-10 * np.abs(J).max())
 
 
-def _distance(R: np.ndarray, b: np.ndarray, rays: Rays, p: np.ndarray) -> np.ndarray:
+def _distance(R: np.ndarray, b: np.ndarray, rays: RayPairs, p: np.ndarray) -> np.ndarray:
     """Sampson distances after a small step p, without conjugation: F over its propagated standard deviation."""
     turned = R + np.cross(p[:3][None], R.T).T
     E = essential_matrix(turned, b + tangents(b) @ p[3:])

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import GeometryError
-from aatri.geometry.coplanarity import Rays
+from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.dependent import relative_orientation
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -86,7 +86,7 @@ def test_gross_errors_are_rejected_with_their_size():
     right = rays.right.copy()
     right[3, 1] += 0.1
     right[17, 1] -= 5.0
-    found = relative_orientation(Rays(rays.left, right, rays.left_sigma, rays.right_sigma))
+    found = relative_orientation(RayPairs(rays.left, right, rays.left_sigma, rays.right_sigma))
     assert np.flatnonzero(~found.active).tolist() == [3, 17]
     assert abs(found.error_mm[3] - 0.1) < 4 * found.error_sigma_mm[3]
     assert abs(found.error_mm[17] + 5.0) < 0.05
@@ -100,7 +100,7 @@ def test_forty_percent_mismatches_are_survived():
     right = rays.right.copy()
     wrong = np.arange(0, 48, 5).tolist() + np.arange(1, 48, 5).tolist()
     right[wrong, :2] = rng.uniform(-100, 100, (len(wrong), 2))
-    found = relative_orientation(Rays(rays.left, right, rays.left_sigma, rays.right_sigma))
+    found = relative_orientation(RayPairs(rays.left, right, rays.left_sigma, rays.right_sigma))
     np.testing.assert_allclose(found.left_from_right, R, atol=5e-4)
     assert (~found.active)[wrong].sum() >= len(wrong) - 1
 
@@ -144,7 +144,7 @@ def test_an_error_among_six_points_is_seen_but_no_point_is_blamed():
     rays, _, _ = simulate(gruber_ground(1, rng), rotation(rng), rotation(rng), ORIGIN, B, rng)
     right = rays.right.copy()
     right[1, 1] += 0.5
-    found = relative_orientation(Rays(rays.left, right, rays.left_sigma, rays.right_sigma))
+    found = relative_orientation(RayPairs(rays.left, right, rays.left_sigma, rays.right_sigma))
     assert found.active.all()
     assert "cannot be told" in found.warnings[0]
 
@@ -163,7 +163,7 @@ def test_points_behind_an_image_are_rejected():
     left = np.vstack([rays.left, rays.left[:1]])
     right = np.vstack([rays.right, rays.right[:1] + 2 * (rays.left[0, 0] - rays.right[0, 0]) * np.eye(3)[:1]])
     sigma = np.full((len(left), 2), 0.05)
-    found = relative_orientation(Rays(left, right, sigma, sigma))
+    found = relative_orientation(RayPairs(left, right, sigma, sigma))
     assert not found.active[-1]
     assert found.active[:-1].all()
 
@@ -174,7 +174,7 @@ def test_two_thousand_points_with_gross_errors_are_oriented():
     rays, R, _ = simulate(X, rotation(rng), rotation(rng, kappa=3.0), ORIGIN, B, rng)
     right = rays.right.copy()
     right[::10, :2] += rng.uniform(-2, 2, (200, 2))
-    found = relative_orientation(Rays(rays.left, right, rays.left_sigma, rays.right_sigma))
+    found = relative_orientation(RayPairs(rays.left, right, rays.left_sigma, rays.right_sigma))
     np.testing.assert_allclose(found.left_from_right, R, atol=5e-5)
     assert (~found.active[::10]).sum() > 190
     assert (~np.delete(found.active, np.arange(0, 2000, 10))).sum() <= 2
@@ -186,6 +186,6 @@ def test_standard_deviations_far_too_small_end_in_an_orientation_with_a_warning(
     for _ in range(10):
         rays, R, _ = simulate(X, rotation(rng), rotation(rng), ORIGIN, B, rng, sigma=0.015)
         sigma = rays.left_sigma / 3
-        found = relative_orientation(Rays(rays.left, rays.right, sigma, sigma))
+        found = relative_orientation(RayPairs(rays.left, rays.right, sigma, sigma))
         np.testing.assert_allclose(found.left_from_right, R, atol=1e-3)
         assert found.sigma0 > 1.3

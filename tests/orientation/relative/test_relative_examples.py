@@ -10,7 +10,7 @@ import yaml
 
 from aatri.adjustment.dense import adjust
 from aatri.geometry.coplanarity import (
-    Rays,
+    RayPairs,
     coplanarity,
     coplanarity_derivatives,
     essential_derivatives,
@@ -32,7 +32,7 @@ def examples(shared_data: Path) -> dict:
 def _rays(points, c, pp=(0.0, 0.0), sigma=0.005):
     xy = np.array(points) - np.tile(pp, 2)
     s = np.full((len(xy), 2), sigma)
-    return Rays(ray_directions(xy[:, :2], c), ray_directions(xy[:, 2:], c), s, s)
+    return RayPairs(ray_directions(xy[:, :2], c), ray_directions(xy[:, 2:], c), s, s)
 
 
 def _unweighted(rays, bx):

@@ -239,7 +239,7 @@ def test_run_json_of_another_shape_is_damage(path: Path) -> None:
 @pytest.mark.parametrize("name", ["..", "a/b", "/etc", "", ".", "a\0b", "x" * 300, "\x1b[2J"])
 def test_names_that_lead_elsewhere_have_no_place_in_a_run(tmp_path: Path, name: str) -> None:
     with pytest.raises(ArtifactError, match="no name of a file of a run"):
-        inside.place(tmp_path, "current", name)
+        inside.path_of(tmp_path, "current", name)
 
 
 def test_the_run_of_a_variant_that_is_a_link_is_refused(tmp_path: Path, precious: Path) -> None:
