@@ -1,0 +1,119 @@
+"""The factor of the reduced normal equations in its two forms, and what each can give.
+
+A direct factor holds L, front by front: solutions of any right-hand side, covariances and null vectors follow from it.
+Conjugate gradients leave nothing but the solution of the one right-hand side they were asked for. Whoever needs more
+asks `whole` first, or asks for a panel and is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.panels import Panels
+from aatri.adjustment.structure.tree import Tree
+from aatri.arrays import Float
+from aatri.errors import ResourceError
+
+
+class Factor(Protocol):
+    """What a linearisation was solved with."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether panels can be asked for: covariances, other right-hand sides, null vectors."""
+
+    def panel(self, k: int) -> Float:
+        """L11 and L21 of a node, (n, m).
+
+        Raises
+        ------
+        ResourceError
+            If there is no factor.
+        """
+
+    def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
+        """Solution of the reduced normal equations, (n_kept,), whose forward-substituted right-hand side is y."""
+
+    def clear(self) -> None:
+        """Give back the room; nothing can be asked any more."""
+
+
+@dataclass(frozen=True)
+class DirectFactor:
+    """L of the whole matrix.
+
+    Attributes
+    ----------
+    panels : Panels of (n, m) float64
+        L11 and L21 of each node.
+    """
+
+    panels: Panels
+
+    @property
+    def whole(self) -> bool:
+        """Everything follows from it."""
+        return True
+
+    def panel(self, k: int) -> Float:
+        """L11 and L21 of a node, (n, m)."""
+        return self.panels[k]
+
+    def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
+        """Back substitution, down the tree."""
+        x = np.zeros(n_kept)
+        for k in range(len(tree.nodes) - 1, -1, -1):
+            node = tree.nodes[k]
+            if not node.panel:
+                continue
+            front = np.concatenate([y[k], x[node.columns[node.panel :]]])
+            lapack.backward(self.panels[k], front)
+            x[node.columns[: node.panel]] = front[: node.panel]
+        return x
+
+    def clear(self) -> None:
+        """Give back the room of the panels."""
+        self.panels.clear()
+
+
+@dataclass(frozen=True)
+class IterativeFactor:
+    """What conjugate gradients leave.
+
+    Attributes
+    ----------
+    found : (n_kept,) float64
+        The solution.
+    """
+
+    found: Float
+
+    @property
+    def whole(self) -> bool:
+        """There is nothing but the solution."""
+        return False
+
+    def panel(self, k: int) -> Float:  # noqa: ARG002 (there is none)
+        """Refuse."""
+        raise without_factor()
+
+    def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:  # noqa: ARG002
+        """What the iterations have found."""
+        return self.found
+
+    def clear(self) -> None:
+        """Nothing takes room."""
+
+
+def without_factor(size: str = "") -> ResourceError:
+    """The error of asking for what only a direct factor gives."""
+    return ResourceError(
+        f"exact covariances need the factor of the normal equations{size}, and this block is solved by conjugate "
+        "gradients, without it",
+        remedy="raise memory_gb, or give more disk to TMPDIR",
+    )
