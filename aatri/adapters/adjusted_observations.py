@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adjustment.statistics.reliability import reliability
+from aatri.adjustment.covariance.gains import Gains
+from aatri.adjustment.statistics.reliability import moved, reliability
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import Residuals, Tests
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.result import AdjustedObservations
 
 WIDTH = 3
@@ -32,17 +34,33 @@ def residual_table(found: AdjustedObservations, state: State) -> Residuals:
     )  # fmt: skip
 
 
-def reliability_table(found: AdjustedObservations, state: State) -> Tests:
-    """Reliability of the observations in the order of `residual_table`; rejected and exact ones have none."""
+def reliability_table(found: AdjustedObservations, state: State, gains: Gains | None = None) -> Tests:
+    """Reliability of the observations in the order of `residual_table`; rejected and exact ones have none.
+
+    Parameters
+    ----------
+    gains : Gains, optional
+        Of the rows that take part.
+    """
     o, rows = found.observed, found.rows
     covariance, adjusted = _covariances(found)
     observed = o.records.observed_components()[rows] & found.used[rows][:, None]
     r = reliability(np.where(observed, found.residuals(state), 0.0), covariance, adjusted)
-    columns = [np.where(observed, x, np.nan) for x in (r.redundancy, r.test, r.detectable)]
+    whitener = o.records.whitener[rows]
+    effects = [_moved(gains, group, whitener, r.detectable, part) for group, part in _MOVED]
+    columns = [np.where(observed, x, np.nan) for x in (r.redundancy, r.test, r.detectable, r.external, *effects)]
     if o.components:
         row, component = np.nonzero(np.isfinite(o.sigmas()[rows]))
         columns = [x[row, component][:, None] for x in columns]
     return Tests(*(np.pad(x, ((0, 0), (0, WIDTH - x.shape[1])), constant_values=np.nan) for x in columns))
+
+
+_MOVED = ((POINT, slice(0, 3)), (POSE, slice(0, 3)), (POSE, slice(3, 6)))
+
+
+def _moved(gains: Gains | None, group: str, whitener: Float, detectable: Float, part: slice) -> Float:
+    gain = gains.of(group) if gains is not None else None
+    return np.full(detectable.shape, np.nan) if gain is None else moved(gain, whitener, detectable, part)
 
 
 def _covariances(found: AdjustedObservations) -> tuple[Float, Float]:

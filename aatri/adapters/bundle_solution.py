@@ -25,6 +25,7 @@ from aatri.artifacts.solution import (
 from aatri.artifacts.suspects import Suspects
 from aatri.observations.poses import CAMERA
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult
 
 
@@ -58,14 +59,18 @@ def bundle_solution(
             damping=np.array([s.damping for s in adjusted.history]),
         ),
         suspects=suspects,
-        tests=assemble.stacked([Tests.empty(), *(reliability_table(o, state) for o in result.observations)])
-        if tests
-        else None,
+        tests=_tests(result) if tests else None,
         calibrated_sets=calibration.sets if calibration else None,
         parameter_covariances=calibration.covariances if calibration else None,
         error_fields=calibration.fields if calibration else None,
         orderings=orderings,
     )
+
+
+def _tests(result: BundleResult) -> Tests:
+    gains = gains_of_observations(result)
+    tables = (reliability_table(o, result.adjusted.state, g) for o, g in zip(result.observations, gains))
+    return assemble.stacked([Tests.empty(), *tables])
 
 
 def _cameras(block: Block, result: BundleResult) -> SolvedCameras:

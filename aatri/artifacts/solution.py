@@ -129,6 +129,14 @@ class Tests(Table):
                          optional=True)  # fmt: skip
     detectable: Float = column("f8", 3, unit="mm (image) or m", doc="gross error found with 80 % at a level of 0.1 %; "
                                "NaN where uncontrolled", optional=True)  # fmt: skip
+    external: Float = column("f8", 3, doc="external reliability: largest effect of a detectable error on any "
+                             "function of the unknowns, in its standard deviations", optional=True)  # fmt: skip
+    point_moved_m: Float = column("f8", 3, unit="m", doc="how far a detectable error moves its ground point",
+                                  optional=True)  # fmt: skip
+    image_moved_m: Float = column(
+        "f8", 3, unit="m", doc="the same of the projection centre of its image", optional=True
+    )
+    image_turned_rad: Float = column("f8", 3, unit="rad", doc="the same of its rotation", optional=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aatri.adjustment.constraints import gram, linearised_constraints
+from aatri.adjustment.covariance.gains import Gains, reduce_gains
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.right_hand_sides import backward, forward
 from aatri.adjustment.records import predicted
@@ -37,14 +38,17 @@ def reduce_covariances(
     W: Mapping[str, Float],
     groups: Mapping[str, Float],
     records: tuple[Float, ...],
+    gains: tuple[Gains, ...] = (),
 ) -> None:
-    """Take W W' off the covariances of all blocks and records, in place."""
+    """Take W W' off the covariances of all blocks and records, and off the gains, in place."""
     for group, w in W.items():
         groups[group][:] -= w @ w.swapaxes(1, 2)
-    for r, found in zip(problem.records, records):
+    for place, (r, found) in enumerate(zip(problem.records, records)):
         known = np.flatnonzero(np.isfinite(found).all(axis=(1, 2)))
         for first in range(0, len(known) if W else 0, CHUNK):
             rows = known[first : first + CHUNK]
             _, jacobians = predicted(r, state, rows)
             T = sum(J @ W[group][block[rows]] for (group, block), J in zip(r.touches, jacobians))
             found[rows] -= T @ np.swapaxes(T, 1, 2)
+            if gains:
+                reduce_gains(gains[place], r, rows, W, np.asarray(T))

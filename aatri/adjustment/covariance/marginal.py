@@ -11,6 +11,7 @@ that of what the observation differs from it. Exact constraints reduce what was 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +20,7 @@ import numpy as np
 
 from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction, reduce_covariances
+from aatri.adjustment.covariance.gains import Gains, empty_gains, gains_of_rays
 from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, of_one_part, predicted_side_by_side
@@ -49,14 +51,17 @@ class Covariances:
     records : tuple of (n, m, m) float64
         The same of all records, in the order of the problem's; where not active, of the predicted values. NaN where a
         block that is touched takes no part.
+    gains : tuple of Gains
+        How errors of each record move the blocks it touches; nothing where not asked for.
     """
 
     groups: dict[str, Float]
     rays: Float
     records: tuple[Float, ...]
+    gains: tuple[Gains, ...] = ()
 
 
-def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covariances:
+def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: Collection[str] = ()) -> Covariances:
     """Covariances of all unknowns at the solution.
 
     Parameters
@@ -64,19 +69,25 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True) -> Covarian
     adjusted : Adjusted
     blocks : bool
         Also those of the eliminated blocks and of the rays.
+    gains_of : collection of str
+        Groups of unknowns of whose blocks the gains are wanted, see `gains`.
     """
     refuse_covariances(adjusted.down_weighted)
     problem, state = adjusted.problem, adjusted.state
-    return covariances_at(problem, state, adjusted.factored or factorise(problem, state), blocks=blocks)
+    return covariances_at(
+        problem, state, adjusted.factored or factorise(problem, state), blocks=blocks, gains_of=gains_of
+    )
 
 
-def covariances_at(problem: IndexedProblem, state: State, factored: Factored, *, blocks: bool = True) -> Covariances:
+def covariances_at(
+    problem: IndexedProblem, state: State, factored: Factored, *, blocks: bool = True, gains_of: Collection[str] = ()
+) -> Covariances:
     """Covariances of all unknowns at a state, from the factor of the linearisation there."""
     reduction = covariance_reduction(problem, factored, state)
-    down = _Down(problem, state, factored, blocks)
+    down = _Down(problem, state, factored, blocks, gains_of)
     down.run()
     found = down.result()
-    reduce_covariances(problem, state, reduction, found.groups, found.records)
+    reduce_covariances(problem, state, reduction, found.groups, found.records, found.gains)
     return found
 
 
@@ -86,7 +97,9 @@ _NOTHING: Float = np.zeros((0, 0), order="F")
 class _Down:
     """The way down the tree; a front's covariance lives until its children have taken their parts."""
 
-    def __init__(self, problem: IndexedProblem, state: State, factored: Factored, blocks: bool) -> None:
+    def __init__(
+        self, problem: IndexedProblem, state: State, factored: Factored, blocks: bool, gains_of: Collection[str]
+    ) -> None:
         self.problem, self.state, self.factored, self.blocks = problem, state, factored, blocks
         n_vertices = len(problem.layout.size)
         largest = int(problem.layout.size.max(initial=0))
@@ -100,6 +113,7 @@ class _Down:
         self.active = taken(rays.records.active, rays.rows) if rays is not None else np.zeros(0, dtype=bool)
         self.kept = [(k, predicted_side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
+        self.gains = tuple(empty_gains(r, problem, gains_of) for r in problem.records) if gains_of else ()
         self.boundary: dict[int, Float] = {}
 
     def run(self) -> None:
@@ -126,8 +140,9 @@ class _Down:
         row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)
         row_of[node.columns] = np.arange(node.size)
         for kept, jacobians in self.kept:
-            found = self.of_records[place_of(self.problem, kept.records)]
-            kept_covariances(self.problem, kept, jacobians, k, row_of, S, found)
+            place = place_of(self.problem, kept.records)
+            gains = self.gains[place] if self.gains else None
+            kept_covariances(self.problem, kept, jacobians, k, row_of, S, self.of_records[place], gains)
         if self.fill is None:
             return
         jobs = [partial(self._rays, some, S, row_of) for some in of_node(self.problem, k)]
@@ -144,13 +159,20 @@ class _Down:
         for p0, p1, _, A, B in linearised(self.problem, self.fill, some):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
             active = self.active[base:last]
+            X = np.empty((last - base if self.gains else 0, A.shape[2], 3))
             if of_one_part(rays.parts):
-                covariances(*A.shape[1:])(p0, p1, base, rays.ray_start, active, A, B, rays.loc[base:last], S,
-                                 self.problem.block_free, self.factored.block_factor, self.block, self.ray)  # fmt: skip
-                continue
+                filled = (self.problem.block_free, self.factored.block_factor, self.block, self.ray, X)
+                covariances(*A.shape[1:])(p0, p1, base, rays.ray_start, active, A, B, rays.loc[base:last], S, *filled)
+                if not self.gains:
+                    continue
             row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
-            block_covariances(p0, p1, base, rays.ray_start, active, A, B, row, S, self.problem.block_free,
-                              self.factored.block_factor, self.block, self.ray)  # fmt: skip
+            if not of_one_part(rays.parts):
+                block_covariances(p0, p1, base, rays.ray_start, active, A, B, row, S, self.problem.block_free,
+                                  self.factored.block_factor, self.block, self.ray, X)  # fmt: skip
+            if self.gains:
+                of_block = self.block[np.repeat(np.arange(p0, p1), np.diff(rays.ray_start[p0 : p1 + 1]))]
+                gains = self.gains[place_of(self.problem, rays.records)]
+                gains_of_rays(gains, rays.rows[base:last], A, B, row, S, X, of_block)
 
     def result(self) -> Covariances:
         """Covariances by group and block, and by row of the rays' records."""
@@ -168,7 +190,7 @@ class _Down:
             groups[u.name] = blocks
         rays = self.problem.rays
         if self.blocks:
-            direct_covariances(self.problem, self.state, self.block, self.of_records)
+            direct_covariances(self.problem, self.state, self.block, self.of_records, self.gains)
         of_rays = self.ray
         if rays is not None:
             of_rays = self.of_records[place_of(self.problem, rays.records)]
@@ -178,4 +200,4 @@ class _Down:
             for r, found in zip(self.problem.records, self.of_records):
                 for number in (b for group, b in r.touches if group == name and aside.any()):
                     found[aside[number]] = np.nan
-        return Covariances(groups, of_rays, self.of_records)
+        return Covariances(groups, of_rays, self.of_records, self.gains)

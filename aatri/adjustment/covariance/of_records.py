@@ -8,6 +8,9 @@ follows from the block's.
 
 from __future__ import annotations
 
+import numpy as np
+
+from aatri.adjustment.covariance.gains import Gains, take_gains
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.records import Records, predicted
 from aatri.adjustment.structure.index import KeptRecords, part_columns
@@ -17,8 +20,9 @@ from aatri.arrays import Float, Int
 
 
 def kept_covariances(
-    problem: IndexedProblem, kept: KeptRecords, A: Float, k: int, row_of: Int, S: Float, found: Float
-) -> None:
+    problem: IndexedProblem, kept: KeptRecords, A: Float, k: int, row_of: Int, S: Float, found: Float,
+    gains: Gains | None = None,
+) -> None:  # fmt: skip
     """Those of the kept records of a node, into `found`.
 
     Parameters
@@ -32,18 +36,27 @@ def kept_covariances(
     S : (size, size) float64
         Covariance of its front.
     found : (n_records, m, m) float64
+    gains : Gains, optional
+        Filled in too.
     """
     for first in range(int(kept.first[k]), int(kept.first[k + 1]), CHUNK):
         some = slice(first, min(first + CHUNK, int(kept.first[k + 1])))
         row = row_of[part_columns(kept.parts, problem.layout, some)]
-        found[kept.rows[some]] = A[some] @ S[row[:, :, None], row[:, None, :]] @ A[some].swapaxes(1, 2)
+        K = S[row[:, :, None], row[:, None, :]] @ A[some].swapaxes(1, 2)
+        found[kept.rows[some]] = A[some] @ K
+        if gains is not None:
+            take_gains(gains, kept.rows[some], np.where((row >= 0)[:, :, None], K, 0.0))
 
 
-def direct_covariances(problem: IndexedProblem, state: State, block: Float, found: tuple[Float, ...]) -> None:
+def direct_covariances(problem: IndexedProblem, state: State, block: Float, found: tuple[Float, ...],
+                       gains: tuple[Gains, ...] = ()) -> None:  # fmt: skip
     """Those of the records of one eliminated block alone, into `found`, from `block`, (n_blocks, 3, 3)."""
     for records, rows, number in problem.direct:
         _, (J,) = predicted(records, state, rows)
-        found[place_of(problem, records)][rows] = J @ block[number] @ J.swapaxes(1, 2)
+        place, K = place_of(problem, records), block[number] @ J.swapaxes(1, 2)
+        found[place][rows] = J @ K
+        if gains:
+            take_gains(gains[place], rows, K)
 
 
 def place_of(problem: IndexedProblem, records: Records) -> int:

@@ -12,7 +12,8 @@ only its own part of Z = Q_s G, d solves for all of them together:
 
     Q_bb = Q_s,bb - H_b M Z_b' - Z_b M H_b' + H_b M (G'Z) M H_b'
 
-What the observations determine, residuals and redundancy numbers, does not change, since J H = 0.
+What the observations determine, residuals and redundancy numbers, does not change, since J H = 0. The gains Q J'
+become K_b - H_b M (J Z)'.
 
 Source: Baarda 1973, S-transformations and criterion matrices; docs/formulas.md 6.6.
 """
@@ -20,33 +21,68 @@ Source: Baarda 1973, S-transformations and criterion matrices; docs/formulas.md 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adjustment.covariance.constrained import covariance_reduction
+from aatri.adjustment.covariance.gains import Gains
+from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
+from aatri.adjustment.records import Records, predicted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 
 
-def s_transformed(
-    problem: IndexedProblem,
-    state: State,
-    groups: Mapping[str, Float],
-    H: Mapping[str, Float],
-    datum: Mapping[str, Bool],
-) -> dict[str, Float]:
-    """Covariances of all blocks under inner constraints.
+@dataclass(frozen=True)
+class STransformation:
+    """The way from a minimally constrained adjustment to inner constraints.
+
+    Attributes
+    ----------
+    H, Z : mapping of (n, k, d) float64
+        Open directions, and Q_s G, by group.
+    M, inner : (d, d) float64
+        (G'H)^-1, and M G'Z M.
+    """
+
+    H: Mapping[str, Float]
+    Z: Mapping[str, Float]
+    M: Float
+    inner: Float
+
+    def covariances(self, groups: Mapping[str, Float]) -> dict[str, Float]:
+        """Covariances of all blocks, from those of the minimally constrained adjustment."""
+        found = dict(groups)
+        for group, h in self.H.items():
+            mixed = h @ self.M @ self.Z[group].swapaxes(1, 2)
+            found[group] = groups[group] - mixed - mixed.swapaxes(1, 2) + h @ self.inner @ h.swapaxes(1, 2)
+        return found
+
+    def move_gains(self, gains: Gains, records: Records, state: State) -> None:
+        """Carry the gains of all records of a type over, in place."""
+        for first in range(0, len(records.active), CHUNK):
+            rows = np.arange(first, min(first + CHUNK, len(records.active)))
+            _, jacobians = predicted(records, state, rows)
+            touched = list(zip(records.touches, jacobians))
+            T = np.asarray(sum(J @ self.Z[group][block[rows]] for (group, block), J in touched))
+            for (group, block), gain in zip(records.touches, gains.gain):
+                if gain is not None and group in self.H:
+                    gain[rows] -= self.H[group][block[rows]] @ self.M @ T.swapaxes(1, 2)
+
+
+def s_transformation(
+    problem: IndexedProblem, state: State, H: Mapping[str, Float], datum: Mapping[str, Bool]
+) -> STransformation:
+    """What takes covariances to inner constraints.
 
     Parameters
     ----------
     problem : IndexedProblem
         With d scalars held that close the open directions.
     state : mapping
-    groups : mapping of (n, k, k) float64
-        Covariances of that adjustment, see `marginal_covariances`.
     H : mapping of (n, k, d) float64
         Open directions by group; groups that are missing are zero.
     datum : mapping of (n, k) bool
@@ -61,8 +97,4 @@ def s_transformed(
         Z = {group: z - W[group] @ common for group, z in Z.items()}
     M = np.linalg.inv(sum(np.einsum("nki,nkj->ij", g, H[group]) for group, g in G.items()))
     inner = M @ sum(np.einsum("nki,nkj->ij", g, Z[group]) for group, g in G.items()) @ M
-    found = dict(groups)
-    for group, h in H.items():
-        mixed = h @ M @ Z[group].swapaxes(1, 2)
-        found[group] = groups[group] - mixed - mixed.swapaxes(1, 2) + h @ inner @ h.swapaxes(1, 2)
-    return found
+    return STransformation(H, Z, M, inner)

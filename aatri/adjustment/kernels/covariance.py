@@ -17,7 +17,7 @@ from aatri.adjustment.kernels.eliminate import OPTIONS
 
 _SIGNATURE = (
     "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], "
-    "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
+    "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
 
 
@@ -41,7 +41,7 @@ def from_factor(p, Ls, G, free, inverse, Q):
 
 
 @njit(_SIGNATURE, **OPTIONS)
-def block_covariances(p0, p1, base, ray_start, active, A, B, row, S, free, Ls, Q, R):
+def block_covariances(p0, p1, base, ray_start, active, A, B, row, S, free, Ls, Q, R, X):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 
     Parameters
@@ -57,6 +57,8 @@ def block_covariances(p0, p1, base, ray_start, active, A, B, row, S, free, Ls, Q
         Filled in.
     R : (n_rays, m, m) float64
         Filled in: covariance of the adjusted, whitened value of each ray.
+    X : (n, columns of A, 3) float64, or without rows
+        Filled in: minus the covariance of the kept unknowns of each ray with its block.
     """
     m, columns = A.shape[1], A.shape[2]
     most = 0
@@ -108,6 +110,8 @@ def block_covariances(p0, p1, base, ray_start, active, A, B, row, S, free, Ls, Q
                     for i in range(b, 3):
                         s += inverse[i, b] * T[f + a, i]
                     cross[a, b] = s * free[p, b]
+                    if len(X):
+                        X[r, a, b] = cross[a, b]
             for i in range(m):
                 for b in range(columns):
                     s = 0.0

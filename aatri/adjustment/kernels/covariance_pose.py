@@ -16,7 +16,7 @@ from aatri.adjustment.kernels.eliminate_pose import group_of
 _LOCAL = "int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], int64[::1]"
 POSE = (
     "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], float64[::1,:], "
-    "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1])"
+    "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
 
 
@@ -55,16 +55,18 @@ def fill_z(p, column, active, base, ray_start, A, B, loc, at, free, Ls, Z):
 
 @njit(
     f"void(int64, int64, {_LOCAL}, float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,:,::1], "
-    "float64[:,:,::1])",
+    "float64[:,:,::1], float64[:,:,::1])",
     **OPTIONS,
 )
-def ray_covariances(p, column, base, ray_start, A, B, loc, at, part, T, inverse, free, Q, R):
+def ray_covariances(p, column, base, ray_start, A, B, loc, at, part, T, inverse, free, Q, R, X):
     """Covariance of the adjusted values of the rays of block p, from T = S Z and Q."""
     k = 0
     i00, i10, i20 = inverse[0, 0] * free[p, 0], inverse[1, 0] * free[p, 0], inverse[2, 0] * free[p, 0]
     i11, i21, i22 = inverse[1, 1] * free[p, 1], inverse[2, 1] * free[p, 1], inverse[2, 2] * free[p, 2]
     for r in range(ray_start[p] - base, ray_start[p + 1] - base):
         c = np.int64(loc[r, 0])
+        if len(X):
+            X[r] = 0.0
         r00, r10, r11 = 0.0, 0.0, 0.0
         for a in range(3):
             s0, s1 = 0.0, 0.0
@@ -82,6 +84,8 @@ def ray_covariances(p, column, base, ray_start, A, B, loc, at, part, T, inverse,
                 t0, t1, t2 = T[j, column], T[j, column + 1], T[j, column + 2]
                 # minus the covariance of the pose's unknown with the block
                 c0, c1, c2 = i00 * t0 + i10 * t1 + i20 * t2, i11 * t1 + i21 * t2, i22 * t2
+                if len(X):
+                    X[r, a, 0], X[r, a, 1], X[r, a, 2] = c0, c1, c2
                 s0, s1 = 0.0, 0.0
                 for b in range(6):
                     s0 += part[j, 6 * k + b] * A[r, 0, b]
@@ -96,7 +100,7 @@ def ray_covariances(p, column, base, ray_start, A, B, loc, at, part, T, inverse,
 
 
 @njit(POSE, **OPTIONS)
-def pose_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R):
+def pose_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R, X):
     """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
 
     Parameters
@@ -114,6 +118,8 @@ def pose_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q,
         Filled in.
     R : (n_rays, 2, 2) float64
         Filled in.
+    X : (n, 6, 3) float64, or without rows
+        Filled in: minus the covariance of the pose of each ray with its block; zero where the pose is held.
     """
     at, spare = np.empty(3 * MOST_RAYS, dtype=np.int64), np.empty(3 * MOST_RAYS, dtype=np.int64)
     gathered, stacked, product = np.empty(0), np.empty(0), np.empty(0)
@@ -143,5 +149,5 @@ def pose_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q,
                         s += T[i, j + a] * Z[i, j + b]
                     G[a, b] = s
             from_factor(k, Ls, G, free, inverse, Q)
-            ray_covariances(k, j, base, ray_start, A, B, loc, at, part, T, inverse, free, Q, R)
+            ray_covariances(k, j, base, ray_start, A, B, loc, at, part, T, inverse, free, Q, R, X)
         p = end

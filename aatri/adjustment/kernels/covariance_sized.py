@@ -25,7 +25,7 @@ def covariances(m: int, k: int) -> Callable[..., Any]:
         return pose_covariances
 
     @njit(POSE, **OPTIONS)
-    def sized_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R):
+    def sized_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R, X):
         at, spare = np.empty(3 * MOST_RAYS, dtype=np.int64), np.empty(3 * MOST_RAYS, dtype=np.int64)
         gathered, stacked, product = np.empty(0), np.empty(0), np.empty(0)
         G, inverse, cross, half = np.empty((3, 3)), np.zeros((3, 3)), np.empty((k, 3)), np.empty((m, k))
@@ -88,6 +88,8 @@ def covariances(m: int, k: int) -> Callable[..., Any]:
                                 for i in range(b, 3):
                                     s += inverse[i, b] * T[o + a, j + i]
                             cross[a, b] = s * free[block, b]
+                            if len(X):
+                                X[r, a, b] = cross[a, b]
                     for i in range(m):
                         for a in range(k):
                             s = 0.0

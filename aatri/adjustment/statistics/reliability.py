@@ -4,10 +4,19 @@ For a record with covariance S and residual cofactor Qvv = S - J Q J',
 
     r_i = (Qvv S^-1)_ii,    w_i = (S^-1 v)_i / q_i,    nabla_i = delta0 / q_i,    q_i = sqrt((S^-1 Qvv S^-1)_ii),
 
-which for independent components is w = v / (sigma sqrt(r)), nabla = delta0 sigma / sqrt(r). A component with r below
+which for independent components is w = v / (sigma sqrt(r)), nabla = delta0 sigma / sqrt(r). The r_i of all
+observations sum to the redundancy; of correlated ones a single r_i may lie outside 0 to 1. A component with r below
 `UNCONTROLLED` has neither test nor detectable error.
 
-Source: Baarda 1968; Foerstner 1980.
+External reliability: an error nabla_i that is just not found moves the unknowns by dx = Q J' S^-1 e_i nabla_i; seen by
+all of them, and free of any datum, that is
+
+    delta_i = sqrt(dx' Q^-1 dx) = nabla_i sqrt((S^-1 - S^-1 Qvv S^-1)_ii)  ( = delta0 sqrt((1 - r_i) / r_i) )
+
+so many standard deviations at most of any function of the unknowns (Baarda's lambda-bar, Foerstner's delta-bar).
+Single blocks are moved by K L e_i nabla_i, with their gain K (`covariance.gains`) and the whitener L.
+
+Source: Baarda 1968; Foerstner 1979, 1980; docs/formulas.md 7.3.
 """
 
 from __future__ import annotations
@@ -33,11 +42,14 @@ class Reliability:
     ----------
     redundancy, test, detectable : (n, m) float64
         `detectable` in the unit of the observation; the last two NaN where uncontrolled.
+    external : (n, m) float64
+        delta-bar: largest effect of a detectable error on any function of the unknowns, in its standard deviations.
     """
 
     redundancy: Float
     test: Float
     detectable: Float
+    external: Float
 
 
 def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) -> Reliability:
@@ -54,7 +66,7 @@ def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) 
     """
     if not len(residual):
         nothing = np.zeros(residual.shape)
-        return Reliability(nothing, nothing, nothing)
+        return Reliability(nothing, nothing, nothing, nothing)
     weight = np.linalg.inv(covariance)
     Qvv = covariance - adjusted_covariance
     r = np.einsum("nij,nji->ni", Qvv, weight)
@@ -62,4 +74,27 @@ def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) 
     known = (r > UNCONTROLLED) & (q2 > 0)
     q = np.sqrt(np.where(known, q2, 1.0))
     w = np.einsum("nij,nj->ni", weight, residual) / q
-    return Reliability(np.clip(r, 0.0, 1.0), np.where(known, w, np.nan), np.where(known, DELTA0 / q, np.nan))
+    detectable = np.where(known, DELTA0 / q, np.nan)
+    external = detectable * np.sqrt(np.maximum(np.einsum("nii->ni", weight) - q2, 0.0))
+    return Reliability(r, np.where(known, w, np.nan), detectable, external)
+
+
+def moved(gain: Float, whitener: Float, detectable: Float, part: slice = slice(None)) -> Float:
+    """How far a detectable error of each component moves a block of unknowns: the length of some of its scalars.
+
+    Parameters
+    ----------
+    gain : (n, k, m) float64
+        Of whitened observations, see `covariance.gains`.
+    whitener : (n, m, m) or (n, m) float64
+    detectable : (n, m) float64
+    part : slice
+        Scalars that make up the length: coordinates, or rotations.
+
+    Returns
+    -------
+    (n, m) float64
+        NaN where uncontrolled.
+    """
+    per_unit = gain[:, part] * whitener[:, None, :] if whitener.ndim == 2 else gain[:, part] @ whitener
+    return np.asarray(np.sqrt((per_unit**2).sum(axis=1)) * detectable)

@@ -160,6 +160,10 @@ def _tests(residuals: Residuals, tests: Tests) -> Columns:
         **_split(("redundancy_x", "redundancy_y", "redundancy_z"), tests.redundancy),
         **_split(("wx", "wy", "wz"), tests.test),
         **_split(("detectable_x", "detectable_y", "detectable_z"), tests.detectable),
+        **_split(("external_x", "external_y", "external_z"), tests.external),
+        **_split(("point_moved_x_m", "point_moved_y_m", "point_moved_z_m"), tests.point_moved_m),
+        **_split(("image_moved_x_m", "image_moved_y_m", "image_moved_z_m"), tests.image_moved_m),
+        **_split(("image_turned_x_rad", "image_turned_y_rad", "image_turned_z_rad"), tests.image_turned_rad),
         "unit": residuals.unit, "active": np.where(residuals.active, "yes", "no"),
     }  # fmt: skip
 

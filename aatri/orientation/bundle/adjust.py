@@ -171,6 +171,7 @@ def _result(
         point,
         adjusted,
         notes,
+        free,
     )
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.linalg import expm, qr
 
 from aatri.adjustment.adjust import Adjusted
-from aatri.adjustment.covariance.s_transformation import s_transformed
+from aatri.adjustment.covariance.s_transformation import STransformation, s_transformation
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State, Unknowns
@@ -140,16 +140,21 @@ def free_covariances(free: FreeDatum, adjusted: Adjusted, groups: Mapping[str, F
         After `onto_inner_constraints`.
     groups : mapping of (n, k, k) float64
     """
+    known = np.asarray(np.isfinite(groups[POINT]).all(axis=(1, 2)))
+    return transformation_of(free, adjusted, known).covariances(groups)
+
+
+def transformation_of(free: FreeDatum, adjusted: Adjusted, known: Bool) -> STransformation:
+    """What takes covariances to inner constraints; `known` are the points that have one, (n,)."""
     H = similarity_directions(free, adjusted.state)
     V = open_directions(free, adjusted.state, H)
     pose = np.zeros((len(free.part[POSE]), 6), dtype=bool)
     pose[:, :3] = free.over[POSE][:, None]
-    known = np.isfinite(groups[POINT]).all(axis=(1, 2))
     datum = {POINT: np.repeat((free.over[POINT] & known)[:, None], 3, axis=1)}
     if POSE in H:
         datum[POSE] = pose
     along = {group: h @ V for group, h in H.items()}
-    return s_transformed(adjusted.problem, adjusted.state, groups, along, datum)
+    return s_transformation(adjusted.problem, adjusted.state, along, datum)
 
 
 def similarity_directions(free: FreeDatum, state: State) -> dict[str, Float]:

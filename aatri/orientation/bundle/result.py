@@ -14,6 +14,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.free_datum import FreeDatum
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,8 @@ class BundleResult:
     image_adjusted, point_adjusted : bool
     adjusted : Adjusted
     notes : tuple of Note
+    free : FreeDatum, optional
+        Where the datum is free.
     """
 
     poses: Poses
@@ -86,6 +89,7 @@ class BundleResult:
     point_adjusted: Bool
     adjusted: Adjusted
     notes: tuple[Note, ...] = ()
+    free: FreeDatum | None = None
 
     @property
     def pose_covariance(self) -> Float:

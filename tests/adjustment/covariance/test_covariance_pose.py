@@ -21,6 +21,7 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str) -> 
     free[::4, 2] = 0.0
     L, Q, R = np.empty((n, 6)), np.full((n, 3, 3), np.nan), np.full((ray_start[-1], 2, 2), np.nan)
     wanted_Q, wanted_R = np.zeros_like(Q), np.full_like(R, np.nan)
+    wanted_X = np.full((len(A), 6, 3), np.nan)
     for p, own in enumerate(places):
         rows = np.arange(ray_start[p], ray_start[p + 1]) - BASE
         J, K = np.zeros((2 * len(own), 6 * images)), B[rows].reshape(-1, 3) * free[p]
@@ -33,11 +34,15 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str) -> 
         inverse = np.linalg.inv(factor @ factor.T) * np.outer(free[p], free[p])
         W = J.T @ K @ inverse
         wanted_Q[p] = inverse + W.T @ S @ W
+        for r, c in zip(rows, own):
+            wanted_X[r] = (S @ W)[6 * c : 6 * c + 6] if c >= 0 else 0.0
         joint = np.block([[S, -S @ W], [-(S @ W).T, wanted_Q[p]]])
         both = np.hstack([J, B[rows].reshape(-1, 3)])
         full = both @ joint @ both.T
         for i, r in enumerate(rows):
             wanted_R[BASE + r] = full[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
-    pose_covariances(0, n, BASE, ray_start, np.ones(len(A), bool), A, B, loc, S, free, L, Q, R)
+    X = np.full((len(A), 6, 3), np.nan)
+    pose_covariances(0, n, BASE, ray_start, np.ones(len(A), bool), A, B, loc, S, free, L, Q, R, X)
     np.testing.assert_allclose(Q, wanted_Q, atol=1e-11 * np.abs(wanted_Q).max())
     np.testing.assert_allclose(R, wanted_R, atol=1e-10 * np.nanmax(np.abs(wanted_R)))
+    np.testing.assert_allclose(X, wanted_X, atol=1e-10 * np.nanmax(np.abs(wanted_X)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.statistics.reliability import DELTA0, reliability
+from aatri.adjustment.statistics.reliability import DELTA0, moved, reliability
 
 
 def test_independent_components_follow_the_textbook() -> None:
@@ -15,6 +15,7 @@ def test_independent_components_follow_the_textbook() -> None:
     np.testing.assert_allclose(found.redundancy, r)
     np.testing.assert_allclose(found.test, v / (sigma * np.sqrt(r)))
     np.testing.assert_allclose(found.detectable, DELTA0 * sigma / np.sqrt(r))
+    np.testing.assert_allclose(found.external, DELTA0 * np.sqrt((1 - r) / r))
 
 
 def test_what_nothing_controls_has_no_test() -> None:
@@ -48,3 +49,52 @@ def test_statistics_are_standard_normal_and_errors_of_the_detectable_size_are_fo
     size = reliability(np.zeros((10, 3)), S, adjusted).detectable[4, 1]
     found = [abs(tests(e + size * np.eye(30)[13])[4, 1]) > 3.29 for e in noise]
     assert np.mean(found) == pytest.approx(0.80, abs=0.02)
+
+
+def _correlated(rng: np.random.Generator):
+    """30 observations of 5 unknowns in records of 3 that are correlated: A, covariances, whole weight, Q, J Q J'."""
+    A = rng.normal(size=(30, 5))
+    half = rng.normal(size=(10, 3, 3))
+    S = half @ half.swapaxes(1, 2) + 0.1 * np.eye(3)
+    W = np.zeros((30, 30))
+    for k in range(10):
+        W[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = np.linalg.inv(S[k])
+    Q = np.linalg.inv(A.T @ W @ A)
+    hat = A @ Q @ A.T
+    return A, S, W, Q, np.stack([hat[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(10)])
+
+
+def test_redundancy_numbers_of_correlated_observations_sum_to_the_redundancy() -> None:
+    """Single ones may be negative or beyond one: they are not clipped."""
+    outside = 0
+    for seed in range(20):
+        _, S, _, _, adjusted = _correlated(np.random.default_rng(seed))
+        r = reliability(np.zeros((10, 3)), S, adjusted).redundancy
+        assert r.sum() == pytest.approx(25.0, abs=1e-10)
+        outside += int(((r < 0) | (r > 1)).sum())
+    assert outside > 0
+
+
+def test_external_reliability_is_what_a_detectable_error_does_to_all_unknowns_together() -> None:
+    A, S, W, Q, adjusted = _correlated(np.random.default_rng(3))
+    found = reliability(np.zeros((10, 3)), S, adjusted)
+    for i in range(30):
+        size = found.detectable.ravel()[i]
+        dx = Q @ A.T @ W @ (size * np.eye(30)[i])
+        assert found.external.ravel()[i] == pytest.approx(np.sqrt(dx @ np.linalg.solve(Q, dx)), rel=1e-9)
+        # no function of the unknowns is moved by more of its standard deviations
+        for f in np.random.default_rng(i).normal(size=(20, 5)):
+            assert abs(f @ dx) <= found.external.ravel()[i] * np.sqrt(f @ Q @ f) * (1 + 1e-9)
+
+
+def test_blocks_are_moved_by_what_an_adjustment_with_the_error_moves_them() -> None:
+    A, S, W, Q, adjusted = _correlated(np.random.default_rng(4))
+    found = reliability(np.zeros((10, 3)), S, adjusted)
+    L = np.linalg.inv(np.linalg.cholesky(S))
+    K = np.stack([(Q @ A[3 * k : 3 * k + 3].T @ L[k].T)[1:4] for k in range(10)])
+    lengths = moved(K, L, found.detectable, slice(0, 2))
+    for k in range(10):
+        for i in range(3):
+            error = np.zeros(30)
+            error[3 * k + i] = found.detectable[k, i]
+            assert lengths[k, i] == pytest.approx(np.linalg.norm((Q @ A.T @ W @ error)[1:3]), rel=1e-9)

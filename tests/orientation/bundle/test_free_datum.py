@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.covariance.s_transformation import s_transformed
+from aatri.adjustment.covariance.s_transformation import s_transformation
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.errors import GeometryError
 from aatri.observations.control import Control
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import Positions
+from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, adjust_bundle
@@ -89,7 +90,8 @@ def test_with_a_datum_of_all_scalars_the_covariance_is_the_pseudo_inverse(free: 
     np.testing.assert_allclose(Q, np.linalg.pinv(J.T @ J, rcond=1e-13, hermitian=True), atol=1e-6 * np.abs(Q).max())
     held = marginal_covariances(adjusted).groups
     every = {u.name: np.ones(u.free.shape, dtype=bool) for u in adjusted.problem.unknowns}
-    found = s_transformed(adjusted.problem, adjusted.state, held, {g: H[c] for g, c in columns.items()}, every)
+    open_ = {g: H[c] for g, c in columns.items()}
+    found = s_transformation(adjusted.problem, adjusted.state, open_, every).covariances(held)
     for group, c in columns.items():
         expected = Q[c[:, :, None], c[:, None, :]]
         scale = np.sqrt(np.einsum("nii->ni", expected))
@@ -188,3 +190,23 @@ def test_directions_that_are_open_for_small_movements_only_are_refused() -> None
     given = made_bundle(start_error=0.05)
     with pytest.raises(GeometryError, match="not free beyond small movements"):
         adjust_bundle(replace(given, control=_control(given, (3, 9, 20), (0, 0, 1))), datum="free", **TIGHT)
+
+
+@pytest.mark.parametrize("over", ["points", "images"])
+def test_gains_are_those_of_the_system_bordered_by_inner_constraints(given: Parts, over: str) -> None:
+    """What an error of an image point does to its point and its image, in a block that nothing holds: Q J'."""
+    result = adjust_bundle(given, datum="free", datum_over=over, **TIGHT)  # type: ignore[arg-type]
+    J, columns = _all_free(result)
+    H = _seven(result, columns)
+    chosen = (columns[POINT] if over == "points" else columns[POSE][:, :3]).ravel()
+    G = np.zeros_like(H)
+    G[chosen] = H[chosen]
+    everything = _bordered(J, G) @ J.T
+    (gains,) = gains_of_observations(result)
+    assert gains is not None
+    rays = given.rays
+    for group, block in ((POSE, rays.image), (POINT, rays.point)):
+        expected = np.stack([everything[columns[group][b], 2 * k : 2 * k + 2] for k, b in enumerate(block)])
+        found = gains.of(group)
+        assert found is not None
+        np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())

@@ -1,0 +1,106 @@
+"""Gains: how an error of an observation moves the unknowns that the observation touches.
+
+    K = Q J'      of every record: the change of the blocks it touches per unit of its whitened observations
+
+of which a gross error of size e (whitened) moves them by K e: external reliability, seen at the own point and image.
+Q of a ray's block p and kept unknowns k comes from the way down the tree; with X = -Q_kp
+
+    K_k = Q_kk A' - X B',    K_p = Q_pp B' - X'A'
+
+Under exact constraints K loses W (J W)', see `constrained`; for a free datum see `s_transformation`.
+Source: Baarda 1968; Foerstner 1979.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.structure.index import group_sizes
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.arrays import Float, Int
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of one observation type.
+
+    Attributes
+    ----------
+    group : tuple of str
+        Of each touched block.
+    columns : tuple of slice
+        Columns of each among the Jacobians laid side by side.
+    eliminated : str
+        The group of which blocks are eliminated.
+    gain : tuple of (n, k, m) float64 or None
+        Of each touched block, by row of the records; None where not wanted, NaN where not known.
+    """
+
+    group: tuple[str, ...]
+    columns: tuple[slice, ...]
+    eliminated: str
+    gain: tuple[Float | None, ...]
+
+    def of(self, group: str) -> Float | None:
+        """Gain of the first touched block of a group, (n, k, m); None if there is none."""
+        return next((g for name, g in zip(self.group, self.gain) if name == group), None)
+
+
+def empty_gains(records: Records, problem: IndexedProblem, wanted: Collection[str]) -> Gains:
+    """Gains that are still to be filled in."""
+    size, n, first, columns, gain = group_sizes(problem.unknowns), len(records.active), 0, [], []
+    for group, _ in records.touches:
+        columns.append(slice(first, first + size[group]))
+        gain.append(np.full((n, size[group], records.rows), np.nan) if group in wanted else None)
+        first += size[group]
+    groups = tuple(group for group, _ in records.touches)
+    return Gains(groups, tuple(columns), problem.layout.eliminated, tuple(gain))
+
+
+def take_gains(gains: Gains, rows: Int, K: Float) -> None:
+    """Fill in the gains of some rows, from those of all touched blocks on top of each other, (n, columns, m)."""
+    for columns, gain in zip(gains.columns, gains.gain):
+        if gain is not None:
+            gain[rows] = K[:, columns]
+
+
+def gains_of_rays(gains: Gains, rows: Int, A: Float, B: Float, row: Int, S: Float, X: Float, Q: Float) -> None:
+    """Fill in the gains of some rays of eliminated blocks.
+
+    Parameters
+    ----------
+    A, B : (n, m, columns), (n, m, 3) float64
+    row : (n, columns) int
+        Row of the front of each column of A, -1 where held.
+    S : (size, size) float64
+        Covariance of the front.
+    X : (n, columns, 3) float64
+        Minus the covariance of the kept unknowns with the block.
+    Q : (n, 3, 3) float64
+        Covariance of the block of each ray.
+    """
+    both = (row >= 0)[:, :, None] & (row >= 0)[:, None, :]
+    own = np.where(both, S[row[:, :, None], row[:, None, :]], 0.0)
+    kept = own @ A.swapaxes(1, 2) - np.where((row >= 0)[:, :, None], X, 0.0) @ B.swapaxes(1, 2)
+    block = Q @ B.swapaxes(1, 2) - X.swapaxes(1, 2) @ A.swapaxes(1, 2)
+    first = 0
+    for group, columns, gain in zip(gains.group, gains.columns, gains.gain):
+        width = columns.stop - columns.start
+        if group == gains.eliminated:
+            found = block
+        else:
+            found = kept[:, first : first + width]
+            first += width
+        if gain is not None:
+            gain[rows] = found
+
+
+def reduce_gains(gains: Gains, records: Records, rows: Int, W: Mapping[str, Float], T: Float) -> None:
+    """Take W (J W)' off the gains of some rows; T = J W, (n, m, d)."""
+    for (group, block), gain in zip(records.touches, gains.gain):
+        if gain is not None:
+            gain[rows] -= W[group][block[rows]] @ T.swapaxes(1, 2)

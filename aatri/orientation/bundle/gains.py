@@ -1,0 +1,35 @@
+"""How errors of the observations of an adjusted block move the points and images they touch.
+
+One more way down the tree, with the gains of all records; for a free datum they are carried over to inner constraints.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.covariance.gains import Gains
+from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.free_datum import transformation_of
+from aatri.orientation.bundle.result import BundleResult
+
+
+def gains_of_observations(result: BundleResult) -> list[Gains | None]:
+    """Gains of each of the observations, for the rows that take part; None where they are exact or none takes part.
+
+    Parameters
+    ----------
+    result : BundleResult
+        Of least squares, with its factor or without.
+    """
+    adjusted = result.adjusted
+    if adjusted.problem.subtrees is not None:
+        return [None] * len(result.observations)
+    found = marginal_covariances(adjusted, gains_of=(POINT, POSE))
+    if result.free is not None:
+        known = np.asarray(np.isfinite(found.groups[POINT]).all(axis=(1, 2)))
+        transformation = transformation_of(result.free, adjusted, known)
+        for records, gains in zip(adjusted.problem.records, found.gains):
+            transformation.move_gains(gains, records, adjusted.state)
+    in_turn = iter(found.gains)
+    return [None if o.observed.exact or not len(o.rows) else next(in_turn) for o in result.observations]
