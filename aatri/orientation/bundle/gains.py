@@ -23,7 +23,7 @@ def gains_of_observations(result: BundleResult) -> list[Gains | None]:
         Of least squares, with its factor or without.
     """
     adjusted = result.adjusted
-    if adjusted.problem.subtrees is not None:
+    if not adjusted.has_factor:
         return [None] * len(result.observations)
     found = marginal_covariances(adjusted, gains_of=(POINT, POSE))
     if result.free is not None:
