@@ -10,7 +10,7 @@ import numpy as np
 from aatri.adapters.orientations import given_orientations
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
-from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.image_points import ImagePoints, Interior
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
@@ -123,18 +123,28 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
 
     None where no image has measured fiducials: pixels are where they are.
     """
-    n = len(block.images)
-    covariance = np.zeros((n, 6, 6))
-    covariance[image_points.interior.image] = image_points.interior.covariance
-    open_ = (np.einsum("nii->ni", covariance) > 0).all(axis=1)
+    n, interior = len(block.images), image_points.interior
+    covariance = np.zeros((n, *interior.covariance.shape[1:]))
+    covariance[interior.image] = interior.covariance
+    open_ = np.einsum("nii->ni", covariance) > 0
     if not open_.any():
         return None
-    free = np.repeat(open_[:, None], 6, axis=1)
+    size = int(np.flatnonzero(open_.any(axis=0)).max()) + 1
+    model, linear = np.full(n, "affine", dtype=interior.model.dtype), np.tile(np.eye(2), (n, 1, 1))
+    model[interior.image], linear[interior.image] = interior.model, _linear_part(block, interior)
     rays = rays_of(block, image_points)
-    labels = tuple(f"film correction d{k}" for k in range(6))
-    zero = np.zeros((n, 6))
-    return ParameterRows(FILM, block.images.id, labels, zero, free, zero, covariance, free, rays.image,
-                         film_correction(rays, FILM).basis, per_image=True)  # fmt: skip
+    labels = tuple(f"film correction d{k}" for k in range(size))
+    free, zero, covariance = open_[:, :size], np.zeros((n, size)), covariance[:, :size, :size]
+    basis = film_correction(rays, FILM, model, linear, size).basis
+    return ParameterRows(FILM, block.images.id, labels, zero, free, zero, covariance, free, rays.image, basis,
+                         per_image=True)  # fmt: skip
+
+
+def _linear_part(block: Block, interior: Interior) -> Float:
+    """Of the transformations, from nominal millimetres: the axes of the measurement."""
+    size = block.cameras.pixel_size_mm[block.images.camera[interior.image]]
+    pixel = (block.cameras.image_coordinates == "pixel")[block.images.camera[interior.image]]
+    return np.asarray(interior.matrix[:, :, :2] / np.where(pixel[:, None], size, 1.0)[:, None, :])
 
 
 def _start_poses(block: Block, initial: Solution | None) -> Poses:

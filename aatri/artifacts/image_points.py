@@ -42,20 +42,27 @@ class Measurements(Table):
 
 @dataclass(frozen=True, eq=False)
 class Interior(Table):
-    """Interior orientation of each image: photo = A (u, v) + t, from the measured system to the photo system.
+    """Interior orientation of each image, from the measured system (u, v) to the photo system.
 
-    `covariance` belongs to the six numbers d of the remaining correction dx = d0 + d1 x + d2 y, dy = d3 + d4 x + d5 y
-    in the photo system: what the fiducials leave open. It is zero where the transformation is exactly known.
+    photo = A (u, v) + t; bilinear: + e u v; projective: divided by 1 + e (u, v); [A | t] is `matrix`, e `terms`.
+    `covariance` belongs to the numbers d0 ... d7 of the correction in the photo system that the fiducials leave open
+    (geometry/plane_transformations.py): 4 of a similarity, 6 of an affine, 8 of a bilinear or projective
+    transformation, zero for the rest and where the transformation is exactly known.
     """
 
     image: Int = column("i4", doc="row in images", refers="images")
-    model: Text = column("str", doc="affine, similarity or calibrated")
+    model: Text = column("str", doc="similarity, affine, bilinear, projective or calibrated")
     matrix: Float = column("f8", 2, 3, unit="1 and mm", doc="[A | t]: photo from measured")
-    covariance: Float = column("f8", 6, 6, unit="mm and 1", doc="a priori covariance of d0 ... d5, see above")
+    terms: Float = column("f8", 2, unit="mm or 1", doc="e: per squared unit (bilinear), per unit (projective), else 0")
+    covariance: Float = column("f8", 8, 8, unit="mm and 1", doc="a priori covariance of d0 ... d7, see above")
     sigma0: Float = column(
         "f8", doc="a posteriori over a priori standard deviation; NaN without redundancy", optional=True
     )
     redundancy: Int = column("i4", doc="redundancy of the transformation")
+    film_scale: Float = column("f8", 2, unit="1", doc="of the film along x and y; NaN without marks", optional=True)
+    film_shear_rad: Float = column(
+        "f8", unit="rad", doc="by which the y axis of the film leans; NaN without marks", optional=True
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +89,7 @@ class ImagePoints(Artifact):
     """Photo coordinates after interior orientation, and after image refinement."""
 
     kind: ClassVar[str] = "ImagePoints"
-    schema_version: ClassVar[int] = 1
+    schema_version: ClassVar[int] = 2
 
     images: ImageIds = table()
     points: PointIds = table()

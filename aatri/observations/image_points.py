@@ -3,9 +3,10 @@
 v = computed - (measured + corrections), in mm from the principal point. Corrections of the measured coordinates are
 linear in their parameters, K(x, y) p with a constant matrix K per ray: dv/dp = -K. They are
 
-- the film correction that the fiducials of an image leave open, dx = d0 + d1 x + d2 y, dy = d3 + d4 x + d5 y, weighted
-  by the covariance of the interior orientation: common to all points of an image, and without it sigma0 of film comes
-  out too large;
+- the film correction that the fiducials of an image leave open, dx = d0 + d1 x + d2 y, dy = d3 + d4 x + d5 y for an
+  affine interior orientation (4 or 8 parameters for others, `geometry.plane_transformations`), weighted by the
+  covariance of the interior orientation: common to all points of an image, and without it sigma0 of film comes out too
+  large;
 - sets of additional parameters (self-calibration) of a camera, a session or an image.
 
 Rays of cameras with unknown parameters of a non-linear model (`aatri.camera.models.calibration`) take the NumPy lane;
@@ -25,6 +26,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.camera.models import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
+from aatri.geometry.plane_transformations import open_basis
 from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.collinearity_lane import compiled_lane, side_veto
@@ -168,12 +170,27 @@ class CameraRows:
         return CameraRows(self.block[rows], self.model)
 
 
-def film_correction(rows: ImagePointRows, group: str) -> LinearCorrection:
-    """The six film corrections of each image, in photo coordinates from the fiducial centre."""
+def film_correction(
+    rows: ImagePointRows, group: str, model: Text | None = None, axes: Float | None = None, size: int = 6
+) -> LinearCorrection:
+    """The film corrections of each image, in photo coordinates from the fiducial centre.
+
+    Parameters
+    ----------
+    model : (n_images,) str, optional
+        Transformation of each image whose open parameters they are; affine if not given.
+    axes : (n_images, 2, 2) float64, optional
+        Its linear part, from nominal millimetres.
+    size : int
+        How many corrections are carried: those of the largest transformation.
+    """
     photo = rows.xy_mm + rows.principal_point_mm
-    basis = np.zeros((len(photo), 2, 6))
-    basis[:, 0, 0] = basis[:, 1, 3] = 1.0
-    basis[:, 0, 1:3] = basis[:, 1, 4:6] = photo
+    if model is None or axes is None:
+        return LinearCorrection(group, rows.image, open_basis("affine", photo, np.eye(2))[:, :, :size])
+    basis = np.zeros((len(photo), 2, size))
+    for one in np.unique(model):
+        mine = np.flatnonzero(model[rows.image] == one)
+        basis[mine] = open_basis(str(one), photo[mine], axes[rows.image[mine]])[:, :, :size]
     return LinearCorrection(group, rows.image, basis)
 
 

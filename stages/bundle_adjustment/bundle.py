@@ -7,7 +7,7 @@ GNSS positions (X0 + R a, a the lever arm) are observed. Points are eliminated o
 the images are factorised front by front; Gauss-Newton with Levenberg-Marquardt fall-back until the Newton decrement is
 below 1e-3. Standard deviations follow from the exact inverse, a priori (sigma0 = 1).
 
-`interior_unknowns`: each film image carries six more unknowns, the affine film correction that its fiducials leave
+`interior_unknowns`: each film image carries the 4, 6 or 8 unknowns of the film correction that its fiducials leave
 open, weighted by the covariance of its interior orientation. `self_calibration`: a set of additional parameters, a
 correction K(x, y) p added to the measurement, per camera, session or image. `calibration`, a finished bundle of the
 same cameras (a test field), gives the parameters of its set as observations here, with their covariance. Camera models
@@ -82,7 +82,7 @@ class BundleOptions(Options):
     )
     interior_unknowns: bool = Field(
         False,
-        description="carry the affine film correction of each image with measured fiducials as weighted unknowns",
+        description="carry the film correction of each image with measured fiducials as weighted unknowns",
     )
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
 from aatri.adapters.bundle_input import film_parameters
+from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.affine import affine
 from aatri.tables.digest import content_digest
@@ -22,3 +26,18 @@ def test_film_with_measured_fiducials_carries_six_an_image() -> None:
     assert rows is not None
     assert rows.free.shape == (3, 6)
     assert rows.free.all()
+
+
+@pytest.mark.parametrize(("model", "open_"), [("similarity", 4), ("affine", 6), ("bilinear", 8), ("projective", 8)])
+def test_as_many_are_weighted_as_the_transformation_leaves_open(model: str, open_: int) -> None:
+    block = simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0},
+                      camera={"fiducials": 8})  # fmt: skip
+    rows = film_parameters(block, find_stages().card(f"interior_orientation/{model}").function(block))
+    assert rows is not None
+    assert rows.free.shape == (3, open_)
+    assert rows.free.all()
+    assert rows.weighted.all()
+    assert rows.basis is not None
+    # a correction of one standard deviation moves no point of the format by more than some micrometres
+    sigma = np.sqrt(np.einsum("nii->ni", rows.covariance))
+    assert np.abs(rows.basis * sigma[rows.block][:, None]).max() < 0.02

@@ -1,10 +1,11 @@
-"""The stages interior_orientation/affine and calibrated."""
+"""The stages of the role interior_orientation."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, GeometryError, InputError
 from aatri.stages.interior_orientation.affine import AffineOptions, affine
+from aatri.stages.interior_orientation.bilinear import bilinear
 from aatri.stages.interior_orientation.calibrated import calibrated
-from tests.stages.film_blocks import Told, flown, with_marks, without_marks
+from aatri.stages.interior_orientation.projective import projective
+from aatri.stages.interior_orientation.similarity import similarity
+from tests.stages.film_blocks import Told, flown, true_photo_mm, with_marks, without_marks
 
 
 @pytest.fixture(scope="module")
@@ -228,3 +232,69 @@ def test_real_photo_coordinates_of_wucaps_lose_the_principal_point(shared_data: 
     found = affine(wucaps.wucaps(options=options(path=path)))
     # PRECAI.dat: x0 = 0.011, y0 = 0.002
     assert found.corrections.largest_mm.tolist() == pytest.approx([np.hypot(0.011, 0.002)])
+
+
+@pytest.mark.parametrize("variant", [affine, bilinear, projective])
+@pytest.mark.parametrize("marks", [4, 8])
+def test_every_variant_gives_true_photo_coordinates_of_affinely_deformed_film(variant: Any, marks: int) -> None:
+    block = flown(camera={"fiducials": marks}, refraction="none")
+    found = variant(block)
+    assert found.measurements.xy_mm == pytest.approx(true_photo_mm(block), abs=1e-9)
+    # the film as simulated: 2e-4 ... 3e-4 in scale, and a shear
+    assert 1e-5 < np.abs(found.interior.film_scale - 1).max() < 1e-3
+    reference = affine(block).interior
+    assert found.interior.film_scale == pytest.approx(reference.film_scale, abs=1e-9)
+    assert found.interior.film_shear_rad == pytest.approx(reference.film_shear_rad, abs=1e-9)
+
+
+def test_a_similarity_gives_true_photo_coordinates_of_film_without_deformation() -> None:
+    block = flown(camera={}, film={"deformation": False}, refraction="none")
+    found = similarity(block)
+    assert found.measurements.xy_mm == pytest.approx(true_photo_mm(block), abs=1e-9)
+    assert found.interior.redundancy.tolist() == [4] * 10
+    assert found.corrections.largest_mm[0] < 1e-9
+
+
+def test_a_similarity_leaves_the_deformation_and_shows_it_in_sigma0() -> None:
+    block = flown()
+    found = similarity(block)
+    assert np.abs(found.measurements.xy_mm - true_photo_mm(block)).max() > 0.005
+    assert np.nanmean(found.interior.sigma0) > 3
+
+
+@pytest.mark.parametrize("variant", [similarity, affine, bilinear, projective])
+def test_exchanged_and_mirrored_marks_are_told_by_every_variant(block: Block, variant: Any) -> None:
+    """A projective transformation fits any four marks; the numbering is checked apart from it."""
+    with pytest.raises(InputError, match="exchanged") as caught:
+        variant(with_marks(block, 0, lambda xy: xy[[1, 0, 2, 3]]))
+    assert caught.value.remedy == "1 is 2, 2 is 1"
+    with pytest.raises(InputError, match="mirror"):
+        variant(with_marks(block, 3, lambda xy: xy * [1, -1]))
+
+
+def test_marks_both_mirrored_and_exchanged_are_told_with_the_numbers_that_fit() -> None:
+    """Of marks that do not lie symmetrically: of others an exchange alone would explain it."""
+    block = flown(camera={"fiducials": 8}, film={"deformation": False, "rotation_deg": 0.0})
+    fiducials, marks = block.fiducials, block.fiducial_points
+    aside = np.where(fiducials.id == "5", 30.0, 0.0)[:, None] * [0.0, 1.0]
+    block = replace(block, fiducials=replace(fiducials, xy_mm=fiducials.xy_mm + aside),
+                    fiducial_points=replace(marks, xy=marks.xy + aside[marks.fiducial]))  # fmt: skip
+    assert affine(block).interior.sigma0.max() < 1e-6
+    with pytest.raises(InputError, match="mirror image, and with their numbers exchanged") as caught:
+        affine(with_marks(block, 2, lambda xy: (xy * [-1, 1])[[0, 1, 3, 2, 4, 5, 6, 7]]))
+    assert "y: down" in caught.value.remedy
+
+
+def test_three_marks_are_too_few_for_eight_parameters(block: Block) -> None:
+    one = np.flatnonzero(block.fiducial_points.image == 2)[:1]
+    with pytest.raises(GeometryError, match="3 fiducial marks") as caught:
+        projective(without_marks(block, np.isin(np.arange(len(block.fiducial_points)), one)))
+    assert "fewer parameters" in str(caught.value.remedy)
+
+
+def test_one_wrong_mark_among_eight_is_rejected_by_every_variant() -> None:
+    block = flown(camera={"fiducials": 8}, noise=True, film={"deformation": False})
+    row = int(np.flatnonzero(block.fiducial_points.image == 1)[3])
+    broken = with_marks(block, 1, lambda xy: xy + 0.08 * (np.arange(8) == 3)[:, None])
+    for variant in (similarity, affine, bilinear, projective):
+        assert row in variant(broken).suspects.row.tolist()

@@ -10,20 +10,25 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
-from aatri.adapters.interior.film_marks import FilmMarks, nominal_matrix
-from aatri.adapters.interior.photo_coordinates import Transformations
+from aatri.adapters.interior.film_marks import FilmMarks
+from aatri.adapters.interior.mark_numbers import wrong_marks
 from aatri.adapters.interior.suspects import joined, suspects_of
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note, single_misfits
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
-from aatri.errors import AatriError, GeometryError, InputError, raise_all
+from aatri.errors import AatriError, GeometryError, raise_all
+from aatri.geometry.plane_transformations import open_basis
 from aatri.ids import shown
 from aatri.notes import Note
-from aatri.orientation.interior.affine import FEWEST_MARKS, AffineFit
-from aatri.orientation.interior.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
-from aatri.orientation.interior.film_deformation import deformation, prediction_sigma_mm, shear_or_stretch, turn_rad
+from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks
+from aatri.orientation.interior.fiducial_numbering import is_misfit
+from aatri.orientation.interior.film_deformation import (
+    prediction_sigma_mm,
+    scales_and_shear,
+    shear_or_stretch,
+    turn_rad,
+)
 
 MOST_REJECTED = 0.05
 """More film images than this share without interior orientation are an error."""
@@ -32,7 +37,7 @@ LARGEST_SHEAR = 1e-3
 """Affine deformation of film beyond this is unusual."""
 
 
-def check_film(block: Block, marks: FilmMarks, fit: AffineFit, max_sigma0: float) -> tuple[Bool, tuple[Note, ...]]:
+def check_film(block: Block, marks: FilmMarks, fit: FiducialFit, max_sigma0: float) -> tuple[Bool, tuple[Note, ...]]:
     """Which film images can be used, and what is to be said of them.
 
     Parameters
@@ -48,80 +53,44 @@ def check_film(block: Block, marks: FilmMarks, fit: AffineFit, max_sigma0: float
         If more than 5 % of the film images have no interior orientation.
     """
     usable = fit.determined.copy()
-    errors: list[AatriError] = []
+    errors: list[AatriError] = [wrong for wrong in wrong_marks(block, marks) if wrong is not None]
+    raise_all(errors)
     reasons = []
     for k, image in enumerate(marks.image):
-        wrong = _wrong_marks(block, marks, fit, k) if usable[k] else None
-        if wrong is not None:
-            errors.append(wrong)
-        reason = "" if wrong is not None else _reason_to_reject(marks, fit, k, max_sigma0)
+        reason = _reason_to_reject(marks, fit, k, max_sigma0)
         if reason:
             usable[k] = False
             reasons.append(f"{block.images.id[image]} ({reason})")
-    raise_all(errors)
     if len(reasons) > MOST_REJECTED * len(usable):
+        fewest = fewest_marks(fit.model)
         raise GeometryError(
             f"{len(reasons)} of {len(usable)} film images have no interior orientation: {shown(reasons)}",
-            remedy="measure at least three fiducial marks, not on one line, in every film image; four to check them",
+            remedy=f"a transformation that is {fit.model} needs at least {fewest} fiducial marks in every film image, "
+            f"{fewest + 1} to check them, well spread; or take a variant of interior_orientation with fewer parameters",
         )
     return usable, tuple(_notes(block, marks, fit, usable, reasons))
 
 
-def _wrong_marks(block: Block, marks: FilmMarks, fit: AffineFit, k: int) -> InputError | None:
-    """Numbering, mirroring or scale of the marks of one image, if wrong."""
-    present = marks.present[k]
-    calibrated = marks.calibrated_mm[k, present]
-    nominal = marks.measured[k, present] @ marks.nominal[k].T
-    from_nominal = fit.matrix[k, :, :2] @ np.linalg.inv(marks.nominal[k])
-    misfit, mirrored = is_misfit(fit.residual_mm[k, present], calibrated), is_mirrored(from_nominal)
-    scale = "" if misfit else scale_problem(from_nominal)
-    rows = marks.row[k, present]
-    marked = block.fiducial_points
-    where = read_at(block, marked, int(rows[0]))
-    image = f"image {block.images.id[marks.image[k]]}"
-    if scale:
-        return InputError(
-            f"{image}: {scale}",
-            where=where,
-            remedy="check the pixel size and the unit of the fiducial coordinates of the camera",
-        )
-    if not (misfit or mirrored):
-        return None
-    numbering = renumbering(nominal, calibrated)
-    names = block.fiducials.id[marked.fiducial[rows]]
-    mapping = "" if numbering is None else ", ".join(f"{a} is {b}" for a, b in zip(names, names[numbering]) if a != b)
-    if mirrored and not misfit:
-        also = f", or exchange numbers: {mapping}" if mapping else ""
-        return InputError(
-            f"{image}: its fiducial marks fit only as a mirror image",
-            where=where,
-            remedy=f"check pixel: {{y: down}} or {{y: up}} of the camera (a comparator counts y up){also}",
-        )
-    if not mapping:
-        return None
-    return InputError(f"{image}: the numbers of its fiducial marks are exchanged", where=where, remedy=mapping)
-
-
-def _reason_to_reject(marks: FilmMarks, fit: AffineFit, k: int, max_sigma0: float) -> str:
+def _reason_to_reject(marks: FilmMarks, fit: FiducialFit, k: int, max_sigma0: float) -> str:
     count = int(marks.present[k].sum())
-    if count < FEWEST_MARKS:
+    if count < fewest_marks(fit.model):
         return f"{count} fiducial marks"
     if not fit.determined[k]:
-        return "fiducial marks on one line"
+        return f"its fiducial marks are on one line, or determine no {fit.model} transformation"
     used = fit.used[k]
     if is_misfit(fit.residual_mm[k, used], marks.calibrated_mm[k, used]):
-        return f"no affine transformation fits its marks, residual {np.nanmax(np.abs(fit.residual_mm[k])):.2f} mm"
+        return f"no {fit.model} transformation fits its marks, residual {np.nanmax(np.abs(fit.residual_mm[k])):.2f} mm"
     if fit.sigma0[k] > max_sigma0:
         return f"sigma0 {fit.sigma0[k]:.1f}, beyond max_sigma0 = {max_sigma0:g}"
     return ""
 
 
-def misfits(fit: AffineFit, usable: Bool) -> Bool:
+def misfits(fit: FiducialFit, usable: Bool) -> Bool:
     """Images whose marks do not fit, at the level 0.05 / count."""
     return single_misfits(np.where(usable, fit.sigma0, np.nan), fit.redundancy)
 
 
-def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bool, reasons: list[str]) -> Iterator[Note]:
+def _notes(block: Block, marks: FilmMarks, fit: FiducialFit, usable: Bool, reasons: list[str]) -> Iterator[Note]:
     ids = block.images.id[marks.image]
     if reasons:
         yield Note("warning", f"{len(reasons)} film images are not used, without interior orientation", tuple(reasons))
@@ -131,7 +100,8 @@ def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bool, reasons
         )
     exact = usable & (fit.redundancy == 0)
     if exact.any():
-        yield Note("warning", "only three fiducial marks, no check of their measurement", tuple(ids[exact].tolist()))
+        count = ("no", "one", "two", "three", "four")[fewest_marks(fit.model)]
+        yield Note("warning", f"only {count} fiducial marks, no check of their measurement", tuple(ids[exact].tolist()))
     high = misfits(fit, usable)
     if high.any():
         told = tuple(f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high]))
@@ -141,12 +111,22 @@ def _notes(block: Block, marks: FilmMarks, fit: AffineFit, usable: Bool, reasons
         names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
         told = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
         yield Note("warning", f"{len(told)} fiducial marks are rejected", told)
-    linear = fit.matrix[:, :, :2] @ np.linalg.inv(marks.nominal)
+    linear = fit.photo_from_nominal
+    if usable.any():
+        yield _film_note(linear[usable])
     skewed = usable & (shear_or_stretch(linear) > LARGEST_SHEAR)
     if skewed.any():
         text = "film deformed by more than 1e-3 (shear or unequal scales)"
         yield Note("warning", text, tuple(ids[skewed].tolist()))
     yield from _turned_scans(block, marks, linear, usable)
+
+
+def _film_note(linear: Float) -> Note:
+    scale, shear = scales_and_shear(linear)
+    (x0, y0), (x1, y1) = scale.min(axis=0), scale.max(axis=0)
+    seconds = np.rad2deg(np.abs(shear).max()) * 3600
+    text = f"film: scale in x {x0:.6f} to {x1:.6f}, in y {y0:.6f} to {y1:.6f}, shear up to {seconds:.1f} seconds of arc"
+    return Note("note", text)
 
 
 def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bool) -> Iterator[Note]:
@@ -164,13 +144,14 @@ def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bool) -
             yield Note("warning", text, tuple(block.images.id[marks.image[turned]].tolist()))
 
 
-def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit) -> Suspects:
+def film_suspects(block: Block, marks: FilmMarks, fit: FiducialFit) -> Suspects:
     """Marks rejected, images not used, images with a large sigma0."""
     ids = block.images.id[marks.image]
     image, slot = np.nonzero(fit.determined[:, None] & marks.present & ~fit.used)
     rows = marks.row[image, slot]
     size = np.sqrt((fit.residual_mm[image, slot] ** 2).sum(axis=1))
-    sigma = prediction_sigma_mm(fit.covariance[image], marks.calibrated_mm[image, slot], marks.sigma_mm[image, slot])
+    K = open_basis(fit.model, marks.calibrated_mm[image, slot], fit.photo_from_nominal[image])
+    sigma = prediction_sigma_mm(K, fit.covariance[image], marks.sigma_mm[image, slot])
     rejected = suspects_of(
         kind="fiducial",
         row=rows,
@@ -191,20 +172,3 @@ def film_suspects(block: Block, marks: FilmMarks, fit: AffineFit) -> Suspects:
             verdict="kept",
         ),
     )  # fmt: skip
-
-
-def film_deformation(block: Block, transformations: Transformations) -> Float:
-    """Per image the matrix that gives the film deformation at a photo coordinate, about the fiducial centre.
-
-    Photo coordinates by the affine transformation minus those by its rotation and the nominal scale alone.
-
-    Returns
-    -------
-    (n, 2, 2) float64
-    """
-    change = np.zeros((len(block.images), 2, 2))
-    film = np.flatnonzero((transformations.model == "affine") & np.isfinite(transformations.matrix).all(axis=(1, 2)))
-    if len(film):
-        nominal = np.array([nominal_matrix(block, int(k)) for k in block.images.camera[film]])
-        change[film] = deformation(transformations.matrix[film, :, :2] @ np.linalg.inv(nominal))
-    return change

@@ -13,7 +13,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
-from aatri.orientation.interior.affine import AffineFit
+from aatri.orientation.interior.fiducial_fit import FiducialFit
+from aatri.orientation.interior.film_deformation import scales_and_shear
 
 
 @dataclass(frozen=True)
@@ -96,19 +97,21 @@ def nominal_matrix(block: Block, camera: int) -> Float:
     return centred[:, :2]
 
 
-def with_film_transformations(others: Transformations, marks: FilmMarks, fit: AffineFit) -> Transformations:
+def with_film_transformations(others: Transformations, marks: FilmMarks, fit: FiducialFit) -> Transformations:
     """The transformations of all images: those of the film images put in their rows."""
     good, rows = fit.determined, marks.image[fit.determined]
     model = others.model.copy()
-    model[marks.image] = "affine"
+    model[marks.image] = fit.model
     matrix, covariance = others.matrix.copy(), others.covariance.copy()
+    terms, scale, shear = others.terms.copy(), others.film_scale.copy(), others.film_shear_rad.copy()
     sigma0, redundancy = others.sigma0.copy(), others.redundancy.copy()
-    matrix[rows], covariance[rows] = fit.matrix[good], fit.covariance[good]
+    matrix[rows], covariance[rows], terms[rows] = fit.matrix[good], fit.covariance[good], fit.terms[good]
+    scale[rows], shear[rows] = scales_and_shear(fit.photo_from_nominal[good])
     sigma0[rows], redundancy[rows] = fit.sigma0[good], fit.redundancy[good].astype(np.int32)
-    return Transformations(model, matrix, covariance, sigma0, redundancy)
+    return Transformations(model, matrix, terms, covariance, sigma0, redundancy, scale, shear)
 
 
-def film_residuals(block: Block, marks: FilmMarks, fit: AffineFit) -> FiducialResiduals:
+def film_residuals(block: Block, marks: FilmMarks, fit: FiducialFit) -> FiducialResiduals:
     """Residuals of the marks of images with redundancy: without it they are zero by construction and say nothing."""
     told = marks.present & (fit.determined & (fit.redundancy > 0))[:, None]
     rows = marks.row[told].astype(np.int32)

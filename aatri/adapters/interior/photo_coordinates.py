@@ -23,6 +23,7 @@ from aatri.artifacts.image_points import (
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
+from aatri.geometry.plane_transformations import MOST_PARAMETERS, transform_plane
 from aatri.ids import shown
 from aatri.notes import Note
 
@@ -44,16 +45,23 @@ class Transformations:
     ----------
     model : (n,) str
     matrix : (n, 2, 3) float64, 1 and mm
-    covariance : (n, 6, 6) float64, mm and 1
+    terms : (n, 2) float64
+        See `geometry.plane_transformations`.
+    covariance : (n, 8, 8) float64, mm and 1
     sigma0 : (n,) float64
     redundancy : (n,) int32
+    film_scale : (n, 2) float64
+    film_shear_rad : (n,) float64, rad
     """
 
     model: Text
     matrix: Float
+    terms: Float
     covariance: Float
     sigma0: Float
     redundancy: Int
+    film_scale: Float
+    film_shear_rad: Float
 
 
 def image_points_of(
@@ -68,8 +76,8 @@ def image_points_of(
 
     Parameters
     ----------
-    film_deformation : (n, 2, 2) float64, optional
-        Per image: photo coordinates times this are the film deformation taken out by the transformation.
+    film_deformation : (n, 2, 3) float64, optional
+        Per image of measured film the transformation without deformation, a turn at nominal scale; NaN for others.
 
     Raises
     ------
@@ -79,7 +87,7 @@ def image_points_of(
     measured = block.image_points
     matrix = transformations.matrix[measured.image]
     camera = block.images.camera[measured.image]
-    photo = np.einsum("nij,nj->ni", matrix[:, :, :2], measured.xy) + matrix[:, :, 2]
+    photo = _transformed(transformations, measured.image, measured.xy)
     active = measured.active & np.isfinite(photo).all(axis=1)
     outside = active & ~_inside_format(block, photo, camera)
     _refuse_mostly_outside(block, active, outside)
@@ -87,8 +95,9 @@ def image_points_of(
     active &= ~outside
     corrections = {}
     if film_deformation is not None:
-        deformation = np.einsum("nij,nj->ni", film_deformation[measured.image], photo)
-        corrections["film_deformation"] = _largest(deformation, active)
+        rigid = film_deformation[measured.image]
+        undeformed = np.einsum("nij,nj->ni", rigid[:, :, :2], measured.xy) + rigid[:, :, 2]
+        corrections["film_deformation"] = _largest(np.nan_to_num(photo - undeformed), active)
     corrections["principal_point"] = _largest(principal_point, active)
     oriented = np.flatnonzero(np.isfinite(transformations.matrix).all(axis=(1, 2))).astype(np.int32)
     made = ImagePoints(
@@ -105,9 +114,12 @@ def image_points_of(
             image=oriented,
             model=transformations.model[oriented],
             matrix=transformations.matrix[oriented],
+            terms=transformations.terms[oriented],
             covariance=transformations.covariance[oriented],
             sigma0=transformations.sigma0[oriented],
             redundancy=transformations.redundancy[oriented],
+            film_scale=transformations.film_scale[oriented],
+            film_shear_rad=transformations.film_shear_rad[oriented],
         ),
         fiducial_residuals=fiducial_residuals,
         corrections=Corrections(name=np.array(list(corrections)), largest_mm=np.array(list(corrections.values()))),
@@ -132,10 +144,24 @@ def calibrated_transformations(block: Block, images: Int) -> Transformations:
     return Transformations(
         model=np.full(n, "calibrated"),
         matrix=matrix,
-        covariance=np.zeros((n, 6, 6)),
+        terms=np.zeros((n, 2)),
+        covariance=np.zeros((n, MOST_PARAMETERS, MOST_PARAMETERS)),
         sigma0=np.full(n, np.nan),
         redundancy=np.zeros(n, dtype=np.int32),
+        film_scale=np.full((n, 2), np.nan),
+        film_shear_rad=np.full(n, np.nan),
     )
+
+
+def _transformed(transformations: Transformations, image: Int, uv: Float) -> Float:
+    """Photo coordinates of measured points, each by the transformation of its image."""
+    xy = np.empty((len(uv), 2))
+    models = transformations.model[image]
+    for model in np.unique(models):
+        rows = np.flatnonzero(models == model)
+        matrix, terms = transformations.matrix[image[rows]], transformations.terms[image[rows]]
+        xy[rows] = transform_plane(str(model), matrix, terms, uv[rows, None])[:, 0]
+    return xy
 
 
 def _calibrated_matrix(block: Block, camera: int) -> Float:

@@ -10,6 +10,7 @@ _BY_NAME = {
     **dict.fromkeys(("principal_distance", "principal_point.x", "principal_point.y", "c", "x0", "y0"), "mm"),
     **dict.fromkeys(("film correction d0", "film correction d3"), "mm"),
     **dict.fromkeys((f"film correction d{k}" for k in (1, 2, 4, 5)), "1"),
+    **dict.fromkeys(("film correction d6", "film correction d7"), "1/mm"),
     "tau_m": "m",
 }
 

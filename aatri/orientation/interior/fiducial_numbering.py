@@ -4,7 +4,7 @@ The measured marks, brought to millimetres with x right and y up by the nominal 
 the calibrated ones by a motion and a film deformation of a few parts in a thousand. A scan may lie on its side, so
 every rotation is in order; what is not:
 
-- mirrored: the determinant of the transformation is negative;
+- mirrored: the marks fit a similarity only with one axis reversed;
 - scale: further than 2 % from nominal; 25.4 or 1000 tells which unit was meant;
 - numbering: the marks fit with their numbers exchanged, but not as given. Marks and calibration, both reduced to their
   centroids (which no exchange of numbers moves), are compared under the four right-angle turns, without and with
@@ -46,11 +46,6 @@ def scale_problem(matrix_from_nominal: Float) -> str:
         if abs(scale / known - 1.0) <= SCALE_TOLERANCE:
             return f"the scale is {scale:.6g} instead of 1: {meaning}?"
     return f"the scale is {scale:.6g} instead of 1"
-
-
-def is_mirrored(matrix_from_nominal: Float) -> bool:
-    """Whether the transformation photo from nominal millimetres mirrors."""
-    return bool(np.linalg.det(matrix_from_nominal) < 0)
 
 
 def is_misfit(residual_mm: Float, calibrated_mm: Float) -> bool:

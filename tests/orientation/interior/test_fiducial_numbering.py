@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.orientation.interior.fiducial_numbering import is_mirrored, is_misfit, renumbering, scale_problem
+from aatri.orientation.interior.fiducial_numbering import is_misfit, renumbering, scale_problem
 
 CORNERS = np.array([[106.0, -106.0], [-106.0, -106.0], [-106.0, 106.0], [106.0, 106.0]])
 EIGHT = np.concatenate([CORNERS, [[112.0, 0.0], [-112.0, 0.0], [0.0, 112.0], [0.0, -112.0]]])
@@ -48,8 +48,6 @@ def test_scales(scale: float, told: str) -> None:
     assert bool(found) == bool(told)
 
 
-def test_mirrors_and_misfits() -> None:
-    assert is_mirrored(np.diag([1.0, -1.0]))
-    assert not is_mirrored(np.diag([-1.0, -1.0]))
+def test_misfits() -> None:
     assert is_misfit(np.array([[0.0, 5.0]] * 4), CORNERS)
     assert not is_misfit(np.array([[0.0, 0.5]] * 4), CORNERS)

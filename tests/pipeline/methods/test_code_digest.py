@@ -51,7 +51,7 @@ def test_the_closure_holds_what_is_reached_and_nothing_else(toy: Path) -> None:
 def test_a_built_in_stage_reaches_its_library_and_not_the_pipeline() -> None:
     path = PACKAGE.parent / "stages" / "interior_orientation" / "affine.py"
     files = CodeReader(Cache(None)).code_of("aatri.stages.interior_orientation.affine", path).files
-    assert {"aatri.orientation.interior.affine", "aatri.plugin", "aatri.tables.schema"} <= set(files)
+    assert {"aatri.orientation.interior.fiducial_fit", "aatri.plugin", "aatri.tables.schema"} <= set(files)
     assert not [name for name in files if name.startswith(("aatri.pipeline", "aatri.cli", "aatri.report"))]
 
 

@@ -64,8 +64,9 @@ def helmert(block: Block, *, options: HelmertOptions = HelmertOptions(), context
                                   sigma_mm=given.sigma_mm, active=given.active),
         interior=Interior(image=np.arange(n), model=np.full(n, "similarity"),
                           matrix=np.stack([xy(p), xy(1j * p), xy(q)], axis=-1),
+                          terms=np.zeros((n, 2)), sigma0=sigma0, redundancy=redundancy,
                           covariance=left_open(total(g).real, total(g * abs(dz) ** 2).real, z0),
-                          sigma0=sigma0, redundancy=redundancy),
+                          film_scale=np.tile(1 / abs(p)[:, None], 2), film_shear_rad=np.zeros(n)),
         fiducial_residuals=FiducialResiduals(row=np.arange(len(marks)), image=marks.image, residual_mm=xy(residual),
                                              fiducial=block.fiducials.id[marks.fiducial],
                                              active=np.full(len(marks), True)),
@@ -80,8 +81,10 @@ def xy(z):
 
 
 def left_open(weight_q, weight_p, z0):
-    """Covariance of d0 ... d5, dx = d0 + d1 x + d2 y, dy = d3 + d4 x + d5 y, from dz = dq + dp (z - z0)."""
+    """Covariance of d0 ... d3, dx = d0 + d1 x - d2 y, dy = d3 + d2 x + d1 y, from dz = dq + dp (z - z0)."""
     o, i, x, y = 0 * z0.real, 1 + 0 * z0.real, z0.real, z0.imag
-    by_qp = np.array([[i, o, -x, y], [o, o, i, o], [o, o, o, -i], [o, i, -y, -x], [o, o, o, i], [o, o, i, o]])
+    by_qp = np.array([[i, o, -x, y], [o, o, i, o], [o, o, o, i], [o, i, -y, -x]])
     variance = 1 / np.array([weight_q, weight_q, weight_p, weight_p])
-    return np.einsum("ijn,jn,kjn->nik", by_qp, variance, by_qp)
+    found = np.zeros((len(z0), 8, 8))
+    found[:, :4, :4] = np.einsum("ijn,jn,kjn->nik", by_qp, variance, by_qp)
+    return found
