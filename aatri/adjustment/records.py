@@ -75,8 +75,8 @@ class Records:
     @property
     def observations(self) -> int:
         """Number of scalar observations in use."""
-        used = self.whitener if self.whitener.ndim == 2 else np.abs(self.whitener).max(axis=2)
-        return int(np.count_nonzero(used[self.active]))
+        used = self.observed_components()
+        return int(np.count_nonzero(used if self.active.all() else used[self.active]))
 
     def standardised(self, state: State) -> Float:
         """Size of each record's largest whitened residual, (n,); 0 where inactive."""
@@ -85,8 +85,12 @@ class Records:
 
     def observed_components(self) -> Bool:
         """Which components of each record are observed, (n, m)."""
-        w = self.whitener if self.whitener.ndim == 2 else np.abs(self.whitener).max(axis=2)
-        return np.asarray(w > 0)
+        if self.whitener.ndim == 2:
+            return np.asarray(self.whitener > 0)
+        used = self.whitener[:, :, 0] != 0
+        for column in range(1, self.rows):
+            used |= self.whitener[:, :, column] != 0
+        return np.asarray(used)
 
     def sigmas(self) -> Float:
         """Standard deviations a priori, (n, m); NaN where a component is not observed."""

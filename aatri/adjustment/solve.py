@@ -20,7 +20,7 @@ import numpy as np
 from aatri.adjustment.constraints import factorise_constrained
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.diagnosis import refuse_undetermined
-from aatri.adjustment.elimination.backsolve import steps
+from aatri.adjustment.elimination.backsolve import cost_of, steps
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.records import keys_of
 from aatri.adjustment.statistics.record_tests import RecordTests, tests_of_records
@@ -42,28 +42,33 @@ class Solved:
     state : dict
         After the step.
     factored : Factored
-    cost : float
-        v'v at the state.
     departure : float
-        Largest difference of a residual from the linear model, in its standard deviations.
+        Largest difference of a residual from the linear model, in its standard deviations; 0 where all records are
+        linear.
     observations, n_unknowns, redundancy : int
-    sigma0 : float
-        sqrt(v'v / redundancy); NaN without redundancy.
     """
 
     problem: IndexedProblem
     state: dict[str, Any]
     factored: Factored
-    cost: float
     departure: float
     observations: int
     n_unknowns: int
     redundancy: int
-    sigma0: float
+
+    @cached_property
+    def cost(self) -> float:
+        """v'v at the state."""
+        return cost_of(self.problem, self.state)
+
+    @property
+    def sigma0(self) -> float:
+        """sqrt(v'v / redundancy); NaN without redundancy."""
+        return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else float("nan")
 
     @cached_property
     def _covariances(self) -> Covariances:
-        return covariances_at(self.problem, self.state, self.factored)
+        return covariances_at(self.problem, self.state, self.factored, residuals=True)
 
     def covariances(self, *, blocks: bool = True) -> Covariances:
         """Marginal covariances, a priori; without `blocks` those of the kept unknowns alone."""
@@ -71,8 +76,9 @@ class Solved:
 
     def tests(self) -> dict[str, RecordTests]:
         """Tests of all records by key of their type, predicted where not active; constraints are not tested."""
-        observed, known = self.problem.observed, self._covariances.records
-        return {key: tests_of_records(r, self.state, c) for key, r, c in zip(keys_of(observed), observed, known)}
+        observed, found = self.problem.observed, self._covariances
+        each = zip(keys_of(observed), observed, found.records, found.whitened)
+        return {key: tests_of_records(r, self.state, c, v) for key, r, c, v in each}
 
     def reduced_normals(self) -> ReducedNormals:
         """Normal equations of the kept unknowns at the state, blocks eliminated, before Cholesky."""
@@ -106,7 +112,6 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
         refuse_undetermined(problem, state, factored)
     step = steps(problem, factored, state)
     after = retract_state(problem.unknowns, state, step)
-    departure, cost = after_step(problem, state, after, step)
-    observations, n_unknowns, redundancy = counts(problem)
-    sigma0 = float(np.sqrt(cost / redundancy)) if redundancy > 0 else float("nan")
-    return Solved(problem, after, factored, cost, departure, observations, n_unknowns, redundancy, sigma0)
+    linear = all(r.linear for r in problem.records)
+    departure = 0.0 if linear else after_step(problem, state, after, step)[0]
+    return Solved(problem, after, factored, departure, *counts(problem))

@@ -38,4 +38,5 @@ def value_records(
         return np.where(used[rows], state[group][block[rows]] - target[rows], 0.0), (derivative[rows],)
 
     active = np.asarray(used.any(axis=1))
-    return Records(name, ((group, block),), evaluate, whitener_of_covariances(covariance, used), active)
+    whitener = whitener_of_covariances(covariance, used)
+    return Records(name, ((group, block),), evaluate, whitener, active, linear=True)

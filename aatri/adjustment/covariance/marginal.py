@@ -28,6 +28,7 @@ from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.kernels.covariance_sized import covariances
+from aatri.adjustment.records import predicted
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
@@ -53,12 +54,15 @@ class Covariances:
         block that is touched takes no part.
     gains : tuple of Gains
         How errors of each record move the blocks it touches; nothing where not asked for.
+    whitened : tuple of (n, m) float64
+        Whitened residuals of all records, active or not, where they were asked for.
     """
 
     groups: dict[str, Float]
     rays: Float
     records: tuple[Float, ...]
     gains: tuple[Gains, ...] = ()
+    whitened: tuple[Float, ...] = ()
 
 
 def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: Collection[str] = ()) -> Covariances:
@@ -80,11 +84,15 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: C
 
 
 def covariances_at(
-    problem: IndexedProblem, state: State, factored: Factored, *, blocks: bool = True, gains_of: Collection[str] = ()
-) -> Covariances:
-    """Covariances of all unknowns at a state, from the factor of the linearisation there."""
+    problem: IndexedProblem, state: State, factored: Factored, *, blocks: bool = True, gains_of: Collection[str] = (),
+    residuals: bool = False,
+) -> Covariances:  # fmt: skip
+    """Covariances of all unknowns at a state, from the factor of the linearisation there.
+
+    `residuals` asks for those of the records too, which cost nothing on the way; it needs `blocks`.
+    """
     reduction = covariance_reduction(problem, factored, state)
-    down = _Down(problem, state, factored, blocks, gains_of)
+    down = _Down(problem, state, factored, blocks, gains_of, residuals)
     down.run()
     found = down.result()
     reduce_covariances(problem, state, reduction, found.groups, found.records, found.gains)
@@ -98,9 +106,11 @@ class _Down:
     """The way down the tree; a front's covariance lives until its children have taken their parts."""
 
     def __init__(
-        self, problem: IndexedProblem, state: State, factored: Factored, blocks: bool, gains_of: Collection[str]
-    ) -> None:
-        self.problem, self.state, self.factored, self.blocks = problem, state, factored, blocks
+        self, problem: IndexedProblem, state: State, factored: Factored, blocks: bool, gains_of: Collection[str],
+        residuals: bool,
+    ) -> None:  # fmt: skip
+        self.problem, self.state, self.factored = problem, state, factored
+        self.blocks, self.residuals = blocks, residuals
         n_vertices = len(problem.layout.size)
         largest = int(problem.layout.size.max(initial=0))
         self.vertex_covariance = np.zeros((n_vertices, largest, largest))
@@ -111,7 +121,8 @@ class _Down:
         self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
         self.fill = problem.predicting_lane(state) if rays is not None and blocks else None
         self.active = taken(rays.records.active, rays.rows) if rays is not None else np.zeros(0, dtype=bool)
-        self.kept = [(k, predicted_side_by_side(k, problem.layout, state)[1]) for k in problem.kept] if blocks else []
+        self.ray_residual = np.empty(self.ray.shape[:2] if residuals else (0, m))
+        self.kept = [(k, *predicted_side_by_side(k, problem.layout, state)) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.gains = tuple(empty_gains(r, problem, gains_of) for r in problem.records) if gains_of else ()
         self.boundary: dict[int, Float] = {}
@@ -139,7 +150,7 @@ class _Down:
             self.vertex_covariance[node.vertices[i], : b - a, : b - a] = S[a:b, a:b]
         row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)
         row_of[node.columns] = np.arange(node.size)
-        for kept, jacobians in self.kept:
+        for kept, _, jacobians in self.kept:
             place = place_of(self.problem, kept.records)
             gains = self.gains[place] if self.gains else None
             kept_covariances(self.problem, kept, jacobians, k, row_of, S, self.of_records[place], gains)
@@ -156,8 +167,10 @@ class _Down:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
-        for p0, p1, _, A, B in linearised(self.problem, self.fill, some):
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, some):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+            if self.residuals:
+                self.ray_residual[base:last] = v
             active = self.active[base:last]
             X = np.empty((last - base if self.gains else 0, A.shape[2], 3))
             if of_one_part(rays.parts):
@@ -200,4 +213,16 @@ class _Down:
             for r, found in zip(self.problem.records, self.of_records):
                 for number in (b for group, b in r.touches if group == name and aside.any()):
                     found[aside[number]] = np.nan
-        return Covariances(groups, of_rays, self.of_records, self.gains)
+        return Covariances(groups, of_rays, self.of_records, self.gains, self._whitened() if self.residuals else ())
+
+    def _whitened(self) -> tuple[Float, ...]:
+        """Whitened residuals of all records."""
+        problem = self.problem
+        found = tuple(np.full((len(r.active), r.rows), np.nan) for r in problem.records)
+        if problem.rays is not None:
+            found[place_of(problem, problem.rays.records)][problem.rays.rows] = self.ray_residual
+        for kept, v, _ in self.kept:
+            found[place_of(problem, kept.records)][kept.rows] = v
+        for records, rows, _ in problem.direct:
+            found[place_of(problem, records)][rows] = predicted(records, self.state, rows)[0]
+        return found

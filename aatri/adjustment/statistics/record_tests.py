@@ -15,6 +15,7 @@ Source: Baarda 1968; Foerstner 1980; docs/formulas.md 7.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,33 +33,65 @@ class RecordTests:
 
     Attributes
     ----------
-    name : str
-    active : (n,) bool
-    v : (n, m) float64
-        Residuals, computed minus observed, in units of the observation.
+    records : Records
+    state : mapping
+        The solution.
     whitened : (n, m) float64
-    w : (n, m) float64
-        Of single whitened components: v / sqrt(r), or v / sqrt(1 + h) where predicted; NaN where uncontrolled.
-    size : (n, m) float64
-        Estimated gross error, observed minus what it should be, whitened.
-    test : (n,) float64
-        Statistic of the record; NaN where uncontrolled or not known.
+        Whitened residuals, computed minus observed.
     redundancy : (n, m, m) float64
         I - H where active; of inactive records P = I + H, the cofactor of the prediction error. Zero for components
         that are not observed, NaN where not known.
     """
 
-    name: str
-    active: Bool
-    v: Float
+    records: Records
+    state: State
     whitened: Float
-    w: Float
-    size: Float
-    test: Float
     redundancy: Float
 
+    @property
+    def name(self) -> str:
+        """Of the observation type."""
+        return self.records.name
 
-def tests_of_records(records: Records, state: State, adjusted_covariance: Float) -> RecordTests:
+    @property
+    def active(self) -> Bool:
+        """(n,)."""
+        return self.records.active
+
+    @cached_property
+    def v(self) -> Float:
+        """Residuals, computed minus observed, in units of the observation, (n, m)."""
+        return self.records.residuals(self.state)
+
+    @cached_property
+    def w(self) -> Float:
+        """Of single whitened components: v / sqrt(r), or v / sqrt(1 + h) where predicted; NaN where uncontrolled."""
+        diagonal = np.einsum("nii->ni", self.redundancy)
+        tested = self.records.observed_components() & (diagonal > UNCONTROLLED)
+        return np.where(tested, self.whitened / np.sqrt(np.where(tested, diagonal, 1.0)), np.nan)
+
+    @property
+    def size(self) -> Float:
+        """Estimated gross error, observed minus what it should be, whitened, (n, m)."""
+        return self._size_and_test[0]
+
+    @property
+    def test(self) -> Float:
+        """Statistic of the record, (n,); NaN where uncontrolled or not known."""
+        return self._size_and_test[1]
+
+    @cached_property
+    def _size_and_test(self) -> tuple[Float, Float]:
+        n, m = self.whitened.shape
+        size, test = np.empty((n, m)), np.empty(n)
+        arrays = (self.whitened, self.redundancy, self.records.observed_components(), self.active)
+        in_threads(n, lambda first, last: test_records(first, last, *arrays, UNCONTROLLED, size, test))
+        return size, test
+
+
+def tests_of_records(
+    records: Records, state: State, adjusted_covariance: Float, whitened: Float | None = None
+) -> RecordTests:
     """Test all records of one type.
 
     Parameters
@@ -68,18 +101,17 @@ def tests_of_records(records: Records, state: State, adjusted_covariance: Float)
         The solution.
     adjusted_covariance : (n, m, m) float64
         Covariance of their whitened adjusted or predicted values, see `marginal_covariances`.
+    whitened : (n, m) float64, optional
+        Their whitened residuals, where they are known.
     """
-    n, m = len(records.active), records.rows
-    v, observed = records.residuals(state), records.observed_components()
-    whitener = records.whitener
-    whitened = whitener * v if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, v)
-    sign = np.where(records.active, -1.0, 1.0)[:, None, None]
-    both = observed[:, :, None] & observed[:, None, :]
-    cofactor = np.where(both, np.eye(m) + sign * adjusted_covariance, 0.0)
-    diagonal = np.einsum("nii->ni", cofactor)
-    tested = observed & (diagonal > UNCONTROLLED)
-    w = np.where(tested, whitened / np.sqrt(np.where(tested, diagonal, 1.0)), np.nan)
-    size, test = np.empty((n, m)), np.empty(n)
-    arrays = (np.ascontiguousarray(whitened), np.ascontiguousarray(cofactor), observed, records.active)
-    in_threads(n, lambda first, last: test_records(first, last, *arrays, UNCONTROLLED, size, test))
-    return RecordTests(records.name, records.active, v, whitened, w, size, test, cofactor)
+    if whitened is None:
+        v, whitener = records.residuals(state), records.whitener
+        whitened = whitener * v if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, v)
+    cofactor = -adjusted_covariance
+    inactive = np.flatnonzero(~records.active)
+    cofactor[inactive] = adjusted_covariance[inactive]
+    np.einsum("nii->ni", cofactor)[:] += 1.0
+    observed = records.observed_components()
+    if not observed.all():
+        cofactor[~(observed[:, :, None] & observed[:, None, :])] = 0.0
+    return RecordTests(records, state, np.ascontiguousarray(whitened), np.ascontiguousarray(cofactor))

@@ -81,18 +81,15 @@ def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snoo
     tau, robust, rounds, settled = 0.0, True, 1, False
     solved = solve(None, use, tau)
     while rounds < ROUNDS:
-        test = solved.test
         new = solved.added_sigma(robust=robust)
-        wrong = clearest(rule, pool, test, use, solved.controlled)
-        back = ~readmitted & (fitting(rule, test, use) | stranded(pool, test, use))
         if abs(new - tau) > SETTLED * max(new, tau):
             tau = new
-        elif wrong.any():
+        elif (wrong := clearest(rule, pool, solved.test, use, solved.controlled)).any():
             use = use & ~wrong
         elif robust and new > 0:
             robust = False
             continue
-        elif back.any():
+        elif (back := ~readmitted & (fitting(rule, solved.test, use) | stranded(pool, solved.test, use))).any():
             use, readmitted = use | back, readmitted | back
         else:
             settled = True

@@ -12,15 +12,19 @@ that with the least sum of distances (geometry.similarity), which wrong points h
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.similarity import IDENTITY, Similarity, compose, robust_closed_form
+from aatri.geometry.similarity import IDENTITY, Similarity, compose
+from aatri.orientation.free_block.kernels.robust_similarity import robust_similarities
 
 WEAKEST_RAD = 0.05
 """A tie whose weakest rotation is known worse than this joins nothing."""
+
+ITERATIONS = 50
 
 
 @dataclass(frozen=True)
@@ -64,12 +68,22 @@ class _Body:
     count: Float
 
 
+@dataclass(frozen=True)
+class _Common:
+    """Common points of two components, in the frame of the second and of the first, and their variances."""
+
+    source: Float
+    target: Float
+    source_variance: Float
+    target_variance: Float
+
+
 def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Similarity], dict[tuple[int, int], Tie]]:
     """Join components pair by pair, the best tied first; returns label, pose of every strip and the ties left over."""
     member = np.arange(n_strips)
     pose = [IDENTITY] * n_strips
     bodies = {k: _body(points, k) for k in range(n_strips)}
-    ties = {(a, b): _tie(bodies[a], bodies[b]) for a, b in _neighbours(points, n_strips)}
+    ties = _ties(bodies, _neighbours(points, n_strips))
     while True:
         good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.sigma_rad <= WEAKEST_RAD]
         if not good:
@@ -83,10 +97,8 @@ def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Simil
         ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
         held = np.zeros(int(points.point.max()) + 1, dtype=bool)
         held[bodies[a].point] = True
-        for label in np.unique(member[points.strip[held[points.point]]]).tolist():
-            if label != a:
-                pair = (min(a, label), max(a, label))
-                ties[pair] = _tie(bodies[pair[0]], bodies[pair[1]])
+        near = np.unique(member[points.strip[held[points.point]]]).tolist()
+        ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near if label != a])
 
 
 def _neighbours(points: StripPoints, n_strips: int) -> list[tuple[int, int]]:
@@ -125,20 +137,52 @@ def _summed(point: Int, xyz: Float, variance: Float, count: Float) -> _Body:
     return _Body(distinct, sums[:, :3], sums[:, 3], sums[:, 4])
 
 
-def _tie(a: _Body, b: _Body) -> Tie:
-    """The similarity from component b to component a, and how well it is determined."""
-    _, first, second = np.intersect1d(a.point, b.point, assume_unique=True, return_indices=True)
-    X, variance_a = a.xyz[first] / a.count[first, None], a.variance[first] / a.count[first] ** 2
-    x, variance_b = b.xyz[second] / b.count[second, None], b.variance[second] / b.count[second] ** 2
-    if len(X) < 3:
-        return Tie(IDENTITY, np.inf, len(X))
-    similarity, distance = robust_closed_form(x, X)
-    noise = np.sqrt(np.median(variance_a + similarity.scale**2 * variance_b))
+def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict[tuple[int, int], Tie]:
+    """For each pair of components the similarity from the second to the first, and how well it is determined."""
+    common = [_common(bodies[a], bodies[b]) for a, b in pairs]
+    enough = [k for k, c in enumerate(common) if len(c.target) >= 3]
+    similarity, distance = _robust([common[k] for k in enough])
+    found = {pair: Tie(IDENTITY, np.inf, len(c.target)) for pair, c in zip(pairs, common)}
+    for k, s, d in zip(enough, similarity, distance):
+        found[pairs[k]] = Tie(s, _weakest_rotation(common[k], s, d), len(d))
+    return found
+
+
+def _common(a: _Body, b: _Body) -> _Common:
+    """Common points of two components."""
+    there = np.minimum(np.searchsorted(a.point, b.point), len(a.point) - 1)
+    second = np.flatnonzero(a.point[there] == b.point)
+    first = there[second]
+    count_a, count_b = a.count[first], b.count[second]
+    return _Common(
+        b.xyz[second] / count_b[:, None], a.xyz[first] / count_a[:, None],
+        b.variance[second] / count_b**2, a.variance[first] / count_a**2,
+    )  # fmt: skip
+
+
+def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
+    """The similarities with the least sums of distances, and these; see geometry.similarity.robust_closed_form."""
+    if not pairs:
+        return [], []
+    start = np.concatenate([[0], np.cumsum([len(c.source) for c in pairs])]).astype(np.int64)
+    n, distance = len(pairs), np.empty(start[-1])
+    shift, scale, rotation = np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
+    source, target = np.concatenate([c.source for c in pairs]), np.concatenate([c.target for c in pairs])
+    robust_similarities(start, source, target, ITERATIONS, shift, scale, rotation, distance)
+    found = [Similarity(shift[k], float(scale[k]), rotation[k]) for k in range(n)]
+    return found, np.split(distance, start[1:-1])
+
+
+def _weakest_rotation(common: _Common, similarity: Similarity, distance: Float) -> float:
+    """Standard deviation of the rotation about the line along which the common points lie, rad."""
+    X = common.target
+    noise = float(np.sqrt(np.median(common.target_variance + similarity.scale**2 * common.source_variance)))
+    middle = float(np.median(distance))
     # Three points are fitted by seven parameters: two of nine coordinates are left over.
-    sigma = max(float(noise), float(np.median(distance)) / 1.5 if len(X) > 3 else float(np.linalg.norm(distance)) / 1.5)
-    fitting = distance <= 10 * max(sigma, float(np.median(distance)))
+    sigma = max(noise, middle / 1.5 if len(X) > 3 else float(np.linalg.norm(distance)) / 1.5)
+    fitting = distance <= 10 * max(sigma, middle)
     if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
-        return Tie(similarity, np.inf, len(X))
+        return np.inf
     spread = np.linalg.svd(X[fitting] - X[fitting].mean(0), compute_uv=False)
     across = float(np.hypot(*spread[1:3]))
-    return Tie(similarity, sigma / across if across > 1e-9 * spread[0] else np.inf, len(X))
+    return sigma / across if across > 1e-9 * spread[0] else np.inf

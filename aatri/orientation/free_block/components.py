@@ -124,7 +124,7 @@ def _adjusted(
         n_points=len(number), free=np.arange(len(strips)) != held,
     )  # fmt: skip
     begin = similarities_of(start)
-    active = use[rows] & _plausible(ties.on_ground(begin, ties.rows)[0], ties.spectrum(begin)[0].sum(axis=1), point)
+    active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
     what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
     tied = adjust_tied(ties, (), begin, Snooping(limit), what=what, active=active)
     component_from_strip = [compose(tied.state[k], Similarity(-c, 1.0, np.eye(3))) for k, c in enumerate(centre)]

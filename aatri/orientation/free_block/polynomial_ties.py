@@ -8,6 +8,7 @@ x are the points brought to the ground approximately; x_o is linear in the 15 co
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -40,15 +41,15 @@ def polynomial_ties(
     """
     strip, point = points.strip.astype(np.int32), points.point.astype(np.int32)
     p, G = terms_of_points(points, axes), np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))
-    values, vectors = np.linalg.eigh(points.covariance)
-    values = np.maximum(values, 0.0)
 
-    def on_ground(state: Float, rows: Int) -> tuple[Float, Float]:
-        k, terms = strip[rows], p[rows]
-        turned = G[k]
-        J = turned[:, :, :, None] * terms[:, None, None, :]
-        correction = np.einsum("nij,nj->ni", turned, np.einsum("njt,nt->nj", state[k].reshape(-1, 3, 5), terms))
-        return points.xyz[rows] + correction, J.reshape(len(rows), 3, COEFFICIENTS)
+    def on_ground(state: Float, rows: Int) -> Float:
+        k = strip[rows]
+        along = np.einsum("njt,nt->nj", state[k].reshape(-1, 3, 5), p[rows])
+        return np.asarray(points.xyz[rows] + np.einsum("nij,nj->ni", G[k], along))
+
+    def derivatives(_state: Float, rows: Int) -> Float:
+        J = G[strip[rows]][:, :, :, None] * p[rows][:, None, None, :]
+        return J.reshape(len(rows), 3, COEFFICIENTS)
 
     def compiled(order: Int, base_m: Float) -> Weigh:
         k, q, terms = strip[order], point[order], np.ascontiguousarray(p[order])
@@ -64,11 +65,16 @@ def polynomial_ties(
 
         return weigh
 
+    @cache
+    def eigen() -> tuple[Float, Float]:
+        values, vectors = np.linalg.eigh(points.covariance)
+        return np.maximum(values, 0.0), vectors
+
     def spectrum(_state: Float) -> tuple[Float, Float]:
-        return values, vectors
+        return eigen()
 
     unknowns = Unknowns(STRIP, free, LABELS, list(map(str, names)), add_step)
-    return Ties(strip, point, on_ground, spectrum, unknowns, n_points, compiled)
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, True, compiled)
 
 
 def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:

@@ -78,16 +78,23 @@ def similarity_ties(
     values, vectors = np.linalg.eigh(covariance)
     values = np.maximum(values, 0.0)
 
-    def on_ground(state: Similarities, rows: Int) -> tuple[Float, Float]:
+    def arms(state: Similarities, rows: Int) -> tuple[Float, Float]:
+        """s R x, and the same with R b."""
         k = strip[rows]
         R = state.rotation[k]
         scaled = state.scale[k][:, None] * np.einsum("nij,nj->ni", R, x[rows])
-        arm = scaled if offset_m is None else scaled + np.einsum("nij,nj->ni", R, offset_m[rows])
+        return scaled, scaled if offset_m is None else scaled + np.einsum("nij,nj->ni", R, offset_m[rows])
+
+    def on_ground(state: Similarities, rows: Int) -> Float:
+        return state.translation[strip[rows]] + arms(state, rows)[1]
+
+    def derivatives(state: Similarities, rows: Int) -> Float:
+        scaled, arm = arms(state, rows)
         J = np.empty((len(rows), 3, 7))
         J[:, :, :3] = np.eye(3)
         J[:, :, 3:6] = -skew(arm)
         J[:, :, 6] = scaled
-        return state.translation[k] + arm, J
+        return J
 
     def compiled(order: Int, base_m: Float) -> Weigh:
         k, q, own = strip[order], point[order], np.ascontiguousarray(x[order])
@@ -110,4 +117,4 @@ def similarity_ties(
 
     moving = np.ones(len(names), dtype=bool) if free is None else free
     unknowns = Unknowns(STRIP, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
-    return Ties(strip, point, on_ground, spectrum, unknowns, n_points, compiled)
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, False, compiled)

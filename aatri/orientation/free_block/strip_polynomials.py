@@ -109,7 +109,7 @@ def adjust_strip_polynomials(
         falls=tuple(falls),
         coefficients_m=tied.state.reshape(-1, 3, 5),
         sigma_m=np.where(free, tied.sigma, np.nan).reshape(-1, 3, 5),
-        corrected_m=ties.on_ground(tied.state, ties.rows)[0],
+        corrected_m=ties.on_ground(tied.state, ties.rows),
         point_m=tied.mean_m,
         tied=tied,
     )

@@ -41,12 +41,16 @@ class Ties(Generic[S]):
     ----------
     strip, point : (n,) int32
     on_ground : callable
-        (state, rows) -> ground coordinates (n, 3), derivatives by the strip's unknowns (n, 3, k).
+        (state, rows) -> ground coordinates (n, 3).
+    derivatives : callable
+        (state, rows) -> their derivatives by the strip's unknowns (n, 3, k).
     spectrum : callable
         state -> eigenvalues (n, 3), m^2, and eigenvectors (n, 3, 3), by columns, of the covariances on the ground.
     unknowns : Unknowns
         The group of the strips' unknowns, named `STRIP`.
     n_points : int
+    linear : bool
+        The derivatives do not depend on the state.
     compiled : callable, optional
         (order, what the points of the ties are reduced to in that order, (n, 3)) -> faster lane, see
         adjustment.records.
@@ -54,10 +58,12 @@ class Ties(Generic[S]):
 
     strip: Int
     point: Int
-    on_ground: Callable[[S, Int], tuple[Float, Float]]
+    on_ground: Callable[[S, Int], Float]
+    derivatives: Callable[[S, Int], Float]
     spectrum: Callable[[S], tuple[Float, Float]]
     unknowns: Unknowns
     n_points: int
+    linear: bool
     compiled: Callable[[Int, Float], Weigh] | None = None
 
     @property
@@ -94,10 +100,9 @@ def tie_records(ties: Ties[S], base_m: Float) -> Records:
     eye = np.eye(3)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-        xyz, J = ties.on_ground(state[STRIP], rows)
         point = ties.point[rows]
-        v = state[POINT][point] - (xyz - base_m[point])
-        return v, (-J, np.broadcast_to(eye, (len(rows), 3, 3)))
+        v = state[POINT][point] - (ties.on_ground(state[STRIP], rows) - base_m[point])
+        return v, (-ties.derivatives(state[STRIP], rows), np.broadcast_to(eye, (len(rows), 3, 3)))
 
     n = len(ties.strip)
     touches = ((STRIP, ties.strip), (POINT, ties.point))
@@ -109,7 +114,7 @@ def tie_records(ties: Ties[S], base_m: Float) -> Records:
         return lane(order, np.ascontiguousarray(base_m[ties.point[order]]))
 
     used = np.ones(n, dtype=bool)
-    return Records("strip_tie", touches, evaluate, unit, used, None if lane is None else compiled)
+    return Records("strip_tie", touches, evaluate, unit, used, None if lane is None else compiled, linear=ties.linear)
 
 
 def given_records(given: GivenPoints, base_m: Float) -> Records:
@@ -124,12 +129,12 @@ def tie_whitener(eigenvalues: Float, eigenvectors: Float, tau_m: float) -> Float
     values = eigenvalues + tau_m**2
     if not values.any():
         values = np.ones_like(values)
-    return np.asarray(eigenvectors.swapaxes(1, 2) / np.sqrt(values)[:, :, None])
+    return np.divide(eigenvectors.swapaxes(1, 2), np.sqrt(values)[:, :, None], order="C")
 
 
 def typical_variance(eigenvalues: Float, tau_m: float) -> float:
     """Median variance of a coordinate of the strips' points, m^2; 1 where they have none."""
-    variance = float(np.median(eigenvalues.mean(axis=1))) + tau_m**2 if len(eigenvalues) else 0.0
+    variance = float(np.median(eigenvalues @ np.full(3, 1 / 3))) + tau_m**2 if len(eigenvalues) else 0.0
     return variance or 1.0
 
 

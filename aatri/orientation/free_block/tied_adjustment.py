@@ -139,7 +139,7 @@ def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]]) -> TiedRe
     n = len(ties.strip)
     point = np.concatenate([ties.point, *(g.point for g in problem.given)])
     observed = np.concatenate([np.ones((n, 3), dtype=bool), *(g.given for g in problem.given)])
-    xyz = ties.on_ground(solved.state, ties.rows)[0] - problem.base_m[ties.point]
+    xyz = ties.on_ground(solved.state, ties.rows) - problem.base_m[ties.point]
     mean, covariance = weighted_means(ties, xyz, solved.whiteners[0], use[:n])
     reduced = np.where(np.isfinite(mean), solved.solved.state[POINT], np.nan)
     used = use & solved.held

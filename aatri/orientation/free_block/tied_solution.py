@@ -108,27 +108,31 @@ class TiedSolution(Generic[S]):
         return self.solved.tests()
 
     def _all(self, column: str) -> Float:
-        return np.concatenate([getattr(self.tests[r.name], column) for r in self.problem.records])
+        """A column of the tests of all observations; NaN where no tie holds the point."""
+        found: Float = np.concatenate([getattr(self.tests[r.name], column) for r in self.problem.records])
+        if not self.held.all():
+            found[~self.held] = np.nan
+        return found
 
     @cached_property
     def test(self) -> Float:
         """Test statistics of all observations; NaN where not defined."""
-        return np.where(self.held, self._all("test"), np.nan)
+        return self._all("test")
 
     @cached_property
     def residual_m(self) -> Float:
         """Adjusted minus observed, (n, 3), m; NaN where no tie holds the point."""
-        return np.where(self.held[:, None], self._all("v"), np.nan)
+        return self._all("v")
 
     @cached_property
     def redundancy(self) -> Float:
         """Sum of the redundancy numbers of each observation, (n,)."""
-        return np.asarray(np.einsum("nii->n", self._all("redundancy")))
+        return np.concatenate([np.einsum("nii->n", self.tests[r.name].redundancy) for r in self.problem.records])
 
     @cached_property
     def size_m(self) -> Float:
         """Estimated gross errors, (n, 3), m."""
-        size = np.where(self.held[:, None], self._all("size"), np.nan)
+        size = self._all("size")
         n = len(self.problem.ties.strip)
         ties = np.einsum("nij,nj->ni", self.eigenvectors, size[:n] * np.sqrt(self._variances()))
         others = [np.linalg.pinv(T) for T in self.whiteners[1:]]
@@ -151,14 +155,15 @@ class TiedSolution(Generic[S]):
     def added_sigma(self, *, robust: bool) -> float:
         """The deformation that the residuals of the strips' points ask for, m."""
         rows = np.flatnonzero((self.use & self.held)[: len(self.problem.ties.strip)])
-        along = np.einsum("nji,nj->ni", self.eigenvectors[rows], self.residual_m[rows])
-        return added_sigma(along**2, self.eigenvalues[rows], self.redundancy[rows] / 3, robust=robust)
+        # Ties are whitened along the eigenvectors of their covariances (`tie_whitener`).
+        squares = self.tests[self.problem.records[0].name].whitened[rows] ** 2 * self._variances()[rows]
+        return added_sigma(squares, self.eigenvalues[rows], self.redundancy[rows] / 3, robust=robust)
 
 
 def tied_problem(ties: Ties[S], given: Sequence[GivenPoints], start: S, what: str) -> TiedProblem[S]:
     """Index a problem; `what` is for messages."""
     base = np.zeros((ties.n_points, 3))
-    base[ties.point[::-1]] = ties.on_ground(start, ties.rows)[0][::-1]
+    base[ties.point[::-1]] = ties.on_ground(start, ties.rows)[::-1]
     tied = np.bincount(ties.point, minlength=ties.n_points) > 0
     points = Unknowns(POINT, np.repeat(tied[:, None], 3, axis=1), ("X", "Y", "Z"), np.arange(ties.n_points).astype(str),
                       add_step, eliminated=True)  # fmt: skip
@@ -180,12 +185,12 @@ def solve_tied(
     """
     ties = problem.ties
     values, vectors = ties.spectrum(state)
-    typical = typical_variance(values, tau_m)
+    typical = typical_variance(values, tau_m) if problem.given else 1.0
     whiteners = (tie_whitener(values, vectors, tau_m), *(given_whitener(g, typical) for g in problem.given))
-    n = len(ties.strip)
     held = _held(problem, use)
     weights = _weights(problem, use & held, whiteners)
-    full: dict[str, Any] = {STRIP: state, POINT: _means(problem, state, whiteners[0], use[:n])}
+    # The ground points are linear: where they start makes no difference.
+    full: dict[str, Any] = {STRIP: state, POINT: np.zeros((ties.n_points, 3))}
     done = before.iterations if before else 0
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
@@ -218,13 +223,6 @@ def _held(problem: TiedProblem[S], use: Bool) -> Bool:
 def _weights(problem: TiedProblem[S], use: Bool, whiteners: Sequence[Float]) -> dict[str, Weights]:
     parts = np.split(use, np.cumsum([len(T) for T in whiteners])[:-1])
     return {r.name: Weights(mine, T) for r, T, mine in zip(problem.records, whiteners, parts)}
-
-
-def _means(problem: TiedProblem[S], state: S, T: Float, use: Bool) -> Float:
-    """Weighted means of the strips' points, reduced: where the ground points start."""
-    ties = problem.ties
-    xyz = ties.on_ground(state, ties.rows)[0] - problem.base_m[ties.point]
-    return np.nan_to_num(weighted_means(ties, xyz, T, use)[0])
 
 
 def weighted_means(ties: Ties[S], xyz: Float, T: Float, use: Bool) -> tuple[Float, Float]:

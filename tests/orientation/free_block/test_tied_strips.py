@@ -31,15 +31,15 @@ def _linear(strip, point, xyz, J, C, *, n_points, n_strips, held=None):
     values, vectors = np.linalg.eigh(C)
 
     def on_ground(state, rows):
-        return xyz[rows] + np.einsum("nik,nk->ni", J[rows], state[strip[rows]]), J[rows]
+        return xyz[rows] + np.einsum("nik,nk->ni", J[rows], state[strip[rows]])
 
     free = np.ones((n_strips, J.shape[2]), dtype=bool)
     if held is not None:
         free[held] = False
     labels = tuple("abcdef"[: J.shape[2]])
     unknowns = Unknowns(STRIP, free, labels, [str(k) for k in range(n_strips)], add_step)
-    return Ties(strip.astype(np.int32), point.astype(np.int32), on_ground, lambda _: (values, vectors), unknowns,
-                n_points)  # fmt: skip
+    return Ties(strip.astype(np.int32), point.astype(np.int32), on_ground, lambda _, rows: J[rows],
+                lambda _: (values, vectors), unknowns, n_points, linear=True)  # fmt: skip
 
 
 def _made(n_strips=3, n_points=8, unknowns=2):
@@ -58,7 +58,8 @@ def _dense(ties, given, tau):
     """Rows T (X - x - J t) with t and X as unknowns: (A, l) of A (t, X) = l."""
     n, n_strips, per_strip = len(ties.strip), *ties.unknowns.free.shape
     u = n_strips * per_strip
-    xyz, J = ties.on_ground(np.zeros((n_strips, per_strip)), ties.rows)
+    nothing = np.zeros((n_strips, per_strip))
+    xyz, J = ties.on_ground(nothing, ties.rows), ties.derivatives(nothing, ties.rows)
     values, vectors = ties.spectrum(None)
     T = np.concatenate([tie_whitener(values, vectors, tau), given_whitener(given, typical_variance(values, tau))])
     m = n + len(given.point)
