@@ -23,7 +23,7 @@ from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.elimination.backsolve import cost_of, steps
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.records import keys_of
-from aatri.adjustment.statistics.record_tests import RecordTests, tests_of_records
+from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
 from aatri.adjustment.stepping.linearity import after_step
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, counts
 from aatri.adjustment.structure.weights import Weights, with_weights
@@ -78,7 +78,7 @@ class Solved:
         """Tests of all records by key of their type, predicted where not active; constraints are not tested."""
         observed, found = self.problem.observed, self._covariances
         each = zip(keys_of(observed), observed, found.records, found.whitened)
-        return {key: tests_of_records(r, self.state, c, v) for key, r, c, v in each}
+        return {key: record_tests(r, self.state, c, v) for key, r, c, v in each}
 
     def reduced_normals(self) -> ReducedNormals:
         """Normal equations of the kept unknowns at the state, blocks eliminated, before Cholesky."""

@@ -89,9 +89,7 @@ class RecordTests:
         return size, test
 
 
-def tests_of_records(
-    records: Records, state: State, adjusted_covariance: Float, whitened: Float | None = None
-) -> RecordTests:
+def tests_of_records(records: Records, state: State, adjusted_covariance: Float) -> RecordTests:
     """Test all records of one type.
 
     Parameters
@@ -101,12 +99,14 @@ def tests_of_records(
         The solution.
     adjusted_covariance : (n, m, m) float64
         Covariance of their whitened adjusted or predicted values, see `marginal_covariances`.
-    whitened : (n, m) float64, optional
-        Their whitened residuals, where they are known.
     """
-    if whitened is None:
-        v, whitener = records.residuals(state), records.whitener
-        whitened = whitener * v if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, v)
+    v, whitener = records.residuals(state), records.whitener
+    whitened = whitener * v if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, v)
+    return record_tests(records, state, adjusted_covariance, whitened)
+
+
+def record_tests(records: Records, state: State, adjusted_covariance: Float, whitened: Float) -> RecordTests:
+    """The same with the whitened residuals given, (n, m), as `Covariances` has them."""
     cofactor = -adjusted_covariance
     inactive = np.flatnonzero(~records.active)
     cofactor[inactive] = adjusted_covariance[inactive]
