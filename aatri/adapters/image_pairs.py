@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, triu
 
 from aatri.adapters.solution import stacked
 from aatri.arrays import Int, Text
@@ -60,6 +60,29 @@ def neighbouring_images(block: Block) -> Int:
     strips = [images_of_strip(block, strip) for strip in range(len(block.strips))]
     pairs = [np.column_stack([rows[:-1], rows[1:]]) for rows in strips]
     return np.concatenate([np.zeros((0, 2), dtype=np.intp), *pairs])
+
+
+def overlapping_images(block: Block, image_points: ImagePoints, least: int) -> tuple[Int, Int]:
+    """Pairs of active images with at least `least` points in common, wherever they were taken.
+
+    Returns
+    -------
+    images : (m, 2) int
+        Rows in images, the smaller first.
+    common : (m,) int
+        Points in common.
+    """
+    m = image_points.measurements
+    use = m.active & np.isfinite(m.xy_mm).all(axis=1) & block.images.active[m.image]
+    seen = csr_array((np.ones(int(use.sum()), dtype=np.int32), (m.image[use], m.point[use])),
+                     shape=(len(block.images), len(block.points)))  # fmt: skip
+    seen.sum_duplicates()
+    seen.data[:] = 1  # of a point measured twice the first counts
+    shared = triu((seen @ seen.T).tocoo(), k=1)
+    enough = shared.data >= least
+    pairs, common = np.column_stack([shared.row[enough], shared.col[enough]]), shared.data[enough]
+    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+    return pairs[order].astype(np.intp), common[order].astype(np.int64)
 
 
 def doubtful_sequences(block: Block, image_points: ImagePoints, margin: float = 1.5) -> list[tuple[int, int]]:

@@ -1,0 +1,1 @@
+"""Images oriented from the graph of their pairs: any arrangement, no order, no start values."""

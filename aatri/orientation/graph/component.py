@@ -1,0 +1,132 @@
+"""A component: images oriented to each other by a robust bundle without datum.
+
+Image points only; seven scalars of the poses are held, which changes no residual. Points and rays are those that fit
+(`triangulation`), at first widely, after the bundle by the spread that it leaves. Huber's loss throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.settings import Settings
+from aatri.adjustment.unknowns import Ids
+from aatri.arrays import Bool, Float
+from aatri.errors import GeometryError
+from aatri.geometry.vectors import finite_rows
+from aatri.ids import shown
+from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.observed import named
+from aatri.observations.poses import Poses
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.settings import BundleSettings
+from aatri.orientation.graph.triangulation import intersected, residuals_mm
+from aatri.progress import SILENT, Reporter
+
+WIDE_RAD = 0.03
+"""Rays farther off than this before the bundle are left out of it."""
+
+LIMIT = 5.0
+"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger."""
+
+HUBER = 2.0
+
+FEWEST_POINTS = 6
+"""Images with fewer points that fit are not oriented."""
+
+ITERATIONS = 60
+
+
+@dataclass(frozen=True)
+class Component:
+    """Images in one free frame.
+
+    Attributes
+    ----------
+    poses : Poses
+        NaN where the image is not in it.
+    xyz : (n_points, 3) float64
+        NaN where not determined.
+    kept : (n,) bool
+        Rays that fit.
+    spread : float
+        Of the residuals, robust, in standard deviations a priori.
+    """
+
+    poses: Poses
+    xyz: Float
+    kept: Bool
+    spread: float
+
+    @property
+    def images(self) -> Bool:
+        """Which images are in it."""
+        return finite_rows(self.poses.position_m)
+
+
+def adjusted_component(
+    rays: ImagePointRows, images: Bool, rotation: Float, centre: Float, image_ids: Ids, point_ids: Ids,
+    reporter: Reporter = SILENT,
+) -> Component:  # fmt: skip
+    """A component from its rotations and projection centres.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+        If too little of it fits.
+    """
+    poses = Poses(np.where(images[:, None], centre, np.nan), np.where(images[:, None, None], rotation, np.nan))
+    limit_mm = WIDE_RAD * float(np.median(rays.c_mm)) if len(rays.c_mm) else 0.0
+    return refined(rays, poses, image_ids, point_ids, (limit_mm, None), reporter)
+
+
+def refined(
+    rays: ImagePointRows, poses: Poses, image_ids: Ids, point_ids: Ids, limits_mm: tuple[float | None, ...],
+    reporter: Reporter = SILENT,
+) -> Component:  # fmt: skip
+    """Points, trimming and bundle, once for every limit; None is that of the spread of the residuals.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+    """
+    spread = 1.0
+    for limit_mm in limits_mm:
+        limit = limit_mm or LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
+        xyz, kept = intersected(rays, poses, limit)
+        poses, kept = _well_held(rays, poses, kept)
+        if len(finite_rows(poses.position_m).nonzero()[0]) < 2:
+            raise GeometryError("too few of their points fit", remedy="check the ids of images and points")
+        xyz[np.bincount(rays.point[kept], minlength=len(xyz)) < 2] = np.nan
+        poses, xyz = _bundled(replace(rays, active=kept), poses, xyz, image_ids, point_ids, reporter)
+        rows = np.flatnonzero(kept & finite_rows(poses.position_m)[rays.image] & finite_rows(xyz)[rays.point])
+        off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
+        spread = float(np.median(off)) / 1.1774  # of the length of two normal components
+    limit = LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
+    xyz, kept = intersected(rays, poses, limit)
+    return Component(poses, xyz, kept, spread)
+
+
+def _well_held(rays: ImagePointRows, poses: Poses, kept: Bool) -> tuple[Poses, Bool]:
+    """Without images of which too few points fit."""
+    few = np.bincount(rays.image[kept], minlength=len(poses.position_m)) < FEWEST_POINTS
+    position = np.where(few[:, None], np.nan, poses.position_m)
+    return Poses(position, np.where(few[:, None, None], np.nan, poses.ground_from_image)), kept & ~few[rays.image]
+
+
+def _bundled(
+    rays: ImagePointRows, poses: Poses, xyz: Float, image_ids: Ids, point_ids: Ids, reporter: Reporter
+) -> tuple[Poses, Float]:
+    ids, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
+    names = named(image=ids[rays.image], point=points[rays.point])
+    given = BundleInput(
+        image_ids, point_ids, observed_image_points(rays, (), names), poses, xyz[: len(points)], np.zeros(3), rays
+    )
+    settings = BundleSettings("minimal", covariances=False, huber=HUBER, solution=Settings(max_iterations=ITERATIONS))
+    result = adjust_bundle(given, settings, reporter=reporter)
+    lost = finite_rows(poses.position_m) & ~result.image_adjusted
+    if lost.any():
+        reporter.log(f"not held by the points that fit: {shown(ids[lost])}")
+    return result.poses, result.xyz_m

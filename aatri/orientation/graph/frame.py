@@ -1,0 +1,43 @@
+"""A frame for a component without a datum: the first base is 1, the images look down where they do so in the mean.
+
+The origin is the first image's projection centre, the second image the next one in the order of ids. Images that look
+to all sides, as in an orbit, have no mean direction: then the axes are those of the first image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.geometry.similarity import Similarity, transform
+from aatri.observations.poses import Poses
+from aatri.orientation.graph.component import Component
+
+ALIKE = 0.3
+"""Length of the mean viewing direction below which images look to all sides."""
+
+
+def first_base_one(component: Component) -> tuple[Component, Similarity]:
+    """A component in its own frame, and the similarity that led there."""
+    rows = np.flatnonzero(component.images)
+    centre, rotation = component.poses.position_m[rows], component.poses.ground_from_image[rows]
+    base = np.linalg.norm(centre - centre[0], axis=1)
+    apart = base > 1e-6 * base.max()
+    scale = 1.0 / float(base[np.argmax(apart)])
+    up = rotation[:, :, 2].mean(axis=0)
+    turn = rotation[0].T
+    if np.linalg.norm(up) > ALIKE:
+        turn = _levelling(turn @ up) @ turn
+    similarity = Similarity(-scale * turn @ centre[0], scale, turn)
+    poses = Poses(transform(similarity, component.poses.position_m), turn @ component.poses.ground_from_image)
+    return replace(component, poses=poses, xyz=transform(similarity, component.xyz)), similarity
+
+
+def _levelling(up: np.ndarray) -> np.ndarray:
+    """The smallest rotation that turns `up` to Z."""
+    u = up / np.linalg.norm(up)
+    if u[2] < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    v = np.array([u[0], u[1], u[2] + 1.0])
+    return np.asarray(np.diag([-1.0, -1.0, 1.0]) @ (2 * np.outer(v, v) / (v @ v) - np.eye(3)))

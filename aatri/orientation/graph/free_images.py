@@ -1,0 +1,140 @@
+"""All images of a block oriented to each other, from their pairs: components without a datum.
+
+1. Rotations of all images from those of the pairs; pairs that do not fit are left out (`rotations`).
+2. Lengths of the bases; what they do not link is another component (`scales`).
+3. Projection centres, component by component (`positions`), points, rays that do not fit trimmed (`triangulation`).
+4. A robust bundle, held minimally; trimmed again and adjusted once more (`component`).
+5. Components with enough points in common become one (`joining`); images left over are resected to known points.
+
+Source: Moulon, Monasse & Marlet, ICCV 2013; Pan et al., ECCV 2024; see the modules named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.unknowns import Ids
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.ids import shown
+from aatri.notes import Note
+from aatri.observations.image_points import ImagePointRows
+from aatri.orientation.graph.component import Component, adjusted_component
+from aatri.orientation.graph.joining import joined
+from aatri.orientation.graph.pair_graph import PairGraph
+from aatri.orientation.graph.positions import Start, by_directions, from_bases, from_gnss
+from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
+from aatri.orientation.graph.scales import scaled_bases
+from aatri.progress import SILENT, Reporter
+
+WRONG_RAD = 0.05
+"""A pair whose rotation is off by more than this, or `WRONG_SIGMAS` times its own standard deviation, is wrong."""
+
+WRONG_SIGMAS = 6.0
+
+OPEN = 0.1
+"""Share of its triangles below which a pair is trusted this much."""
+
+
+@dataclass(frozen=True)
+class FreeImages:
+    """Components, that of most images first, and what there is to say.
+
+    Attributes
+    ----------
+    components : tuple of Component
+    wrong_pair : (m,) bool
+        Pairs whose rotation does not fit the others.
+    notes : tuple of Note
+    """
+
+    components: tuple[Component, ...]
+    wrong_pair: Bool
+    notes: tuple[Note, ...]
+
+
+def orient_free(
+    graph: PairGraph, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, *, start: Start = "bases",
+    observed_m: Float | None = None, rng: np.random.Generator | None = None, reporter: Reporter = SILENT,
+) -> FreeImages:  # fmt: skip
+    """Orient all images to each other.
+
+    Parameters
+    ----------
+    graph : PairGraph
+    rays : ImagePointRows
+    image_ids, point_ids : str
+    start : {'bases', 'gnss', 'random'}
+        Of the projection centres.
+    observed_m : (n_images, 3) float64, m, optional
+        Positions, for the start by GNSS; NaN unknown.
+    rng : Generator, optional
+        Of the random start.
+    reporter : Reporter
+
+    Raises
+    ------
+    GeometryError
+        If no component can be oriented.
+    """
+    n = graph.images
+    triangles, closing = closing_triangles(n, graph.left, graph.right, graph.left_from_right, graph.rotation_sigma_rad)
+    share = np.where(triangles > 0, np.maximum(closing / np.maximum(triangles, 1), OPEN**2), OPEN)
+    weight = np.sqrt(graph.inliers) * share
+    rotation, error = averaged_rotations(n, graph.left, graph.right, graph.left_from_right, weight)
+    wrong = error > np.maximum(WRONG_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
+    fitting = graph.take(~wrong)
+    notes = _of_pairs(graph, image_ids, error, wrong, triangles)
+    scaled = scaled_bases(fitting)
+    components: list[Component] = []
+    for k in range(int(scaled.component.max(initial=-1)) + 1):
+        mine = scaled.component == k
+        pairs = fitting.take(scaled.pair[mine])
+        images = np.zeros(n, dtype=bool)
+        images[pairs.left] = images[pairs.right] = True
+        reporter.log(f"component {k + 1}: {int(images.sum())} images, {int(mine.sum())} pairs carry its scale")
+        try:
+            centre = _centres(pairs, scaled.length[mine], rotation, rays, images, start, observed_m, rng)
+            components.append(adjusted_component(rays, images, rotation, centre, image_ids, point_ids, reporter))
+        except (ConvergenceError, GeometryError) as failed:
+            ids = tuple(np.asarray(image_ids)[images].tolist())
+            notes.append(Note("warning", f"{len(ids)} images are not oriented to each other: {failed.what}", ids))
+    if not components:
+        raise GeometryError(
+            f"no pairs of the {n} images can be oriented to each other",
+            remedy="measure more points that several images have in common; check the ids of images and points",
+        )
+    whole, more = joined(components, rays, image_ids, point_ids, reporter)
+    return FreeImages(tuple(whole), wrong, (*notes, *more))
+
+
+def _centres(
+    pairs: PairGraph, length: Float, rotation: Float, rays: ImagePointRows, images: Bool, start: Start,
+    observed_m: Float | None, rng: np.random.Generator | None,
+) -> Float:  # fmt: skip
+    if start == "random" and rng is not None:
+        centre = rng.uniform(-1.0, 1.0, (pairs.images, 3))
+    elif start == "gnss" and observed_m is not None and np.isfinite(observed_m[images]).all():
+        centre = from_gnss(pairs, rotation, observed_m)
+    else:
+        centre = from_bases(pairs, length, rotation)
+    return by_directions(rays, rotation, centre, images, anywhere=start == "random")
+
+
+def _of_pairs(graph: PairGraph, image_ids: Ids, error: Float, wrong: Bool, triangles: Int) -> list[Note]:
+    ids = np.asarray(image_ids)
+    names = tuple(f"{ids[a]}-{ids[b]}" for a, b in zip(graph.left[wrong], graph.right[wrong]))
+    text = f"{len(graph.left)} pairs, {int((triangles == 0).sum())} of them in no triangle; the rotations of half of "
+    notes = [Note("note", f"{text}them fit within {np.degrees(np.median(error)):.2g} degrees")]
+    if names:
+        notes.append(
+            Note("warning", f"{len(names)} pairs do not fit the rotations of the others and are left out", names)
+        )
+    return notes
+
+
+def named(ids: Ids, images: Bool) -> str:
+    """The images of a component, for messages."""
+    return shown(np.asarray(ids)[images])

@@ -1,0 +1,114 @@
+"""Components joined by the points they have in common, and single images resected to what is known.
+
+Two components become one by the robust similarity of their common points, where enough of these fit; the whole is
+adjusted again. What stays apart is listed. Images in no component that see enough known points are resected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aatri.adjustment.unknowns import Ids
+from aatri.arrays import Bool, Float
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.similarity import robust_closed_form, transform
+from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.poses import Poses
+from aatri.orientation.bundle.complete_start import complete_start
+from aatri.orientation.graph.component import Component, refined
+from aatri.progress import Reporter
+
+FEWEST = 5
+"""Points in common that must fit, for components to be joined."""
+
+FITS = 0.02
+"""Common points fit within this share of their extent."""
+
+MOST_WRONG = 0.4
+"""Share of the common points that may be wrong."""
+
+FLAT = 0.02
+"""Common points lie on a line if they spread less across it, as a share of their length."""
+
+
+def joined(
+    components: Sequence[Component], rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
+) -> tuple[list[Component], list[Note]]:
+    """Components that cannot be joined any further, that of most images first, and what was done."""
+    left = sorted(components, key=lambda c: -int(c.images.sum()))
+    notes: list[Note] = []
+    done: list[Component] = []
+    while left:
+        whole, grown = left.pop(0), True
+        while grown:
+            grown = False
+            for other in list(left):
+                merged = _merged(whole, other)
+                if merged is None:
+                    continue
+                poses, points = merged
+                try:
+                    found = refined(rays, poses, image_ids, point_ids, (None, None), reporter)
+                except (ConvergenceError, GeometryError) as failed:
+                    reporter.log(f"components are not joined: {failed.what}")
+                    continue
+                new = tuple(np.asarray(image_ids)[other.images & ~whole.images].tolist())
+                notes.append(Note("note", f"{len(new)} images joined to the others by {points} common points", new))
+                whole, grown = found, True
+                left.remove(other)
+        whole, resected = _with_resected(whole, rays, image_ids, point_ids, reporter)
+        if resected.any():
+            ids = tuple(np.asarray(image_ids)[resected].tolist())
+            notes.append(Note("note", f"{len(ids)} images oriented by resection to the points of the others", ids))
+        left = [c for c in left if (c.images & ~whole.images).any()]
+        done.append(whole)
+    return sorted(done, key=lambda c: -int(c.images.sum())), notes
+
+
+def _merged(whole: Component, other: Component) -> tuple[Poses, int] | None:
+    """Poses of both in the frame of the first, and the points that joined them; None where they do not."""
+    common = finite_rows(whole.xyz) & finite_rows(other.xyz)
+    x, X = other.xyz[common], whole.xyz[common]
+    if len(x) < FEWEST:
+        return None
+    spread = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
+    if spread[1] < FLAT * spread[0]:
+        return None
+    similarity, distance = robust_closed_form(x, X)
+    fits = distance < FITS * float(np.linalg.norm(X - np.median(X, axis=0), axis=1).max())
+    if fits.sum() < max(FEWEST, (1.0 - MOST_WRONG) * len(x)):
+        return None
+    new = other.images & ~whole.images
+    position = np.where(new[:, None], transform(similarity, other.poses.position_m), whole.poses.position_m)
+    turned = similarity.rotation @ other.poses.ground_from_image
+    rotation = np.where(new[:, None, None], turned, whole.poses.ground_from_image)
+    return Poses(position, rotation), int(fits.sum())
+
+
+def _with_resected(
+    whole: Component, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
+) -> tuple[Component, Bool]:
+    """With images that see enough known points."""
+    seen = rays.active & finite_rows(whole.xyz)[rays.point] & ~whole.images[rays.image]
+    if not (np.bincount(rays.image[seen], minlength=len(whole.images)) >= 6).any():
+        return whole, np.zeros(len(whole.images), dtype=bool)
+    poses, _ = complete_start(rays, whole.poses, whole.xyz)
+    new = finite_rows(poses.position_m) & ~whole.images
+    if not new.any():
+        return whole, new
+    try:
+        found = refined(rays, poses, image_ids, point_ids, (None,), reporter)
+    except (ConvergenceError, GeometryError) as failed:
+        reporter.log(f"images are not resected: {failed.what}")
+        return whole, np.zeros(len(whole.images), dtype=bool)
+    return found, found.images & ~whole.images
+
+
+def similar(poses: Poses, xyz: Float, translation: Float, scale: float, rotation: Float) -> tuple[Poses, Float]:
+    """Poses and points after a similarity."""
+    position = translation + scale * poses.position_m @ rotation.T
+    return Poses(position, rotation @ poses.ground_from_image), translation + scale * xyz @ rotation.T

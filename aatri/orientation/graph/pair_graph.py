@@ -1,0 +1,71 @@
+"""The graph of pairs: images are its nodes, relative orientations with their points its edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+
+
+@dataclass(frozen=True)
+class PairGraph:
+    """Oriented pairs and their points, pair by pair.
+
+    Attributes
+    ----------
+    images : int
+    left, right : (m,) int
+    left_from_right : (m, 3, 3) float64
+    base : (m, 3) float64
+        Unit vectors in the frame of the left image.
+    rotation_sigma_rad, base_sigma_rad : (m,) float64, rad
+        Of the least certain direction.
+    start : (m + 1,) int
+        First point of each pair.
+    point : (n,) int
+    depth : (n, 2) float64
+        Distances from the left and right projection centre, in units of the base.
+    parallax_rad : (n,) float64, rad
+        Angle between both rays.
+    """
+
+    images: int
+    left: Int
+    right: Int
+    left_from_right: Float
+    base: Float
+    rotation_sigma_rad: Float
+    base_sigma_rad: Float
+    start: Int
+    point: Int
+    depth: Float
+    parallax_rad: Float
+
+    @property
+    def inliers(self) -> Int:
+        """Points of each pair."""
+        return np.diff(self.start)
+
+    @property
+    def pair_of_point(self) -> Int:
+        """Pair of each row of the points."""
+        return np.repeat(np.arange(len(self.left)), self.inliers)
+
+    def take(self, pairs: Bool | Int) -> PairGraph:
+        """The chosen pairs."""
+        pairs = np.flatnonzero(pairs) if pairs.dtype == bool else pairs
+        count = self.inliers[pairs]
+        rows = np.repeat(self.start[pairs] - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
+        return PairGraph(
+            self.images, self.left[pairs], self.right[pairs], self.left_from_right[pairs], self.base[pairs],
+            self.rotation_sigma_rad[pairs], self.base_sigma_rad[pairs], np.concatenate([[0], np.cumsum(count)]),
+            self.point[rows], self.depth[rows], self.parallax_rad[rows],
+        )  # fmt: skip
+
+    def strength(self) -> Float:
+        """How well a pair carries scale: root of its points times their median parallax, (m,)."""
+        order = np.lexsort((self.parallax_rad, self.pair_of_point))
+        middle = self.parallax_rad[order][np.minimum(self.start[:-1] + self.inliers // 2, len(order) - 1)]
+        return np.asarray(np.sqrt(self.inliers) * middle)

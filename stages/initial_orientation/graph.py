@@ -1,0 +1,116 @@
+"""Initial orientation from the graph of image pairs: orbits, oblique heads, crossing strips, hovering, gaps.
+
+    rotations   R_right = R_left R_pair                 all at once: least absolute deviations, then reweighted
+    bases       log s_b - log s_a = log l_a - log l_b   median of the points that two pairs share in a common image
+    positions   v = d (X - c), d >= 0                   directions of rays, robustly, from bases, GNSS or anywhere
+    points      intersected, rays that do not fit trimmed; a robust bundle without datum; trimmed and adjusted again
+    ground      X = T + s R x                           one similarity from all control and observed positions
+
+Neither strips nor an order of the images nor any start value is used. Pairs are all images with at least `min_points`
+points in common; with `models` those are taken and no others. Components that share enough points are joined; what
+stays apart is listed by its ids. Without control and positions the datum is free and the first base is 1.
+
+Source: Chatterjee & Govindu 2018 (rotations); Zhuang, Cheong & Lee 2018, Pan et al. 2024 (positions); Kraus,
+Photogrammetry (absolute orientation).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from aatri.adapters.image_pairs import models_of, overlapping_images, pairs_of
+from aatri.adapters.initial_orientation import (
+    ground_of,
+    initial_solution,
+    not_oriented,
+    rejected_note,
+    shown_components,
+    to_ground,
+)
+from aatri.adapters.pair_graph import graph_of, strongest_pairs
+from aatri.adapters.solution import check_same_block
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import Solution
+from aatri.errors import GeometryError
+from aatri.notes import tell
+from aatri.observations.image_points import rays_of
+from aatri.orientation.graph.free_images import orient_free
+from aatri.orientation.relative.pairs import relative_orientations
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+
+class GraphOptions(Options):
+    """Options of the initial orientation."""
+
+    min_points: int = Field(8, ge=6, description="images with fewer points in common are no pair")
+    pairs_per_image: int | None = Field(
+        None, ge=3, description="of each image only the pairs of most common points; null: all"
+    )
+    snooping_limit: float = Field(4.0, gt=0, description="a point of a pair is rejected beyond this test statistic")
+    positions: Literal["bases", "gnss", "random"] = Field(
+        "bases",
+        description="start of the projection centres: bases with their lengths, observed positions, or anywhere",
+    )
+    control_limit: float = Field(5.0, gt=0, description="test statistic of wrong control or positions, in sigma")
+    use_positions: bool = Field(True, description="use observed positions of the projection centres")
+
+
+@stage(
+    version=1,
+    uses=("ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m", "cameras.lever_arm_m"),
+)
+def graph(
+    block: Block,
+    image_points: ImagePoints,
+    models: Models | None = None,
+    *,
+    options: GraphOptions = GraphOptions(),
+    context: Context = SILENT,
+    rng: np.random.Generator,
+) -> Solution:
+    """Orient all images."""
+    check_same_block(block, image_points.images.id, "image_points")
+    if models is None:
+        models = _models(block, image_points, options, context)
+    else:
+        check_same_block(block, models.images.id, "models")
+    pairs, _ = graph_of(models, options.min_points)
+    if not len(pairs.left):
+        raise GeometryError(
+            f"no two images have {options.min_points} points in common that fit",
+            remedy="measure more points that several images have in common; check the ids of images and points",
+        )
+    rays, ground = rays_of(block, image_points), ground_of(block, use_positions=options.use_positions)
+    observed = np.full((len(block.images), 3), np.nan)
+    observed[ground.positions.image] = ground.positions.position_m
+    free = orient_free(
+        pairs, rays, block.images.id, block.points.id,
+        start=options.positions, observed_m=observed, rng=rng, reporter=context,
+    )  # fmt: skip
+    parts, notes = to_ground(block, ground, free.components, rays, options.control_limit)
+    solution = initial_solution(
+        block, image_points, rays, ground, parts, "initial_orientation/graph", image_points.suspects
+    )
+    tell([*free.notes, *shown_components(free.components, block), *notes, *rejected_note(solution.suspects),
+          *not_oriented(block, solution)], context)  # fmt: skip
+    return solution
+
+
+def _models(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Models:
+    """Relative orientations of all pairs."""
+    images, common = overlapping_images(block, image_points, options.min_points)
+    if options.pairs_per_image is not None:
+        kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image)
+        context.log(f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image")
+        images = images[kept]
+    pairs = pairs_of(block, image_points, images)
+    found = relative_orientations(
+        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points, reporter=context
+    )
+    context.progress(len(images), len(images), "models")
+    context.log(f"{int(found.formed.sum())} of {len(images)} pairs make a model")
+    return models_of(block, image_points, pairs, found)
