@@ -140,6 +140,19 @@ class Tests(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class VarianceComponents(Table):
+    """Standard deviations of groups of observations, from their own residuals, as factors on those given."""
+
+    group: Text = column("str", doc="kind of observation, part, camera, flight, group")
+    observations: Int = column("i4", doc="components in use")
+    redundancy: Float = column("f8", doc="sum of their redundancy numbers")
+    factor: Float = column("f8", doc="on the standard deviations given; 1 where not estimable")
+    low: Float = column("f8", doc="lower 95 % limit of the true factor", optional=True)
+    high: Float = column("f8", doc="upper 95 % limit", optional=True)
+    verdict: Text = column("str", doc="fits, proposed, applied or not estimable (redundancy below 10)")
+
+
+@dataclass(frozen=True, eq=False)
 class Orderings(Table):
     """Orders of elimination of the images: the one in use, and the textbook's across and along the strips."""
 
@@ -196,6 +209,7 @@ class Solution(Artifact):
     calibrated_sets: CalibratedSets | None = table(default=None)
     parameter_covariances: ParameterCovariances | None = table(default=None)
     error_fields: ErrorFields | None = table(default=None)
+    variance_components: VarianceComponents | None = table(default=None)
     orderings: Orderings | None = table(default=None)
     datum: DatumCarriers | None = table(default=None)
 

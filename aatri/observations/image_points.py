@@ -50,7 +50,7 @@ def image_points(given: Given) -> tuple[Observed, ...]:
     def names(rows: Int) -> tuple[Text, Text]:
         return block.images.id[rays.image[rows]], block.points.id[rays.point[rows]]
 
-    return observed_image_points(rays, given.parameters, names)
+    return observed_image_points(rays, given.parameters, names, block.image_points.group)
 
 
 def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:
@@ -69,7 +69,7 @@ def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:
 
 
 def observed_image_points(
-    rays: ImagePointRows, parameters: Sequence[ParameterRows], names: Names
+    rays: ImagePointRows, parameters: Sequence[ParameterRows], names: Names, group: Text | None = None
 ) -> tuple[Observed, ...]:
     """Rays with the parameters they touch, and the priors of these."""
     corrections = [LinearCorrection(p.group, p.block, p.basis) for p in parameters if p.basis is not None]
@@ -84,6 +84,7 @@ def observed_image_points(
             unknowns=tuple(parameter_unknowns(p) for p in parameters),
             start={p.group: p.start for p in parameters},
             veto=lambda some: side_veto(rays if len(some) == len(rays.image) else rays.take(some)),
+            group=group,
         )
     ]
     for p in parameters:

@@ -104,6 +104,10 @@ class Observed:
         Rows -> (old state, new state) -> why a step is refused on account of them, or an empty text.
     whole : Observed, optional
         The same with nothing rejected.
+    group : (n,) str, optional
+        Group of observations that the table names, empty where it names none.
+    parts : tuple of (str, tuple of int)
+        Components that are measured apart, and so have standard deviations of their own: plan and height.
     """
 
     records: Records
@@ -118,6 +122,8 @@ class Observed:
     rejected: Bool | None = None
     veto: Callable[[Int], Veto] | None = None
     whole: Observed | None = None
+    group: Text | None = None
+    parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     @property
     def kind(self) -> str:

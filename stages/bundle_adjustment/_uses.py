@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from aatri.adapters.camera_parameters import MODELS
 from aatri.camera.models.calibration import PARAMETERS
 from aatri.observations import kinds
@@ -11,7 +13,7 @@ CAMERAS = tuple(f"camera_parameters:{distortion}.{name}" for distortion, model i
 """Standard deviations of the parameters that the camera models of the adjustment have."""
 
 
-def used(*, marked: bool, sessions: bool) -> tuple[str, ...]:
+def used(*, marked: bool, sessions: bool, levels: Collection[str] = ()) -> tuple[str, ...]:
     """Names of what is used.
 
     Parameters
@@ -20,7 +22,12 @@ def used(*, marked: bool, sessions: bool) -> tuple[str, ...]:
         The datum rests on marked points.
     sessions : bool
         Additional parameters are those of sessions.
+    levels : collection of str
+        What has a variance component of its own.
     """
     own = ("images.strip", "cameras.distortion", *CAMERAS)
-    optional = (("ground_points.datum", marked), ("images.session", sessions))
+    optional = (
+        ("ground_points.datum", marked), ("images.session", sessions), ("images.flight", "flight" in levels),
+        ("image_points.group", "group" in levels),
+    )  # fmt: skip
     return (*kinds.USES, *own, *(name for name, wanted in optional if wanted))

@@ -25,6 +25,7 @@ Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Self
 
 from pydantic import field_validator, model_validator
@@ -60,6 +61,7 @@ from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
 from ._uses import used
+from ._variance_components import VarianceComponents, with_variance_components
 
 
 class Blunders(Options):
@@ -101,6 +103,10 @@ class BundleOptions(Options):
     standard_deviations: bool = Field(True, description="compute standard deviations of all orientations and points")
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
+    variance_components: VarianceComponents | None = Field(
+        None,
+        description="standard deviations of groups of observations from their residuals: a mapping with groups, apply",
     )
     huber: float | None = Field(
         None, gt=0, description="Huber's loss: image points beyond this many standard deviations are down-weighted"
@@ -145,8 +151,9 @@ class BundleOptions(Options):
         removes = self.self_calibration is not None and self.self_calibration.remove
         if self.huber is not None and self.blunders.method != "none":
             raise ValueError("blunders are searched by least squares in the end: leave out huber")
-        if self.huber is not None and (self.reliability or removes):
-            wanted = "reliability" if self.reliability else "self_calibration.remove"
+        if self.huber is not None and (self.reliability or removes or self.variance_components):
+            wanted = "self_calibration.remove" if removes else "variance_components"
+            wanted = "reliability" if self.reliability else wanted
             raise ValueError(
                 f"huber gives no statistics: {wanted} needs a bundle without it, `from: initial` of this one"
             )
@@ -154,8 +161,12 @@ class BundleOptions(Options):
 
 
 def _uses(options: BundleOptions) -> tuple[str, ...]:
-    sets = options.self_calibration
-    return used(marked=options.datum_over == "marked", sessions=sets is not None and sets.per == "session")
+    sets, components = options.self_calibration, options.variance_components
+    return used(
+        marked=options.datum_over == "marked",
+        sessions=sets is not None and sets.per == "session",
+        levels=components.groups if components is not None else (),
+    )
 
 
 @stage(version=6, uses=_uses)
@@ -181,6 +192,9 @@ def bundle(
         poses, xyz_m = given.poses, given.xyz_m + given.origin_m
         tell(sanity(block, poses.position_m + given.origin_m, poses.ground_from_image, xyz_m), context)
     done = _in_rounds(given, options, context)
+    done, components = with_variance_components(
+        block, done, lambda block: _adjusted(block, options, context), options.variance_components
+    )
     given, result, suspects = done.given, done.result, after(suspects, done.given, done.result)
     notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
     tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result)], context)
@@ -189,6 +203,7 @@ def bundle(
     if options.huber_rejects is not None:
         suspects = with_gross_errors(result, suspects, options.huber_rejects)
     made = bundle_solution(block, given, result, suspects, tables, calibrated, orderings, tests=options.reliability)
+    made = replace(made, variance_components=components)
     return with_datum(block, made, options.datum, options.datum_over)
 
 
@@ -220,7 +235,10 @@ def _settings(options: BundleOptions, bound: float | None) -> BundleSettings:
     return BundleSettings(
         options.datum,
         options.datum_over,
-        options.standard_deviations or options.reliability or options.blunders.method != "none",
+        options.standard_deviations
+        or options.reliability
+        or options.variance_components is not None
+        or options.blunders.method != "none",
         options.huber if bound is None else bound,
         bound is not None,
         Settings(

@@ -25,6 +25,10 @@ from aatri.tables.schema import Artifact, Column, Table, columns_of, tables_of
 
 _AXES = ("x", "y", "z")
 _HIDDEN = ("file", "line", "row")
+_HOW = {
+    "tests": "set `reliability: true` in the stage",
+    "variance_components": "set `variance_components: {groups: [kind]}` in the stage",
+}
 _DEGREES = 180.0 / np.pi
 _ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
 
@@ -75,7 +79,7 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
     if rows is None:
         there = [table for table in known if getattr(artifact, table) is not None]
         what = f"no values of {name!r}" if name in known else f"no table {name!r}{did_you_mean(name, known)}"
-        remedy = "set `reliability: true` in the stage" if name == "tests" else ""
+        remedy = _HOW.get(name, "")
         raise SpecError(f"{artifact.kind}: {what}; it has {', '.join(there)}", remedy=remedy)
     found = _columns(artifact, rows)
     if isinstance(artifact, Solution) and name == "tests":

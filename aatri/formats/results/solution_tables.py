@@ -1,4 +1,5 @@
-"""A Solution as CSV tables: exterior, points, cameras, residuals, frame; tests, suspects, parameters if there are any.
+"""A Solution as CSV tables: exterior, points, cameras, residuals, frame; tests, variance components, suspects,
+parameters if there are any.
 
 parameters.csv has an empty cell where a parameter was removed; parameter_covariances.csv has covariances and
 correlations of the additional parameters of each camera or session; frame.csv says what the coordinates refer to.
@@ -21,7 +22,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
-from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals, Solution, Tests
+from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals, Solution, Tests, VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
 from aatri.formats.results.parameter_units import parameter_units
@@ -29,6 +30,7 @@ from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
 from aatri.geometry.rotations import AngleSystem, angle_covariance, angles_from_rotation
 from aatri.observations.poses import ADDITIONAL
+from aatri.tables.schema import columns_of
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -66,6 +68,9 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
     }
     if solution.tests is not None:
         tables["tests.csv"] = _tests(solution.residuals, solution.tests)
+    if solution.variance_components is not None:
+        c = solution.variance_components
+        tables["variance_components.csv"] = {name: getattr(c, name) for name in columns_of(VarianceComponents)}
     if len(solution.suspects):
         tables["suspects.csv"] = _suspects(solution.suspects)
     if len(solution.parameters):

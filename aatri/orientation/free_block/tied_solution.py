@@ -21,7 +21,7 @@ from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.records import Records
 from aatri.adjustment.solve import Solved, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
-from aatri.adjustment.statistics.variance_components import added_sigma
+from aatri.adjustment.statistics.variance_components import common_sigma
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import Weights, with_weights
@@ -155,9 +155,11 @@ class TiedSolution(Generic[S]):
     def added_sigma(self, *, robust: bool) -> float:
         """The deformation that the residuals of the strips' points ask for, m."""
         rows = np.flatnonzero((self.use & self.held)[: len(self.problem.ties.strip)])
+        if not self.eigenvalues[rows].any():
+            return 0.0
         # Ties are whitened along the eigenvectors of their covariances (`tie_whitener`).
         squares = self.tests[self.problem.records[0].name].whitened[rows] ** 2 * self._variances()[rows]
-        return added_sigma(squares, self.eigenvalues[rows], self.redundancy[rows] / 3, robust=robust)
+        return common_sigma(squares, self.eigenvalues[rows], self.redundancy[rows] / 3, robust=robust)
 
 
 def tied_problem(ties: Ties[S], given: Sequence[GivenPoints], start: S, what: str) -> TiedProblem[S]:

@@ -24,6 +24,24 @@ def reliability_tables(solution: Solution) -> list[PageTable]:
     return present(_by_kind(solution), _largest(solution), _worst_effects(solution), _uncontrolled(solution))
 
 
+def variance_table(solution: Solution) -> PageTable | None:
+    """Variance components: what the residuals say of the standard deviations."""
+    c = solution.variance_components
+    if c is None:
+        return None
+    columns: Cells = {
+        "group": lambda k: str(c.group[k]),
+        "verdict": lambda k: str(c.verdict[k]),
+        "observations": lambda k: number(int(c.observations[k])),
+        "redundancy": lambda k: number(float(c.redundancy[k])),
+        "factor": lambda k: number(float(c.factor[k])),
+        "from": lambda k: number(float(c.low[k])),
+        "to": lambda k: number(float(c.high[k])),
+    }
+    caption = "Variance components: factors on the standard deviations given, with 95 % limits"
+    return tables.all_rows(caption, c, columns, 2)
+
+
 def _by_kind(solution: Solution) -> PageTable | None:
     residuals, tests = solution.residuals, solution.tests
     assert tests is not None

@@ -21,6 +21,7 @@ def show(made: Section, solution: Solution, around: Surroundings) -> None:
         present(
             tables.residual_classes(solution),
             *calibration.parameter_tables(solution),
+            reliability.variance_table(solution),
             *reliability.reliability_tables(solution),
             _orientations(solution),
             _orderings(solution),

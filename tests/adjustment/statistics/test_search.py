@@ -8,7 +8,7 @@ import pytest
 from aatri.adjustment.records import Records
 from aatri.adjustment.small_matrices import inverse_cholesky
 from aatri.adjustment.statistics.rejection import Snooping, clearest, fitting, pool_of, stranded
-from aatri.adjustment.statistics.variance_components import added_sigma
+from aatri.adjustment.statistics.variance_components import common_sigma
 
 RNG = np.random.default_rng(3)
 
@@ -81,7 +81,7 @@ def test_the_added_standard_deviation_is_found_and_zero_where_none_is_needed():
     share = np.ones(n)
     for robust in (False, True):
         # 12,000 squares know their mean to 1.3 %, and tau to a little more than half of that.
-        assert added_sigma(v**2, values, share, robust=robust) == pytest.approx(tau, rel=0.05)
-    assert added_sigma(0.5 * values, values, share, robust=False) == 0.0
+        assert common_sigma(v**2, values, share, robust=robust) == pytest.approx(tau, rel=0.05)
+    assert common_sigma(0.5 * values, values, share, robust=False) == 0.0
     v[:200] = 50.0
-    assert added_sigma(v**2, values, share, robust=True) == pytest.approx(tau, rel=0.15)
+    assert common_sigma(v**2, values, share, robust=True) == pytest.approx(tau, rel=0.15)

@@ -1,0 +1,89 @@
+"""Which observations of a block have a standard deviation in common, by what the tables say of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Literal
+
+import numpy as np
+
+from aatri.arrays import Int, Text
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import VarianceComponents as Table
+from aatri.ids import rows_of
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.variance_groups import VarianceComponents, VarianceGroups, grouped
+
+Level = Literal["kind", "camera", "flight", "group"]
+
+
+def variance_groups(block: Block, given: BundleInput, levels: Collection[Level]) -> VarianceGroups:
+    """Groups of all observations: their kind and its parts always; of image points the camera, flight and group.
+
+    Parameters
+    ----------
+    block : Block
+    given : BundleInput
+    levels : collection of str
+    """
+    labels: list[list[str]] = []
+    parts: list[Int] = []
+    for o in given.observed:
+        if o.exact or not len(o):
+            labels.append([])
+            parts.append(np.full((len(o), o.records.rows), -1, dtype=np.int64))
+            continue
+        of_rows, row = np.unique(_of_rows(block, o, levels), return_inverse=True)
+        named = [(part, f"{o.kind} {part}".strip()) for part in _parts(o)]
+        labels.append([f"{name} {more}".strip() for _, name in named for more in of_rows.tolist()])
+        component = _component(o)
+        parts.append(component[None, :] * len(of_rows) + row.reshape(-1, 1))
+    return grouped(given.observed, labels, parts)
+
+
+def variance_table(found: VarianceComponents, *, applied: bool) -> Table:
+    """The components as a table of a Solution."""
+    differs = "applied" if applied else "proposed"
+    verdict = np.where(~found.estimable, "not estimable", np.where(found.differs, differs, "fits"))
+    verdict = np.where(found.estimable & applied, "applied", verdict)
+    return Table(
+        group=np.array(found.names, dtype=np.str_),
+        observations=found.count.astype(np.int32),
+        redundancy=found.redundancy,
+        factor=found.factor,
+        low=found.low,
+        high=found.high,
+        verdict=verdict,
+    )
+
+
+def _parts(o: Observed) -> list[str]:
+    return [name for name, _ in o.parts] or [""]
+
+
+def _component(o: Observed) -> Int:
+    """Part of each component."""
+    found = np.zeros(o.records.rows, dtype=np.int64)
+    for k, (_, components) in enumerate(o.parts):
+        found[list(components)] = k
+    return found
+
+
+def _of_rows(block: Block, o: Observed, levels: Collection[Level]) -> Text:
+    """What distinguishes the observations of one kind, (n,) str."""
+    image, _ = o.names(np.arange(len(o)))
+    row = rows_of(image, block.images.id)
+    known = row >= 0
+    texts = np.full(len(o), "", dtype="U256")
+    in_image = {POSE, POINT} <= {group for group, _ in o.records.touches}
+    if "camera" in levels and in_image and len(block.cameras) > 1:
+        camera = block.cameras.id[block.images.camera[np.maximum(row, 0)]]
+        texts = np.where(known, np.char.add(texts, np.char.add(" camera ", camera)), texts)
+    if "flight" in levels and known.any():
+        flight = block.images.flight[np.maximum(row, 0)]
+        texts = np.where(known & (flight != ""), np.char.add(texts, np.char.add(" flight ", flight)), texts)
+    if "group" in levels and o.group is not None:
+        texts = np.where(o.group != "", np.char.add(texts, np.char.add(" group ", o.group)), texts)
+    return np.char.strip(texts)

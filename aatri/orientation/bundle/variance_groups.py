@@ -1,0 +1,219 @@
+"""Variance components of a bundle: the standard deviations of groups of observations, from their own residuals.
+
+The block is adjusted, each group gets the factor sqrt(v'P v / r) on its standard deviations, and the block is adjusted
+with them, until no factor moves by more than `SAME`. See `adjustment.statistics.variance_components`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.statistics.variance_components import GroupSigmas, group_sigmas, sigma_limits
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, ResourceError
+from aatri.notes import Note
+from aatri.observations.observed import Observed
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+
+SAME = 0.003
+"""Relative change of a standard deviation below which it is found."""
+
+ROUNDS = 25
+
+FARTHEST = 1e3
+"""Beyond this factor, or its inverse, a standard deviation runs away: the group cannot be told from the others."""
+
+Adjust = Callable[[BundleInput], BundleResult]
+
+
+@dataclass(frozen=True)
+class VarianceGroups:
+    """Groups of observations that have a standard deviation in common.
+
+    Attributes
+    ----------
+    names : tuple of str
+    number : tuple of (n, m) int
+        Of every component of each of the observations of a block; -1 none.
+    """
+
+    names: tuple[str, ...]
+    number: tuple[Int, ...]
+
+
+@dataclass(frozen=True)
+class VarianceComponents:
+    """Standard deviations of groups, as factors on those given.
+
+    Attributes
+    ----------
+    names : tuple of str
+    count : (g,) int
+    redundancy : (g,) float64
+        With the new standard deviations.
+    factor, low, high : (g,) float64
+        With 95 % limits of the true factor; 1 and NaN where not estimable.
+    estimable : (g,) bool
+    rounds : int
+        Adjustments it took.
+    """
+
+    names: tuple[str, ...]
+    count: Int
+    redundancy: Float
+    factor: Float
+    low: Float
+    high: Float
+    estimable: Bool
+    rounds: int
+
+    @property
+    def differs(self) -> Bool:
+        """Groups whose given standard deviation is outside the limits."""
+        return np.asarray(self.estimable & ((self.low > 1) | (self.high < 1)))
+
+
+def variance_components(
+    given: BundleInput, result: BundleResult, adjust: Adjust, groups: VarianceGroups
+) -> tuple[VarianceComponents, BundleInput, BundleResult]:
+    """Estimate the standard deviations of groups.
+
+    Parameters
+    ----------
+    given : BundleInput
+    result : BundleResult
+        Of it, with covariances.
+    adjust : callable
+    groups : VarianceGroups
+
+    Returns
+    -------
+    VarianceComponents
+    BundleInput, BundleResult
+        The block with the new standard deviations, and adjusted with them.
+
+    Raises
+    ------
+    ResourceError
+        If there are no standard deviations to begin with.
+    ConvergenceError
+        If the factors do not settle.
+    """
+    if not result.adjusted.has_factor:
+        raise ResourceError(
+            "variance_components needs standard deviations, and conjugate gradients give none",
+            remedy="raise memory_gb, or leave out variance_components",
+        )
+    n = len(groups.names)
+    factor, frozen = np.ones(n), np.zeros(n, dtype=bool)
+    now, adjusted = given, result
+    for k in range(1, ROUNDS + 1):
+        found = _one_round(adjusted, groups)
+        frozen |= ~found.estimable
+        change = np.where(frozen, 1.0, found.factor)
+        factor = np.where(frozen, 1.0, factor)
+        if np.abs(change - 1).max(initial=0.0) < SAME:
+            low, high = sigma_limits(factor, found.redundancy)
+            limits = (np.where(frozen, np.nan, low), np.where(frozen, np.nan, high))
+            made = VarianceComponents(groups.names, found.count, found.redundancy, factor, *limits, ~frozen, k)
+            return made, now, adjusted
+        factor = factor * change
+        if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
+            break
+        now = from_result(_scaled(given, groups, factor), adjusted)
+        adjusted = adjust(now)
+    names = ", ".join(f"{name} {f:.3g}" for name, f in zip(groups.names, factor))
+    raise ConvergenceError(
+        f"the standard deviations of the groups do not settle in {ROUNDS} adjustments (factors {names}): they cannot "
+        "be told from each other",
+        remedy="fewer groups in variance_components, or leave it out",
+    )
+
+
+def variance_notes(found: VarianceComponents, *, applied: bool) -> list[Note]:
+    """What the components say; a warning where given standard deviations do not fit."""
+    texts = []
+    for g in np.flatnonzero(found.differs):
+        limits = f"{found.factor[g]:.3g} times ({found.low[g]:.3g} to {found.high[g]:.3g}, 95 %)"
+        texts.append(f"{found.names[g]}: {limits}")
+    notes = []
+    if texts:
+        what = "applied" if applied else "proposed, not applied: set them in the block, or `apply: true`"
+        notes.append(Note("warning", f"standard deviations from the residuals, {what}", tuple(texts)))
+    some = [found.names[g] for g in np.flatnonzero(~found.estimable)]
+    if some:
+        notes.append(Note("note", "standard deviation not estimable (redundancy below 10), as given", tuple(some)))
+    if not texts:
+        notes.append(Note("note", "variance components: the given standard deviations fit the residuals"))
+    return notes
+
+
+def _one_round(result: BundleResult, groups: VarianceGroups) -> GroupSigmas:
+    parts = [_of_kind(o, result, number) for o, number in zip(result.observations, groups.number)]
+    squares, redundancy, group = (np.concatenate(p) for p in zip(*parts))
+    return group_sigmas(squares, redundancy, group.astype(np.int64), len(groups.names))
+
+
+def _of_kind(found: AdjustedObservations, result: BundleResult, number: Int) -> tuple[Float, Float, Int]:
+    """v_i (P v)_i, (Qvv P)_ii and group of the components in use."""
+    o = found.observed
+    rows = np.flatnonzero(found.used)
+    if o.exact or not len(rows):
+        return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
+    L = o.records.whitener[rows]
+    v = o.records.evaluate(result.adjusted.state, rows)[0]
+    hat = found.covariance[rows]
+    if L.ndim == 2:
+        squares, r = (L * v) ** 2, 1.0 - np.einsum("nii->ni", hat)
+    else:
+        white = np.einsum("nij,nj->ni", L, v)
+        squares = v * np.einsum("nji,nj->ni", L, white)
+        # (Qvv P)_ii = (L^-1 (I - H) L)_ii; components that are not observed are left out of L
+        both = o.records.observed_components()[rows]
+        filled = np.where(both[:, :, None] & both[:, None, :], L, np.eye(L.shape[1]))
+        r = np.einsum("nij,njk,nki->ni", np.linalg.inv(filled), np.eye(L.shape[1]) - hat, filled)
+    used = o.records.observed_components()[rows]
+    return squares[used], r[used], np.where(used, number[rows], -1)[used]
+
+
+def _scaled(given: BundleInput, groups: VarianceGroups, factor: Float) -> BundleInput:
+    observed = tuple(_with_factor(o, number, factor) for o, number in zip(given.observed, groups.number))
+    return replace(given, observed=observed)
+
+
+def _with_factor(o: Observed, number: Int, factor: Float) -> Observed:
+    """Standard deviations times the factor of each component's group; correlations stay."""
+    if o.exact:
+        return o
+    inverse = np.where(number >= 0, 1.0 / np.append(factor, 1.0)[number], 1.0)
+    whole = None if o.whole is None else _with_factor(o.whole, number, factor)
+    L = o.records.whitener
+    scaled = L * inverse if L.ndim == 2 else L * inverse[:, None, :]
+    return replace(o, records=replace(o.records, whitener=scaled), whole=whole)
+
+
+def grouped(observed: Sequence[Observed], labels: Sequence[Sequence[str]], parts: Sequence[Int]) -> VarianceGroups:
+    """Groups from labels: of each of the observations the labels it has, and which one each component has.
+
+    Parameters
+    ----------
+    labels : sequence of sequence of str
+    parts : sequence of (n, m) int
+        Place among the labels; -1 none.
+    """
+    names = sorted({label for some in labels for label in some})
+    place = {name: k for k, name in enumerate(names)}
+    number = []
+    for some, part in zip(labels, parts):
+        of = np.array([place[label] for label in some] + [-1], dtype=np.int64)
+        number.append(of[part])
+    used = np.zeros(len(names), dtype=bool)
+    for o, n in zip(observed, number):
+        used[np.unique(n[o.records.observed_components() & (n >= 0)])] = True
+    renumber = np.append(np.where(used, np.cumsum(used) - 1, -1), -1)
+    kept = tuple(name for name, u in zip(names, used) if u)
+    return VarianceGroups(kept, tuple(renumber[n] for n in number))

@@ -1,0 +1,44 @@
+"""Options of variance components, and what a bundle adjustment does with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from pydantic import field_validator
+
+from aatri.adapters.variance_groups import Level, variance_groups, variance_table
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import VarianceComponents as Table
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.variance_groups import variance_components, variance_notes
+from aatri.plugin import Field, Options
+
+
+class VarianceComponents(Options):
+    """Standard deviations of groups of observations from their own residuals."""
+
+    groups: tuple[Level, ...] = Field(
+        ("kind",), description="what has a standard deviation of its own: kind (always), camera, flight, group"
+    )
+    apply: bool = Field(False, description="adjust with them; else they are proposed only")
+
+    @field_validator("groups", mode="before")
+    @classmethod
+    def _as_tuple(cls, value: object) -> object:
+        return tuple(value) if isinstance(value, list) else value
+
+
+def with_variance_components(
+    block: Block, done: Round, adjust: Callable[[BundleInput], BundleResult], options: VarianceComponents | None
+) -> tuple[Round, Table | None]:
+    """The components as a table, and the block adjusted with them where they are to be applied."""
+    if options is None:
+        return done, None
+    groups = variance_groups(block, done.given, options.groups)
+    found, given, result = variance_components(done.given, done.result, adjust, groups)
+    notes = (*done.notes, *variance_notes(found, applied=options.apply))
+    done = Round(given, result, notes) if options.apply else replace(done, notes=notes)
+    return done, variance_table(found, applied=options.apply)

@@ -1,0 +1,73 @@
+"""Variance components of a block: factors on standard deviations that are wrong are found, and nothing else is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.stages.bundle_adjustment._variance_components import VarianceComponents
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.campaigns.variance_components import TRUE, disturbed, error_free
+
+
+@pytest.fixture(scope="module")
+def blocks() -> tuple[Block, Block]:
+    made = error_free()
+    return made, disturbed(made, np.random.default_rng(5))
+
+
+def _adjusted(block: Block, apply: bool, levels: tuple[str, ...] = ("camera",)) -> Solution:
+    points = calibrated(block)
+    options = BundleOptions(variance_components=VarianceComponents(groups=levels, apply=apply))  # type: ignore[arg-type]
+    return bundle(block, points, options=options)
+
+
+@pytest.fixture(scope="module")
+def applied(blocks: tuple[Block, Block]) -> Solution:
+    return _adjusted(blocks[1], apply=True)
+
+
+def test_the_factors_put_in_are_found_within_their_limits(applied: Solution) -> None:
+    c = applied.variance_components
+    assert c is not None
+    assert sorted(c.group.tolist()) == sorted(TRUE)
+    assert (c.redundancy >= 30).all()
+    for name, low, high in zip(c.group, c.low, c.high):
+        # 99.9 % limits, about 1.7 times as wide as those of 95 %: one sample of six groups
+        middle = np.sqrt(low * high)
+        assert low * (low / middle) < TRUE[str(name)] < high * (high / middle), name
+
+
+def test_with_them_every_group_fits_and_sigma0_is_one(applied: Solution) -> None:
+    assert applied.sigma0 == pytest.approx(1.0, abs=0.01)
+    r = applied.residuals
+    sigma = r.sigma[(r.kind == "distance") & r.active][:, 0]
+    c = applied.variance_components
+    assert c is not None
+    np.testing.assert_allclose(sigma, 0.01 * c.factor[c.group == "distance"], rtol=1e-9)
+
+
+def test_proposed_factors_leave_the_result_alone(blocks: tuple[Block, Block]) -> None:
+    proposed = _adjusted(blocks[1], apply=False)
+    plain = bundle(blocks[1], calibrated(blocks[1]))
+    np.testing.assert_array_equal(proposed.points.xyz_m, plain.points.xyz_m)
+    c = proposed.variance_components
+    assert c is not None
+    assert set(c.verdict.tolist()) <= {"fits", "proposed"}
+    assert (c.verdict == "proposed").any()
+
+
+def test_a_group_of_little_redundancy_keeps_its_standard_deviation(blocks: tuple[Block, Block]) -> None:
+    """Two distances: whatever their residuals, they say nothing."""
+    g = blocks[1].geodetic
+    few = replace(g, active=np.arange(len(g)) < 2)
+    c = _adjusted(replace(blocks[1], geodetic=few), apply=True).variance_components
+    assert c is not None
+    row = c.group.tolist().index("distance")
+    assert (c.verdict[row], c.factor[row]) == ("not estimable", 1.0)
+    assert np.isnan(c.low[row])
