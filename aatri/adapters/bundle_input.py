@@ -112,10 +112,14 @@ def _observed(given: Given, options: object, initial: Solution | None) -> tuple[
 
 def origin_of(poses: Poses, xyz_m: Float) -> Float:
     """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
-    for known in (xyz_m[finite_rows(xyz_m)], poses.position_m[finite_rows(poses.position_m)]):
-        if len(known):
-            return np.asarray(np.round(known.mean(axis=0)))
-    return np.zeros(3)
+    origin = np.zeros(3)
+    for axis in range(3):
+        for values in (xyz_m[:, axis], poses.position_m[:, axis]):
+            known = values[np.isfinite(values)]
+            if len(known):
+                origin[axis] = np.round(known.mean())
+                break
+    return origin
 
 
 def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
@@ -159,4 +163,4 @@ def _start_points(block: Block, initial: Solution | None) -> Float:
     xyz[block.ground_points.point] = np.where(block.ground_points.role == CHECK, np.nan, block.ground_points.xyz_m)
     if initial is None:
         return xyz
-    return np.where(finite_rows(initial.points.xyz_m)[:, None], initial.points.xyz_m, xyz)
+    return np.where(np.isfinite(initial.points.xyz_m), initial.points.xyz_m, xyz)

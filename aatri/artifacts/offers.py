@@ -71,6 +71,15 @@ def _arms(block: Block) -> Bool:
     return np.asarray((block.cameras.lever_arm_m != 0).any(axis=1))
 
 
+def _distances(block: Block) -> Bool:
+    return np.isin(block.geodetic.type, ("distance", "horizontal_distance"))
+
+
+def _reduced(block: Block) -> Bool:
+    g = block.geodetic
+    return np.asarray(g.active & (g.reduced != "no") & (g.reduced != ""))
+
+
 _DECLARED = (
     _Declared("image_points.xy", "observation", "{} image points (image_points.csv: x, y)", "image_points",
               lambda b: b.image_points.active, "ImagePoints"),
@@ -123,10 +132,26 @@ _DECLARED = (
     _Declared("exterior.drift_group:without_positions", "grouping",
               "drift groups of {} images without observed position (exterior.csv: drift_group)", "exterior",
               lambda b: (b.exterior.drift_group != "") & ~_observed_positions(b)),
-    _Declared("geodetic.group", "constraint", "groups of {} geodetic observations (geodetic.csv: group)", "geodetic",
-              lambda b: b.geodetic.active & (b.geodetic.group != "")),
-    _Declared("geodetic.reduced", "correction", "{} reduced geodetic observations (geodetic.csv: reduced)", "geodetic",
-              lambda b: b.geodetic.active & (b.geodetic.reduced != "no") & (b.geodetic.reduced != "")),
+    _Declared("geodetic.group", "constraint", "groups of {} distances (geodetic.csv: group)", "geodetic",
+              lambda b: b.geodetic.active & (b.geodetic.group != "") & _distances(b)),
+    _Declared("geodetic.group:other", "constraint",
+              "groups of {} geodetic observations that are no distances (geodetic.csv: group)", "geodetic",
+              lambda b: b.geodetic.active & (b.geodetic.group != "") & ~_distances(b)),
+    _Declared("geodetic.set:other", "constraint",
+              "sets of {} geodetic observations that are no directions (geodetic.csv: set)", "geodetic",
+              lambda b: b.geodetic.active & (b.geodetic.set != "") & (b.geodetic.type != "direction")),
+    _Declared("geodetic.via:other", "constraint",
+              "vertices of {} geodetic observations that are no angles (geodetic.csv: via)", "geodetic",
+              lambda b: b.geodetic.active & (b.geodetic.via != "") & (b.geodetic.type != "angle")),
+    _Declared("geodetic.reduced:distance", "correction", "{} reduced distances (geodetic.csv: reduced)", "geodetic",
+              lambda b: _reduced(b) & _distances(b)),
+    _Declared("geodetic.reduced:angular", "correction",
+              "{} reduced directions, azimuths and angles (geodetic.csv: reduced)", "geodetic",
+              lambda b: _reduced(b) & np.isin(b.geodetic.type, ("direction", "azimuth", "angle"))),
+    _Declared("geodetic.reduced:other", "correction",
+              "{} reduced geodetic observations that are neither lengths nor directions (geodetic.csv: reduced)",
+              "geodetic", lambda b: _reduced(b) & ~_distances(b)
+              & ~np.isin(b.geodetic.type, ("direction", "azimuth", "angle"))),
     _Declared("geodetic.heights", "correction",
               "instrument and target heights of {} geodetic observations (geodetic.csv: h_from, h_to)", "geodetic",
               lambda b: b.geodetic.active & ((np.nan_to_num(b.geodetic.start_height_m) != 0)

@@ -99,4 +99,4 @@ def observed_control(rows: Control, origin_m: Float, names: Text) -> tuple[Obser
     active = np.ones(len(rows.row), dtype=bool)
     records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, active)
     holds = Holds(POINT, rows.point, rows.exact, xyz_m) if rows.exact.any() else None
-    return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS),)
+    return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=used),)

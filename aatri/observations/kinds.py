@@ -10,14 +10,26 @@ from pydantic import Field, create_model
 
 from aatri.observations.control import USES as OF_CONTROL
 from aatri.observations.control import control
-from aatri.observations.distances import USES as OF_DISTANCES
-from aatri.observations.distances import distances
 from aatri.observations.drift import USES as OF_DRIFT
 from aatri.observations.drift import drift
+from aatri.observations.geodetic.coordinate_differences import USES as OF_COORDINATE_DIFFERENCES
+from aatri.observations.geodetic.coordinate_differences import coordinate_differences
+from aatri.observations.geodetic.covariances import USES as OF_COVARIANCES
+from aatri.observations.geodetic.covariances import with_geodetic_covariances
+from aatri.observations.geodetic.directions import USES as OF_DIRECTIONS
+from aatri.observations.geodetic.directions import directions
+from aatri.observations.geodetic.distances import USES as OF_DISTANCES
+from aatri.observations.geodetic.distances import DistanceOptions, distances
+from aatri.observations.geodetic.height_differences import USES as OF_HEIGHT_DIFFERENCES
+from aatri.observations.geodetic.height_differences import height_differences
+from aatri.observations.geodetic.zenith_angles import USES as OF_ZENITH_ANGLES
+from aatri.observations.geodetic.zenith_angles import ZenithOptions, zenith_angles
 from aatri.observations.image_points import image_points
 from aatri.observations.observed import Given, Observed
 from aatri.observations.positions import USES as OF_POSITIONS
 from aatri.observations.positions import PositionOptions, positions
+from aatri.observations.relative.distances import USES as OF_RELATIVE_DISTANCES
+from aatri.observations.relative.distances import relative_distances
 from aatri.options import Options
 
 
@@ -58,10 +70,15 @@ KINDS = (
     Kind(control, uses=OF_CONTROL),
     Kind(positions, PositionOptions, uses=OF_POSITIONS),
     Kind(drift, PositionOptions, under="positions", uses=OF_DRIFT),
-    Kind(distances, uses=OF_DISTANCES),
+    Kind(distances, DistanceOptions, uses=OF_DISTANCES),
+    Kind(directions, uses=OF_DIRECTIONS),
+    Kind(zenith_angles, ZenithOptions, uses=OF_ZENITH_ANGLES),
+    Kind(height_differences, uses=OF_HEIGHT_DIFFERENCES),
+    Kind(coordinate_differences, uses=OF_COORDINATE_DIFFERENCES),
+    Kind(relative_distances, uses=OF_RELATIVE_DISTANCES),
 )
 
-USES = tuple(sorted({name for kind in KINDS for name in kind.uses}))
+USES = tuple(sorted({*OF_COVARIANCES, *(name for kind in KINDS for name in kind.uses)}))
 """What the kinds use of a block, also where their options set them aside: then the user has said so."""
 
 
@@ -70,7 +87,7 @@ def observe(given: Given, options: object) -> tuple[Observed, ...]:
     found: list[Observed] = []
     for kind in KINDS:
         found += kind.observe(given, getattr(options, kind.name)) if kind.options else kind.observe(given)
-    return tuple(found)
+    return with_geodetic_covariances(given.block, found)
 
 
 T = TypeVar("T", bound=Options)

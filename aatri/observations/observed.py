@@ -19,6 +19,8 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.notes import Note
+from aatri.observations.level import PLANE, Level
 from aatri.observations.parameters import ParameterRows
 
 if TYPE_CHECKING:
@@ -49,6 +51,8 @@ class Given:
         Poses and ground points at the start, reduced to the origin; NaN where unknown.
     parameters : tuple of ParameterRows
         Unknown parameters of images and cameras.
+    level : Level
+        What is up, north and height in the frame of the adjustment.
     """
 
     block: Block
@@ -56,6 +60,7 @@ class Given:
     origin_m: Float
     start: State
     parameters: tuple[ParameterRows, ...] = ()
+    level: Level = PLANE
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,10 @@ class Observed:
         Group of observations that the table names, empty where it names none.
     parts : tuple of (str, tuple of int)
         Components that are measured apart, and so have standard deviations of their own: plan and height.
+    sees : (bool, bool, bool) or (n, 3) bool
+        Which coordinates of ground points it can see: what no observation sees is no unknown.
+    notes : tuple of Note
+        What there is to say of them before they are adjusted.
     """
 
     records: Records
@@ -124,6 +133,8 @@ class Observed:
     whole: Observed | None = None
     group: Text | None = None
     parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    sees: tuple[bool, bool, bool] | Bool = (True, True, True)
+    notes: tuple[Note, ...] = ()
 
     @property
     def kind(self) -> str:

@@ -188,6 +188,7 @@ def bundle(
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
     given = bundle_input(block, image_points, initial, options, parameters)
+    tell([note for o in given.observed for note in o.notes], context)
     if initial is None and given.rays is not None:
         poses, xyz_m = given.poses, given.xyz_m + given.origin_m
         tell(sanity(block, poses.position_m + given.origin_m, poses.ground_from_image, xyz_m), context)

@@ -146,6 +146,7 @@ def _module(path: str, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch,
 LEVELLED = {"AB": 1.503, "BC": -0.702, "AC": 0.806}
 NETWORK = """aatri_block: 1
 name: levelling
+terrain_height: 10.0
 frames: {local: {axes: [east, north, up], crs: local}}
 earth_curvature: ignore
 units: {ground: m, angle: deg, sigma_image: um, sigma_ground: m, sigma_angle: deg, time: s}
@@ -153,11 +154,12 @@ units: {ground: m, angle: deg, sigma_image: um, sigma_ground: m, sigma_angle: de
 
 
 def _levelling(folder: Path) -> Block:
-    """A at height 10 m; B and C levelled in a loop that misses by 5 mm; plan is given."""
+    """A, B and C levelled in a loop that misses by 5 mm; no height is given."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "block.yaml").write_text(NETWORK)
-    points = ["A,0,0,10,0,0,0,control", "B,50,0,11,0,0,9,control", "C,0,50,11,0,0,9,control"]
-    (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *points]) + "\n")
+    (folder / "ground_points.csv").write_text(
+        "point,X,Y,Z,role\nA,,,10,approximate\nB,,,11,approximate\nC,,,9,approximate\n"
+    )
     rows = [f"height_difference,{line[0]},{line[1]},{value},0.001" for line, value in LEVELLED.items()]
     (folder / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *rows]) + "\n")
     return tables(options=TablesOptions(path=folder))
@@ -181,6 +183,7 @@ def test_the_observation_is_one_file_and_one_line_and_is_adjusted(
     misclosure = LEVELLED["AB"] + LEVELLED["BC"] - LEVELLED["AC"]
     assert heights["B"] - heights["A"] == pytest.approx(LEVELLED["AB"] - misclosure / 3, abs=1e-6)
     assert heights["C"] - heights["A"] == pytest.approx(LEVELLED["AC"] + misclosure / 3, abs=1e-6)
+    assert sum(heights.values()) / 3 == pytest.approx(10.0, abs=1e-6)
 
 
 @pytest.mark.slow

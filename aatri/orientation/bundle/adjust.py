@@ -67,7 +67,7 @@ def adjust_bundle(
     if settings.datum == "free":
         others = [r for r in records if not _is_ray(r)] + constraints
         marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
-        free = FreeDatum.of(unknowns, others, start, part.of, settings.datum_over, marked)
+        free = FreeDatum.of(unknowns, others, start, part.of, settings.datum_over, marked, part.absent)
     adjusted = adjust_large(
         unknowns if free is None else minimally_held(free),
         records,
@@ -158,12 +158,14 @@ def _result(
             groups[name][some] = values[some]
         found = _of_observations(given, part, marginal.records)
     poses: Poses = adjusted.state[POSE]
+    if POINT in groups:
+        groups[POINT] = np.where(part.absent[:, :, None] | part.absent[:, None, :], np.nan, groups[POINT])
     return BundleResult(
         Poses(
             np.where(image[:, None], poses.position_m + given.origin_m, np.nan),
             np.where(image[:, None, None], poses.ground_from_image, np.nan),
         ),
-        np.where(point[:, None], adjusted.state[POINT] + given.origin_m, np.nan),
+        np.where(point[:, None] & ~part.absent, adjusted.state[POINT] + given.origin_m, np.nan),
         groups,
         tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in given.parameters),
         tuple(_observations(o, part.rows[i], found.get(i)) for i, o in enumerate(given.observed)),

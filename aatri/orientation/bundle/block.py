@@ -1,9 +1,10 @@
 """What a bundle adjustment takes: observations of all kinds, start values; and what of it can take part.
 
-An image or point takes part if its start is known, its observations are at least as many as its free unknowns, and one
-of them ties it to something else. What does not is left out before the first iteration, and named; with it go the
-observations that touch it, so that the rule is applied until nothing changes. Other unknowns (drift, film, camera ...)
-take part if an observation ties them to something else.
+A coordinate of a point that no observation can see (the height of a point of a plane network, the place of a levelled
+one) is absent: no unknown, and no result. An image or point takes part if its start is known, its observations are at
+least as many as its free unknowns, and one of them ties it to something else. What does not is left out before the
+first iteration, and named; with it go the observations that touch it, so that the rule is applied until nothing
+changes. Other unknowns (drift, film, camera ...) take part if an observation ties them to something else.
 """
 
 from __future__ import annotations
@@ -75,21 +76,26 @@ class Participants:
         Blocks of each group of unknowns.
     rows : tuple of (k,) int
         Rows of each of the observations: used, or rejected and predicted.
+    absent : (n_points, 3) bool
+        Coordinates of points that no observation can see.
     """
 
     of: dict[str, Bool]
     rows: tuple[Int, ...]
+    absent: Bool
 
 
 def taking_part(given: BundleInput) -> Participants:
     """Which blocks and observations take part; see above."""
+    absent = absent_coordinates(given)
     part = {
         POSE: finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image),
         POINT: finite_rows(_start_points(given)),
     }
     own = {u.name: len(u.free) for o in given.observed for u in o.unknowns}
     part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
-    needed = {POSE: np.full(len(part[POSE]), 6), POINT: 3 - _held(given.observed, len(part[POINT])).sum(axis=1)}
+    open_ = ~_held(given.observed, len(part[POINT])) & ~absent
+    needed = {POSE: np.full(len(part[POSE]), 6), POINT: open_.sum(axis=1)}
     components = [_components(o.records) for o in given.observed]
     while True:
         usable = [_usable(o.records, part) for o in given.observed]
@@ -113,7 +119,22 @@ def taking_part(given: BundleInput) -> Participants:
         np.flatnonzero(use & (o.records.active if o.rejected is None else o.records.active | o.rejected))
         for o, use in zip(given.observed, usable)
     )
-    return Participants(part, rows_of)
+    return Participants(part, rows_of, absent & part[POINT][:, None])
+
+
+def absent_coordinates(given: BundleInput) -> Bool:
+    """Coordinates of points that no observation can see, (n_points, 3)."""
+    n = len(given.point_ids)
+    seen = np.zeros((n, 3), dtype=bool)
+    if not any(not np.all(o.sees) for o in given.observed):
+        return seen
+    for o in given.observed:
+        sees = np.broadcast_to(o.sees, (len(o), 3))
+        for group, block in o.records.touches:
+            for k in range(3) if group == POINT else ():
+                seen[block[sees[:, k]], k] = True
+    touched: Bool = np.asarray(seen.any(axis=1))
+    return ~seen & touched[:, None]
 
 
 def touched_points(given: BundleInput) -> Bool:
@@ -155,8 +176,12 @@ def _holds(observed: Sequence[Observed]) -> list[Holds]:
 
 
 def _start_points(given: BundleInput) -> Float:
-    """Start of the points, exact coordinates at their values."""
+    """Start of the points, exact coordinates at their values, absent ones that are not given at the mean."""
     xyz = given.xyz_m.copy()
+    if given.given is None or not given.given.level.curved:
+        known = np.isfinite(xyz)
+        mean = np.where(known, xyz, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        xyz = np.where(absent_coordinates(given) & ~known, mean, xyz)
     for h in _holds(given.observed):
         row, scalar = np.nonzero(h.scalar)
         xyz[h.block[row], scalar] = h.value[row, scalar]
@@ -180,7 +205,7 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
         Where the images lie, for the order of elimination.
     """
     point = participants.of[POINT]
-    free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point))
+    free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point)) & ~participants.absent
     distance = median_distance_m(given)
     groups = [pose_unknowns(given.image_ids, poses, places, distance)] if len(poses) else []
     for o in given.observed:

@@ -57,6 +57,8 @@ class FreeDatum:
         What is adjusted, by group.
     over : mapping of (n,) bool
         Images whose projection centres, and points whose coordinates, carry the datum.
+    absent : (n_points, 3) bool
+        Coordinates of points that are no unknowns and take no part in a movement.
     """
 
     unknowns: Sequence[Unknowns]
@@ -64,17 +66,18 @@ class FreeDatum:
     start: State
     part: Mapping[str, Bool]
     over: Mapping[str, Bool]
+    absent: Bool
 
     @staticmethod
     def of(
         unknowns: Sequence[Unknowns], records: Sequence[Records], start: State, part: Mapping[str, Bool],
-        over: str, marked: Bool,
+        over: str, marked: Bool, absent: Bool,
     ) -> FreeDatum:  # fmt: skip
         """The datum rests on all points, all images, or the marked points."""
         image, point = part[POSE], part[POINT]
         none = np.zeros_like(point)
         points = {"points": point, "images": none, "marked": point & marked}[over]
-        return FreeDatum(unknowns, records, start, part, {POSE: image & (over == "images"), POINT: points})
+        return FreeDatum(unknowns, records, start, part, {POSE: image & (over == "images"), POINT: points}, absent)
 
 
 def minimally_held(free: FreeDatum) -> list[Unknowns]:
@@ -167,7 +170,9 @@ def similarity_directions(free: FreeDatum, state: State) -> dict[str, Float]:
     found = {}
     for u in free.unknowns:
         if u.generator is not None:
-            found[u.name] = np.where(free.part[u.name][:, None, None], u.generator(state) @ about_centre, 0.0)
+            moving = np.repeat(free.part[u.name][:, None], u.size, axis=1)
+            moving &= ~free.absent if u.name == POINT else True
+            found[u.name] = np.where(moving[:, :, None], u.generator(state) @ about_centre, 0.0)
     return found
 
 
@@ -179,7 +184,7 @@ def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Fl
     GeometryError
         If nothing is left open.
     """
-    seen = [np.zeros((7, 7)), *(H[u.name][~u.free] for u in free.unknowns if u.name in H)]
+    seen = [_without_effect(H) * _size(free, state)[1], *(H[u.name][~u.free] for u in free.unknowns if u.name in H)]
     for r in free.records:
         rows = np.flatnonzero(r.active)
         _, jacobians = whitened(r, state, rows)
@@ -197,6 +202,13 @@ def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Fl
             remedy="use `datum: given`, or leave out control or positions",
         )
     return np.asarray(V)
+
+
+def _without_effect(H: Mapping[str, Float]) -> Float:
+    """Directions in which nothing moves, (7, 7): the tilts of a plane network."""
+    everything = np.concatenate([h.reshape(-1, 7) for h in H.values()])
+    _, values, vectors = np.linalg.svd(np.linalg.qr(everything, mode="r"))
+    return np.asarray(vectors * (np.pad(values, (0, 7 - len(values))) <= OPEN * values[0])[:, None])
 
 
 def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float) -> Float:

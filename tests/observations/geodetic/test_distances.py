@@ -5,15 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.observations.distances import Distances, observed_distances
+from aatri.observations.geodetic.lengths import slope
+from aatri.observations.geodetic.sights import Sights, observed_sights
+from aatri.observations.level import PLANE
 from aatri.observations.poses import POINT, POSE, Poses
 from tests.complex_step import complex_step
 
 
-def _made(start_is_image: bool, end_is_image: bool, sigma: float = 0.01) -> Distances:
+def _made(start_is_image: bool, end_is_image: bool, sigma: float = 0.01) -> Sights:
     one = np.zeros(1, dtype=np.int32)
-    return Distances(one, one, one + 1, np.array([start_is_image]), np.array([end_is_image]), np.array([1.5]),
-                     np.array([0.3]), np.array([100.0]), np.array([sigma]), np.array(["A-B"]))  # fmt: skip
+    none = np.array([""])
+    images = np.array([start_is_image]), np.array([end_is_image])
+    numbers = (np.array([x]) for x in (1.5, 0.3, 100.0, sigma))
+    return Sights(one, one, one + 1, *images, *numbers, np.array(["A-B"]), none, none, none)
 
 
 @pytest.mark.parametrize(("start", "end"), [(False, False), (False, True), (True, False), (True, True)])
@@ -27,7 +31,7 @@ def test_derivatives_are_those_of_the_complex_step(start: bool, end: bool) -> No
         line = z[3:] - z[:3] + np.array([0.0, 0.0, 0.3 - 1.5])
         return np.sqrt((line**2).sum())[None] - 100.0
 
-    (o,) = observed_distances("distance", _made(start, end))
+    (o,) = observed_sights("distance", _made(start, end), PLANE, slope, "m")
     state = {POINT: points, POSE: Poses(centres, np.tile(np.eye(3), (2, 1, 1)))}
     v, J = o.records.evaluate(state, np.arange(1))
     z = np.concatenate([a, b])
@@ -41,8 +45,8 @@ def test_derivatives_are_those_of_the_complex_step(start: bool, end: bool) -> No
 
 
 def test_a_distance_of_sigma_zero_is_demanded_and_named_by_its_ends() -> None:
-    (exact,) = observed_distances("distance", _made(False, False, sigma=0.0))
-    (observed,) = observed_distances("distance", _made(False, False, sigma=0.02))
+    (exact,) = observed_sights("distance", _made(False, False, sigma=0.0), PLANE, slope, "m")
+    (observed,) = observed_sights("distance", _made(False, False, sigma=0.02), PLANE, slope, "m")
     assert exact.exact
     assert not observed.exact
     assert observed.sigmas().tolist() == [[0.02]]

@@ -1,0 +1,1 @@
+"""GNU Gama: networks of gama-local as XML (gkf)."""

@@ -1,0 +1,259 @@
+"""The elements of a gama-local input file as they stand: points, observations in clusters with their covariances.
+
+Lengths are in m, angles in gon, or degrees where they are written d-m-s; standard deviations in mm and cc (0.1 mgon),
+or seconds of arc for angles in degrees. Source: GNU Gama manual, chapter Input data format for gama-local.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from xml.parsers import expat
+
+from aatri.errors import InputError
+from aatri.formats.gama.network import GivenPoint, Network, Row
+from aatri.ids import printable
+from aatri.units import ANGLE_RAD, rad_from_dms
+
+NAMESPACE = "http://www.gnu.org/software/gama/gama-local"
+
+OF_GAMA = ("conf-pr", "tol-abs", "sigma-act", "algorithm", "cov-band", "update-constrained-coordinates", "language",
+           "encoding", "iterations", "lang", "angles", "epoch", "version", "xmlns")  # fmt: skip
+"""What concerns the program and not the network."""
+
+LENGTHS, ANGLES = ("distance", "s-distance", "dh"), ("direction", "angle", "z-angle", "azimuth")
+
+CC_RAD, SECOND_RAD, MM = 1e-4 * ANGLE_RAD["gon"], ANGLE_RAD["arcsec"], 1e-3
+
+Attributes = dict[str, str]
+
+
+def read_network(path: Path) -> Network:
+    """Read a network.
+
+    Raises
+    ------
+    InputError
+        If the file is no gama-local input, or has what is not supported; the message names line and element.
+    """
+    return _Reader(path).read()
+
+
+class _Reader:
+    def __init__(self, path: Path) -> None:
+        self.path, self.network = path, Network()
+        self.line: dict[ElementTree.Element, int] = {}
+        self.stdev: Attributes = {}
+        self.sets = 0
+
+    def read(self) -> Network:
+        root = self._tree()
+        if _tag(root) != "gama-local":
+            raise self._fault(root, f"the root element is {_tag(root)!r}", "an input file of gama-local is wanted")
+        for network in self._children(root, ("network",)):
+            self.network.axes = network.get("axes-xy", "ne")
+            self.network.clockwise = network.get("angles", "left-handed") == "left-handed"
+            self._attributes(network, ("axes-xy", "angles"))
+            for part in self._children(network, ("description", "parameters", "points-observations")):
+                {"description": self._description, "parameters": self._parameters,
+                 "points-observations": self._content}[_tag(part)](part)  # fmt: skip
+        return self.network
+
+    def _tree(self) -> ElementTree.Element:
+        """The document, with the line of each element: expat tells it where an element starts."""
+        parser, builder = expat.ParserCreate(), ElementTree.TreeBuilder()
+
+        def start(name: str, attributes: Attributes) -> None:
+            self.line[builder.start(name, attributes)] = parser.CurrentLineNumber
+
+        parser.StartElementHandler = start
+        parser.EndElementHandler = lambda name: builder.end(name)
+        parser.CharacterDataHandler = builder.data
+        try:
+            parser.Parse(self.path.read_bytes(), True)
+        except OSError as error:
+            raise InputError(f"cannot read: {error.strerror}", where=str(self.path)) from error
+        except expat.ExpatError as error:
+            where = f"{self.path}:{error.lineno}:{error.offset + 1}"
+            raise InputError(f"no XML: {expat.ErrorString(error.code)}", where=where,
+                             remedy="give the input file of gama-local, *.gkf") from error  # fmt: skip
+        return builder.close()
+
+    def _description(self, part: ElementTree.Element) -> None:
+        self.network.description = " ".join((part.text or "").split())
+
+    def _parameters(self, part: ElementTree.Element) -> None:
+        self._attributes(part, ("sigma-apr", "angular"))
+        self.network.sigma_apr = self._number(part, "sigma-apr", 10.0)
+        for name in ("latitude", "ellipsoid"):
+            if part.get(name):
+                raise self._fault(part, f"{name}={part.get(name)!r} is not supported",
+                                  "remove it: the frame is a local one")  # fmt: skip
+
+    def _content(self, part: ElementTree.Element) -> None:
+        names = [f"{kind}-stdev" for kind in ("distance", "direction", "angle", "zenith-angle", "azimuth")]
+        self._attributes(part, names)
+        self.stdev = {name: part.get(name, "") for name in names}
+        for child in self._children(part, ("point", "obs", "height-differences", "coordinates", "vectors")):
+            tag = _tag(child)
+            if tag == "point":
+                self._point(child)
+            elif tag == "coordinates":
+                self._coordinates(child)
+            else:
+                self._cluster(child, tag)
+
+    def _point(self, e: ElementTree.Element) -> None:
+        self._attributes(e, ("id", "x", "y", "z", "fix", "adj"))
+        xyz = {axis: self._number(e, axis) for axis in "xyz" if e.get(axis) is not None}
+        fixed, adjusted = e.get("fix", "").lower(), e.get("adj", "")
+        for axis in fixed:
+            if axis not in xyz:
+                raise self._fault(e, f"point {e.get('id')!r} is fixed in {axis}, but has none", f"give {axis}")
+        datum = {c.lower() for c in adjusted if c.isupper()}
+        if datum and datum != {c.lower() for c in adjusted}:
+            raise self._fault(e, f"point {e.get('id')!r} carries the datum in {', '.join(sorted(datum))} only",
+                              "a point carries the datum in all its coordinates, or in none")  # fmt: skip
+        self.network.points.append(GivenPoint(self._text(e, "id"), xyz, fixed, adjusted, self.line[e]))
+
+    def _coordinates(self, e: ElementTree.Element) -> None:
+        """Observed coordinates: points with a covariance matrix over all of them."""
+        first = len(self.network.coordinates)
+        for child in self._children(e, ("point", "cov-mat")):
+            if _tag(child) == "point":
+                self._point(child)
+                point = self.network.points[-1]
+                self.network.coordinates += [(point.id, axis, point.xyz[axis]) for axis in "xyz" if axis in point.xyz]
+            else:
+                for i, j, value in self._matrix(child, len(self.network.coordinates) - first):
+                    self.network.coordinate_covariance.append((first + i, first + j, value * MM**2))
+
+    def _cluster(self, e: ElementTree.Element, tag: str) -> None:
+        inside = {"obs": (*LENGTHS, *ANGLES), "height-differences": ("dh",), "vectors": ("vec",)}[tag]
+        self._attributes(e, ("from", "from_dh", "orientation"))
+        self.sets += 1
+        first = len(self.network.rows)
+        matrix = None
+        for child in self._children(e, (*inside, "cov-mat")):
+            if _tag(child) == "cov-mat":
+                matrix = child
+            elif _tag(child) == "vec":
+                self._vector(child)
+            else:
+                self.network.rows.append(self._row(child, e))
+        rows = self.network.rows[first:]
+        if matrix is not None:
+            for i, j, value in self._matrix(matrix, len(rows)):
+                self.network.covariances.append((first + i, first + j, value * rows[i].unit * rows[j].unit))
+        for k, row in enumerate(rows if matrix is None else ()):
+            if not row.sigma > 0:
+                where = f"{self.path}:{row.line}"
+                raise InputError(f"observation {k + 1} of the cluster has no stdev", where=where, remedy="give stdev")
+
+    def _row(self, e: ElementTree.Element, cluster: ElementTree.Element) -> Row:
+        tag = _tag(e)
+        self._attributes(e, ("from", "to", "bs", "fs", "val", "stdev", "from_dh", "to_dh", "bs_dh", "fs_dh", "dist"))
+        station = e.get("from") or cluster.get("from") or ""
+        if not station:
+            raise self._fault(e, f"{tag} has no `from`", "name the station here or in <obs>")
+        heights = (self._number(e, "from_dh", self._number(cluster, "from_dh", math.nan)),
+                   self._number(e, "to_dh", math.nan))  # fmt: skip
+        if tag in ANGLES:
+            value, unit = self._angle(e)
+            if tag != "z-angle" and not self.network.clockwise:
+                value = -value
+            value = value % (2 * math.pi)
+        else:
+            value, unit = self._number(e, "val"), MM
+        sigma = self._sigma(e, tag, unit, value)
+        if tag == "angle":
+            heights = (self._number(e, "bs_dh", math.nan), self._number(e, "fs_dh", math.nan))
+            return Row("angle", self._text(e, "bs"), self._text(e, "fs"), value, sigma, unit, self.line[e],
+                       station, "", *heights)  # fmt: skip
+        kind = {"distance": "horizontal_distance", "s-distance": "distance", "dh": "height_difference",
+                "z-angle": "zenith"}.get(tag, tag)  # fmt: skip
+        set_ = f"{station} {self.sets}" if tag == "direction" else ""
+        return Row(kind, station, self._text(e, "to"), value, sigma, unit, self.line[e], "", set_, *heights)
+
+    def _vector(self, e: ElementTree.Element) -> None:
+        self._attributes(e, ("from", "to", "dx", "dy", "dz", "from_dh", "to_dh"))
+        heights = self._number(e, "from_dh", math.nan), self._number(e, "to_dh", math.nan)
+        for axis in "xyz":
+            ends, value = (self._text(e, "from"), self._text(e, "to")), self._number(e, f"d{axis}")
+            self.network.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, self.line[e], "", "", *heights))
+
+    def _sigma(self, e: ElementTree.Element, tag: str, unit: float, value: float) -> float:
+        """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km."""
+        own = e.get("stdev")
+        if own is not None:
+            return self._number(e, "stdev") * unit
+        name = {"s-distance": "distance", "z-angle": "zenith-angle"}.get(tag, tag)
+        words = self.stdev.get(f"{name}-stdev", "").split()
+        if tag == "dh" or not words:
+            return 0.0
+        a, b, c = (*map(float, words), *(0.0, 0.0, 1.0)[len(words) :])
+        return (a + b * (value / 1000.0) ** c) * unit if tag in LENGTHS else a * unit
+
+    def _angle(self, e: ElementTree.Element) -> tuple[float, float]:
+        text = self._text(e, "val")
+        if "-" in text.lstrip("-+"):
+            try:
+                return rad_from_dms(text), SECOND_RAD
+            except ValueError as error:
+                raise self._fault(e, str(error), "write d-m-s or gon") from error
+        return self._number(e, "val") * ANGLE_RAD["gon"], CC_RAD
+
+    def _matrix(self, e: ElementTree.Element, n: int) -> list[tuple[int, int, float]]:
+        """Upper band by rows: row, column, value."""
+        self._attributes(e, ("dim", "band"))
+        dim, band = int(self._number(e, "dim")), int(self._number(e, "band"))
+        if dim != n:
+            raise self._fault(e, f"cov-mat of dimension {dim} for {n} observations", "both are to be equal")
+        places = [(i, j) for i in range(dim) for j in range(i, min(dim, i + band + 1))]
+        words = (e.text or "").split()
+        try:
+            values = [float(word) for word in words]
+        except ValueError as error:
+            raise self._fault(e, f"cov-mat: {error}", "numbers are wanted") from error
+        if len(values) != len(places):
+            raise self._fault(e, f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
+        return [(i, j, value) for (i, j), value in zip(places, values)]
+
+    def _children(self, e: ElementTree.Element, known: tuple[str, ...]) -> list[ElementTree.Element]:
+        for child in e:
+            if _tag(child) not in known:
+                raise self._fault(child, f"element {printable(_tag(child))!r} is not supported",
+                                  f"inside {_tag(e)} there may be {', '.join(known)}")  # fmt: skip
+        return list(e)
+
+    def _attributes(self, e: ElementTree.Element, known: tuple[str, ...] | list[str]) -> None:
+        for name in e.attrib:
+            if name not in known and name not in OF_GAMA and name not in ("latitude", "ellipsoid"):
+                raise self._fault(e, f"attribute {printable(name)!r} of {_tag(e)} is not supported", "remove it")
+
+    def _text(self, e: ElementTree.Element, name: str) -> str:
+        value = (e.get(name) or "").strip()
+        if not value:
+            raise self._fault(e, f"{_tag(e)} has no {name!r}", "give it")
+        return value
+
+    def _number(self, e: ElementTree.Element, name: str, default: float | None = None) -> float:
+        if e.get(name) is None and default is not None:
+            return default
+        try:
+            value = float(self._text(e, name))
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise self._fault(e, f"{name} is {printable(str(e.get(name)))!r}, not a number", "give a number") from error
+        if not math.isfinite(value):
+            raise self._fault(e, f"{name} is {value}", "give a finite number")
+        return value
+
+    def _fault(self, e: ElementTree.Element, what: str, remedy: str) -> InputError:
+        return InputError(what, where=f"{self.path}:{self.line.get(e, 0)}", remedy=remedy)
+
+
+def _tag(e: ElementTree.Element) -> str:
+    return e.tag.rpartition("}")[2]

@@ -1,0 +1,1 @@
+"""Geodetic observations between stations: a file per type, and what they share."""

@@ -1,0 +1,143 @@
+"""Horizontal directions in sets, azimuths from grid north, and angles.
+
+    direction  v = t - o - r,    azimuth  v = t - a,    angle  v = t(to) - t(from) - w,    t = atan2(e, n)
+
+o is the orientation of the set, the bearing of its zero, an unknown that a rotation of the block about the vertical
+turns with it. All count clockwise from north, in the horizon of the station. Source: docs/formulas.md 5.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.observations.geodetic.lengths import bearing
+from aatri.observations.geodetic.sights import (
+    PLAN,
+    Calibrated,
+    Sights,
+    alike,
+    around,
+    by_unknowns,
+    observed_sights,
+    position,
+    rows_of_ends,
+    sight_records,
+    sights_of,
+)
+from aatri.observations.level import Level, line_between
+from aatri.observations.observed import Given, Observed, named
+from aatri.observations.poses import POINT, POSE
+
+DIRECTION, AZIMUTH, ANGLE, ORIENTATION = "direction", "azimuth", "angle", "orientation"
+"""Names of the kinds, and of the group of unknowns."""
+
+USES = (
+    *(f"geodetic:{kind}{end}" for kind in (DIRECTION, AZIMUTH, ANGLE) for end in ("", "_to_image")),
+    "geodetic.heights",
+    "geodetic.reduced:angular",
+)
+
+
+def directions(given: Given) -> tuple[Observed, ...]:
+    """Directions of sets with an orientation each, azimuths and angles."""
+    found = list(observed_sights(AZIMUTH, sights_of(given.block, AZIMUTH), given.level, bearing, "rad", PLAN))
+    rows = sights_of(given.block, DIRECTION)
+    if len(rows):
+        found += _oriented(given, rows)
+    return (*found, *_angles(given))
+
+
+def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
+    """Directions of sets; the unknowns come with the first part."""
+    ids, block = np.unique(rows.set, return_inverse=True)
+    free = np.ones((len(ids), 1), dtype=bool)
+    own: tuple[Unknowns, ...] = (Unknowns(ORIENTATION, free, ("orientation",), ids, _turned,
+                                          generator=lambda state: _generator(state[ORIENTATION])),)  # fmt: skip
+    start: State = {ORIENTATION: orientation_start(rows, given.start, block, len(ids), given.level)[:, None]}
+    number = dict(zip(ids.tolist(), range(len(ids))))
+    for part, exact in alike(rows):
+        of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
+        records = sight_records(
+            DIRECTION, part, given.level, bearing, Calibrated(ORIENTATION, of, _shown), angular=True
+        )
+        yield Observed(records, part.row, named(point=part.names), "rad", unknowns=own, start=start, exact=exact,
+                       sees=PLAN)  # fmt: skip
+        own, start = (), {}
+
+
+def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Level) -> Float:
+    """Orientation of each set from the start of its stations and targets, (n,) rad: 0 where nothing is known."""
+    ends = [np.where(image[:, None], _places(start, POSE, at), _places(start, POINT, at))
+            for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target))]  # fmt: skip
+    known: Bool = np.isfinite(np.hstack([end[:, :2] for end in ends])).all(axis=1)
+    zero = np.zeros(len(rows))
+    line = line_between(level, np.nan_to_num(ends[0]), np.nan_to_num(ends[1]), zero, zero)[0]
+    known &= (line[:, :2] != 0).any(axis=1)
+    o = np.where(known, bearing(np.where(known[:, None], line, 1.0))[0] - rows.value, 0.0)
+    east, north = (np.bincount(block[known], f(o[known]), n) for f in (np.sin, np.cos))
+    return np.asarray(np.arctan2(east, north))
+
+
+def _places(start: State, group: str, at: Int) -> Float:
+    known = position(start, group)
+    return known[np.where(at < len(known), at, 0)] if len(known) else np.full((len(at), 3), np.nan)
+
+
+def _shown(t: Float, unknowns: Float) -> tuple[Float, Float, Float]:
+    return t - unknowns[:, 0], np.ones_like(t), -np.ones_like(unknowns)
+
+
+def _turned(value: Float, step: Float) -> Float:
+    return around(add_step(value, step))
+
+
+def _generator(values: Float) -> Float:
+    """A block turned counter-clockwise about the vertical has smaller bearings, (n, 1, 7)."""
+    found = np.zeros((len(values), 1, 7))
+    found[:, 0, 5] = -1.0
+    return found
+
+
+def _angles(given: Given) -> Iterator[Observed]:
+    """Angles at a vertex, from one target to another."""
+    block, g = given.block, given.block.geodetic
+    row = np.flatnonzero((g.type == ANGLE) & g.active)
+    if not len(row):
+        return
+    vertex = rows_of_ends(block, g.via[row], np.full(len(row), "point"))
+    ends = [rows_of_ends(block, ids[row], kind[row]) for ids, kind in ((g.start, g.start_kind), (g.end, g.end_kind))]
+    names = np.array([f"{a}-{v}-{b}" for a, v, b in zip(g.start[row], g.via[row], g.end[row])], dtype=np.str_)
+    for image in ((False, False), (False, True), (True, False), (True, True)):
+        some = np.flatnonzero(((g.start_kind[row] == "image") == image[0]) & ((g.end_kind[row] == "image") == image[1]))
+        if len(some):
+            groups = (POINT, *(POSE if i else POINT for i in image))
+            blocks = (vertex[some], *(end[some] for end in ends))
+            yield _observed_angles(given, row[some], groups, blocks, names[some])
+
+
+def _observed_angles(given: Given, row: Int, groups: tuple[str, ...], blocks: tuple[Int, ...],
+                     names: Text) -> Observed:  # fmt: skip
+    g, level = given.block.geodetic, given.level
+    above = [np.nan_to_num(h[row]) for h in (g.start_height_m, g.end_height_m)]
+    value = g.value[row]
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        at, backsight, foresight = (position(state, group)[b[some]] for group, b in zip(groups, blocks))
+        v, by_vertex, by_targets = -value[some], 0.0, []
+        for sign, target, h in ((-1.0, backsight, above[0]), (1.0, foresight, above[1])):
+            line, by_start, by_end = line_between(level, at, target, np.zeros(len(some)), h[some])
+            t, by_line = bearing(line)
+            v = v + sign * t
+            by_vertex = by_vertex + sign * by_line[:, None, :] @ by_start
+            by_targets.append(sign * by_line[:, None, :] @ by_end)
+        J = (by_unknowns(group, d) for group, d in zip(groups, (by_vertex, *by_targets)))
+        return around(v)[:, None], tuple(J)
+
+    records = Records(ANGLE, tuple(zip(groups, blocks)), evaluate, 1.0 / g.sigma[row][:, None],
+                      np.ones(len(row), dtype=bool))  # fmt: skip
+    return Observed(records, row, named(point=names), "rad", sees=PLAN)

@@ -1,0 +1,194 @@
+"""Sights: observations from a station to a target, as rows of geodetic.csv, whatever is measured along them.
+
+Stations and targets are ground points or projection centres; an angle has two targets. Every kind of geodetic
+observation is a function of the line in the axes of its station, `aatri.observations.level`.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.ids import rows_of
+from aatri.observations.level import Level, line_between
+from aatri.observations.observed import NEARLY_EXACT, Observed, named
+from aatri.observations.poses import POINT, POSE
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
+ALL, PLAN, HEIGHT = (True, True, True), (True, True, False), (False, False, True)
+"""Which coordinates of a point an observation can see."""
+
+
+@dataclass(frozen=True)
+class Sights:
+    """Lines from stations to targets.
+
+    Attributes
+    ----------
+    row : (n,) int
+        Row in the Block's table.
+    station, target : (n,) int
+        Rows in points or images.
+    station_is_image, target_is_image : (n,) bool
+    station_height_m, target_height_m : (n,) float64, m
+    value, sigma : (n,) float64, m or rad
+        Sigma 0: exact.
+    names : (n,) str
+        `A-B`.
+    set, group : (n,) str
+    reduced : (n,) bool
+        Reduced to the horizon, the ellipsoid or the map.
+    """
+
+    row: Int
+    station: Int
+    target: Int
+    station_is_image: Bool
+    target_is_image: Bool
+    station_height_m: Float
+    target_height_m: Float
+    value: Float
+    sigma: Float
+    names: Text
+    set: Text
+    group: Text
+    reduced: Text
+
+    def take(self, rows: Int | Bool) -> Sights:
+        """The chosen sights."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+def sights_of(block: Block, *types: str) -> Sights:
+    """Rows of geodetic.csv in use of some types."""
+    g = block.geodetic
+    row = np.flatnonzero(np.isin(g.type, types) & g.active)
+    return Sights(
+        row=row,
+        station=rows_of_ends(block, g.start[row], g.start_kind[row]),
+        target=rows_of_ends(block, g.end[row], g.end_kind[row]),
+        station_is_image=g.start_kind[row] == "image",
+        target_is_image=g.end_kind[row] == "image",
+        station_height_m=np.nan_to_num(g.start_height_m[row]),
+        target_height_m=np.nan_to_num(g.end_height_m[row]),
+        value=g.value[row],
+        sigma=g.sigma[row],
+        names=np.array([f"{a}-{b}" for a, b in zip(g.start[row], g.end[row])], dtype=np.str_),
+        set=g.set[row],
+        group=g.group[row],
+        reduced=g.reduced[row],
+    )
+
+
+def rows_of_ends(block: Block, names: Text, kinds: Text) -> Int:
+    """Rows in images or points."""
+    return np.where(kinds == "image", rows_of(names, block.images.id), rows_of(names, block.points.id))
+
+
+def alike(sights: Sights) -> Iterator[tuple[Sights, bool]]:
+    """Sights between ends of the same groups of unknowns, observed and exact ones apart; and whether they are exact."""
+    for exact, at, to in itertools.product((False, True), repeat=3):
+        some = ((sights.sigma == 0) == exact) & (sights.station_is_image == at) & (sights.target_is_image == to)
+        if some.any():
+            yield sights.take(some), exact
+
+
+def groups_of(sights: Sights) -> tuple[str, str]:
+    """Groups of unknowns of station and target of sights that are alike."""
+    return (POSE if sights.station_is_image[0] else POINT), (POSE if sights.target_is_image[0] else POINT)
+
+
+def position(state: State, group: str) -> Float:
+    """Positions of points or projection centres."""
+    found: Any = state[group].position_m if group == POSE else state[group]
+    return np.asarray(found)
+
+
+def by_unknowns(group: str, by_position: Float) -> Float:
+    """Derivatives by the unknowns of an end, (n, m, 3) or (n, m, 6): no sight sees how an image is turned."""
+    if group == POINT:
+        return by_position
+    return np.concatenate([by_position, np.zeros_like(by_position)], axis=2)
+
+
+Measured = Callable[[Float], tuple[Float, Float]]
+"""The line in the axes of the station (n, 3) -> value (n,) and its derivatives (n, 3)."""
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Further unknowns between the value computed from the line and what the instrument shows.
+
+    Attributes
+    ----------
+    group : str
+        Group of unknowns.
+    block : (n,) int
+    shown : callable
+        (value (n,), unknowns (n, k)) -> what is shown (n,), its derivatives by value (n,) and by unknowns (n, k).
+    """
+
+    group: str
+    block: Int
+    shown: Callable[[Float, Float], tuple[Float, Float, Float]]
+
+
+def sight_records(
+    kind: str, sights: Sights, level: Level, measured: Measured, own: Calibrated | None = None, *, angular: bool = False
+) -> Records:
+    """Records of sights that are alike.
+
+    Parameters
+    ----------
+    kind : str
+    sights : Sights
+    level : Level
+    measured : callable
+    own : Calibrated, optional
+    angular : bool
+        Residuals are angles, taken between -pi and pi.
+    """
+    at, to = groups_of(sights)
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        start, end = position(state, at)[sights.station[some]], position(state, to)[sights.target[some]]
+        heights = sights.station_height_m[some], sights.target_height_m[some]
+        line, by_start, by_end = line_between(level, start, end, *heights)
+        value, by_line = measured(line)
+        by_own: tuple[Float, ...] = ()
+        if own is not None:
+            value, by_value, by_unknown = own.shown(value, state[own.group][own.block[some]])
+            by_line, by_own = by_line * by_value[:, None], (by_unknown[:, None, :],)
+        v = value - sights.value[some]
+        ends = (by_unknowns(group, by_line[:, None, :] @ d) for group, d in ((at, by_start), (to, by_end)))
+        return (around(v) if angular else v)[:, None], (*ends, *by_own)
+
+    touches = ((at, sights.station), (to, sights.target), *(((own.group, own.block),) if own is not None else ()))
+    sigma = np.where(sights.sigma > 0, sights.sigma, NEARLY_EXACT)
+    return Records(kind, touches, evaluate, 1.0 / sigma[:, None], np.ones(len(sights), dtype=bool))
+
+
+def around(angle: Float) -> Float:
+    """Angles between -pi and pi."""
+    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
+
+
+def observed_sights(
+    kind: str, sights: Sights, level: Level, measured: Measured, unit: str, sees: tuple[bool, bool, bool] = ALL
+) -> Iterator[Observed]:
+    """Sights without further unknowns as observations."""
+    for part, exact in alike(sights):
+        records = sight_records(kind, part, level, measured, angular=unit == "rad")
+        yield Observed(records, part.row, named(point=part.names), unit, exact=exact, sees=sees)
