@@ -24,6 +24,7 @@ REAL_FILES = {
         "path": "dbat/sxb/f-op0-no-orient-pmexport.txt",
         "control": "dbat/sxb/ctrlpts-fixed.txt",
     },
+    "block/gama": {"path": "geodetic/3D/Ghilani_GNSS_Baselines.gkf"},
     "block/wucaps": {"path": "rc30_2x3/Data/bundle_ajustment"},
 }
 """What variants read that have options without default: made-up files, or option -> path under the real data."""

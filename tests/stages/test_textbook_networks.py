@@ -74,7 +74,7 @@ def test_the_baselines_are_those_of_dense_least_squares(shared_data: Path) -> No
         N, b = N + A.T @ W @ A, b + A.T @ W @ misclosure
         square += misclosure @ W @ misclosure
     x = np.linalg.solve(N, b).reshape(4, 3)
-    sigma0 = np.sqrt((square - b @ x.ravel()) / (39 - 12))
+    sigma0 = 1e3 * np.sqrt((square - b @ x.ravel()) / (39 - 12))  # covariances are in mm^2
     solution = bundle(gama(options=GamaOptions(path=path)))
     xyz = dict(zip(solution.points.id.tolist(), solution.points.xyz_m))
     assert solution.sigma0 == pytest.approx(sigma0, rel=1e-6)
