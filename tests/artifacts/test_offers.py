@@ -58,7 +58,7 @@ def test_a_folder_with_a_bit_of_everything_offers_it_by_name_with_count_and_plac
                                            "geodetic.csv:2")  # fmt: skip
     assert offers["geodetic:height_difference_to_image"][1] == "geodetic.csv:7"
     assert {"geodetic:angle", "geodetic:direction", "geodetic:dX", "geodetic:dY"} < set(offers)
-    assert {"geodetic.heights", "geodetic.reduced", "geodetic_covariances"} < set(offers)
+    assert {"geodetic.heights", "geodetic.reduced:distance", "geodetic_covariances"} < set(offers)
     assert {f"relative_control:{t}" for t in ("vertical_plane", "distance", "coordinate_difference", "angle",
                                               "parallel", "sphere")} < set(offers)  # fmt: skip
     assert offers["image_points.group"][1] == "image_points.csv:4"
