@@ -47,6 +47,18 @@ class ModelPoints(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Elements(Table):
+    """Elements of the orientations as the method has them: phi, omega, kappa of the Chinese system, base, scale."""
+
+    model: Int = column("i4", doc="row in orientations", refers="orientations")
+    name: Text = column(
+        "str", doc="phi2, omega2, kappa2, by/bx, bz/bx; phi1, kappa1, phi2 ...; scale (to the model before)"
+    )
+    value: Float = column("f8", unit="rad or 1", doc="angles in rad, by/bx, bz/bx and scale as ratios")
+    sigma: Float = column("f8", unit="rad or 1", doc="standard deviation, a priori", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Unformed(Table):
     """Neighbouring images that make no model, with the reason."""
 
@@ -69,6 +81,7 @@ class Models(Artifact):
     model_points: ModelPoints = table()
     unformed: Unformed = table()
     suspects: Suspects = table()
+    elements: Elements | None = table(default=None, doc="elements of the method, where it tells them")
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, pooled sigma0 and the RMS y-parallax."""

@@ -8,6 +8,10 @@ weighted by its standard deviation propagated from the image coordinates. Unknow
 image and the direction of the base b; the length of the base is 1. Pairs are the consecutive images of each strip.
 No approximate values are needed. Points with a wrong y-parallax are rejected by data snooping and listed as suspects.
 
+The elements phi2, omega2, kappa2, by/bx and bz/bx of the Chinese system stand in the table `elements` with their
+standard deviations. `equation` takes the classical equations with equal weights instead, the y-parallax
+q = N1 Y1 - By - N2 Y2 of the model or the triple product itself: for comparison, and to check published examples.
+
 Errors of x of a point in two images cannot be seen here, and left and right cannot be told apart: the suspect names
 the right image's measurement.
 
@@ -17,15 +21,15 @@ and, for the compiled loop over the pairs, pairs.py.
 
 from __future__ import annotations
 
-from aatri.adapters.image_pairs import models_of, neighbouring_images, pairs_of
-from aatri.adapters.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.image_pairs import neighbouring_images
+from aatri.adapters.pair_methods import PairRules, oriented_pairs
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.notes import tell
-from aatri.orientation.relative.pairs import relative_orientations
+from aatri.orientation.relative.equal_weights import Equation
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -38,9 +42,13 @@ class DependentOptions(Options):
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
+    equation: Equation = Field(
+        "rigorous",
+        description="rigorous weights; or equal weights of the y-parallax q of the model, or of the determinant",
+    )
 
 
-@stage(version=1, uses=("images.strip",))
+@stage(version=2, uses=("images.strip",))
 def dependent(
     block: Block,
     image_points: ImagePoints,
@@ -50,17 +58,9 @@ def dependent(
 ) -> Models:
     """Orient the consecutive images of every strip to each other."""
     check_same_block(block, image_points.images.id, "image_points")
-    pairs = pairs_of(block, image_points, neighbouring_images(block))
-    found = relative_orientations(
-        pairs.rays,
-        pairs.start,
-        snooping_limit=options.snooping_limit,
-        max_iterations=options.max_iterations,
-        min_points=options.min_points,
-        reporter=context,
+    rules = PairRules(
+        options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation
     )
-    refuse_misfits(found, options.max_sigma0)
-    models = models_of(block, image_points, pairs, found)
-    context.progress(len(pairs.left), len(pairs.left), "models")
-    tell(notes_of_pairs(block, image_points, pairs, found, models), context)
+    models, notes = oriented_pairs(block, image_points, neighbouring_images(block), "dependent", rules, context)
+    tell(notes, context)
     return models

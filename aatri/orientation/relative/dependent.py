@@ -28,6 +28,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.coplanarity import RayPairs, parallax, sampson
 from aatri.geometry.intersection import Intersection
 from aatri.geometry.rotations import angles_from_rotation
+from aatri.orientation.relative.critical import critical_configuration
 from aatri.orientation.relative.essential import essential_starts
 from aatri.orientation.relative.pair_adjustment import AdjustedPair, State, adjust_pair, state_of
 from aatri.orientation.relative.start import parallel_start, refuse_degenerate
@@ -190,12 +191,15 @@ def _finish(rays: RayPairs, solution: AdjustedPair, limit: float) -> RelativeOri
         error_sigma_mm=error_sigma, test=np.abs(v) / np.sqrt(r),
         behind=np.asarray(~(solution.points.depth > 0).all(axis=1)),
         points=solution.points,
-        warnings=judged(result.covariance, result.redundancy, result.sigma0, solution.active, limit),
+        warnings=judged(result.covariance, result.redundancy, result.sigma0, solution.active, limit,
+                        solution.points.xyz, b),
     )  # fmt: skip
 
 
-def judged(covariance: Float, redundancy: int, sigma0: float, active: Bool, limit: float) -> tuple[str, ...]:
-    """What is to be said of an orientation.
+def judged(
+    covariance: Float, redundancy: int, sigma0: float, active: Bool, limit: float, xyz: Float, base: Float
+) -> tuple[str, ...]:
+    """What is to be said of an orientation; where it is weak or open, why, from its model points and base.
 
     Raises
     ------
@@ -206,12 +210,12 @@ def judged(covariance: Float, redundancy: int, sigma0: float, active: Bool, limi
     largest = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     if largest > OPEN_RAD:
         raise GeometryError(
-            f"the orientation is open by {largest:.2g} rad: the points lie near a line or a critical surface",
+            f"the orientation is open by {largest:.2g} rad: {critical_configuration(xyz[active], base)}",
             remedy="measure points over the whole overlap, at different heights",
         )
     if largest > WEAK_RAD:
-        found.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; the points lie near a line, "
-                     "in a corner or on a critical surface")  # fmt: skip
+        why = critical_configuration(xyz[active], base)
+        found.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; {why}")
     if redundancy == 0:
         found.append("exactly 5 points: no redundancy, nothing is checked")
     elif redundancy == 1 and sigma0 > limit:

@@ -244,10 +244,17 @@ def _judge(found: RelativeOrientations, pairs: Int, start: Int, limit: float) ->
     rejected = n - found.redundancy[pairs] - 5
     doubtful = (largest > 0.99 * WEAK_RAD) | (found.redundancy[pairs] <= 1) | (rejected > MANY_REJECTED * n)
     for pair in pairs[doubtful].tolist():
-        active = found.active[start[pair] : start[pair + 1]]
+        rows = slice(int(start[pair]), int(start[pair + 1]))
+        active, xyz = found.active[rows], found.xyz[rows]
         try:
             texts = judged(
-                found.covariance[pair], int(found.redundancy[pair]), float(found.sigma0[pair]), active, limit
+                found.covariance[pair],
+                int(found.redundancy[pair]),
+                float(found.sigma0[pair]),
+                active,
+                limit,
+                xyz,
+                found.base[pair],
             )
         except GeometryError as error:
             found.formed[pair] = False

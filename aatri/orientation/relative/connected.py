@@ -1,0 +1,197 @@
+"""Relative orientation with the condition of model connection: the scale of a model is an unknown of its orientation.
+
+Model a (images i, j) is oriented already, model b (images j, k) is to be. Its unknowns are the rotation and base of k
+(d, t as in `dependent`) and the logarithm s of its scale in units of model a. Two equations for a point of both models,
+
+    Q: the rays are coplanar with the base                          (Sampson distance)
+    P: log r_a = s + log r_b(d, t) + J_a x_a                        r: distance from the projection centre of image j
+
+and Q alone for the others. P has the standard deviation of both distances from the image coordinates; x_a, the error of
+model a's own orientation, is a latent unknown with its covariance as prior, so that a bent model a does not bend model
+b. Points whose P does not fit are rejected there, the largest test statistic first; they stay in the orientation.
+
+With error-free coordinates this is the dependent method with the scale of `strips.scale_transfer`; with errors the
+connection points, nearly all of which lie across the strip, strengthen the orientation a little.
+
+Source: docs/formulas.md 3.5; errata E08 (the scale's column belongs to the whole base, in P and in Q).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.coplanarity import RayPairs, sampson
+from aatri.geometry.intersection import intersect_pair
+from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.vectors import tangents, unit
+from aatri.orientation.strips.log_scale import ModelRows, log_scales, root_of
+
+ITERATIONS = 30
+SETTLED = 1e-6
+"""Newton decrement that ends the iteration; small, since the derivatives of P stay those of the start."""
+
+STEP = 1e-5
+"""Of the differences that give the derivatives of P to the orientation, rad; their error is 1e-9 of them."""
+
+FEWEST = 3
+"""Connection points of a connection that can be checked."""
+
+
+@dataclass(frozen=True)
+class Before:
+    """The model before, in its own unit and in the frame of its left image.
+
+    Attributes
+    ----------
+    left_from_right, base, covariance : (3, 3), (3,), (5, 5) float64
+    row : (c,) int
+        Points of the new pair that the model before has.
+    xyz, point_covariance : (c, 3), (c, 3, 3) float64
+        Of these points, there.
+    """
+
+    left_from_right: Float
+    base: Float
+    covariance: Float
+    row: Int
+    xyz: Float
+    point_covariance: Float
+
+
+@dataclass(frozen=True)
+class Connected:
+    """An orientation connected with the model before.
+
+    Attributes
+    ----------
+    left_from_right, base : (3, 3), (3,) float64
+    covariance : (5, 5) float64
+        Of d and t.
+    scale, scale_sigma : float
+        In units of the model before.
+    sigma0 : float
+        Of Q and P together.
+    redundancy, iterations : int
+    connects : (c,) bool
+        Connection points used in P.
+    size, size_sigma, test : (c,) float64
+        Error of P as logarithm of the scale, its standard deviation and their ratio; NaN where uncontrolled.
+    """
+
+    left_from_right: Float
+    base: Float
+    covariance: Float
+    scale: float
+    scale_sigma: float
+    sigma0: float
+    redundancy: int
+    iterations: int
+    connects: Bool
+    size: Float
+    size_sigma: Float
+    test: Float
+
+
+def connected_orientation(
+    rays: RayPairs, active: Bool, R: Float, base: Float, before: Before, *, limit: float = 4.0
+) -> Connected | None:
+    """Adjust a pair together with its scale.
+
+    Parameters
+    ----------
+    rays : RayPairs
+        n points of the pair.
+    active : (n,) bool
+        Those used in Q.
+    R, base : (3, 3), (3,) float64
+        Start: the dependent orientation.
+    before : Before
+    limit : float
+        A connection point with a larger test statistic is rejected in P.
+
+    Returns
+    -------
+    Connected or None
+        None where fewer than `FEWEST` connection points remain, or it does not converge.
+    """
+    use = active[before.row].copy()
+    while use.sum() >= FEWEST:
+        found = _adjusted(rays, active, R, base, before, use)
+        if found is None:
+            return None
+        test = np.where(use, np.nan_to_num(found.test), 0.0)
+        worst = int(test.argmax())
+        if test[worst] <= limit or use.sum() <= FEWEST:
+            return found
+        use[worst] = False
+    return None
+
+
+def _adjusted(rays: RayPairs, active: Bool, R: Float, base: Float, before: Before, use: Bool) -> Connected | None:
+    root = root_of(before.covariance)
+    part, latent, s, by_state = rays.take(active), np.zeros(5), 0.0, np.zeros((len(before.row), 5))
+    for iteration in range(1, ITERATIONS + 1):
+        T = tangents(base)
+        v_q, J_q = sampson(R, base, T, part)
+        observed, sigma, J_p = _connection(rays, R, base, before, root)
+        if iteration == 1:
+            s, by_state = float(np.median(observed[use])), _by_orientation(rays, R, base, before)
+        J_p[:, :5] = by_state
+        v_p = (s - (observed - J_p[:, 6:] @ latent)) / sigma
+        J_p = J_p / sigma[:, None]
+        A = np.zeros((len(v_q) + int(use.sum()) + 5, 11))
+        A[: len(v_q), :5] = J_q
+        A[len(v_q) : -5] = J_p[use]
+        A[-5:, 6:] = np.eye(5)
+        v = np.concatenate([v_q, v_p[use], latent])
+        N = A.T @ A
+        if not np.isfinite(N).all() or np.linalg.cond(N) > 1e14:
+            return None
+        inverse = np.linalg.inv(N)
+        step = -inverse @ (A.T @ v)
+        if np.sqrt(max(step @ N @ step, 0.0)) <= SETTLED:
+            break
+        R, base = exp_rotation(step[:3]) @ R, unit(base + T @ step[3:5])
+        s, latent = s + float(step[5]), latent + step[6:]
+    else:
+        return None
+    leverage = np.einsum("ni,ij,nj->n", J_p, inverse, J_p)
+    r = np.where(use, 1.0 - leverage, 1.0 + leverage)
+    r = np.asarray(np.where(r > 1e-6, r, np.nan), dtype=np.float64)
+    redundancy = len(v) - 11
+    squares = float(v @ v)
+    return Connected(
+        R, base, np.asarray(inverse[:5, :5], dtype=np.float64), float(np.exp(s)), float(np.exp(s) * np.sqrt(inverse[5, 5])),
+        float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan"), redundancy, iteration, use,
+        np.where(use, -v_p / r, -v_p) * sigma, np.asarray(sigma * np.where(use, r**-0.5, r**0.5)),
+        np.abs(v_p) / np.sqrt(r),
+    )  # fmt: skip
+
+
+def _connection(rays: RayPairs, R: Float, base: Float, before: Before, root: Float) -> tuple[Float, Float, Float]:
+    """log r_a - log r_b, its sigma, and the derivatives of s + log r_b - log r_a by d, t, s and the latent errors."""
+    points = intersect_pair(R, base, rays.take(before.row))
+    c = len(before.row)
+    first = ModelRows(before.xyz, before.point_covariance, np.tile(before.base, (c, 1)),
+                      np.tile(before.left_from_right, (c, 1, 1)), np.tile(root, (c, 1, 1)))  # fmt: skip
+    second = ModelRows(points.xyz, points.covariance, np.tile(base, (c, 1)), np.tile(R, (c, 1, 1)),
+                       np.tile(np.eye(5), (c, 1, 1)))  # fmt: skip
+    observed, sigma, J = log_scales(first, second)
+    return observed, sigma, np.column_stack([J[:, 5:10], J[:, 10], J[:, :5]])
+
+
+def _by_orientation(rays: RayPairs, R: Float, base: Float, before: Before) -> Float:
+    """Derivatives (c, 5) of log r_b by d and t, by differences: the correction to coplanarity takes part."""
+    part, T = rays.take(before.row), tangents(base)
+    found = np.empty((len(before.row), 5))
+    for k in range(5):
+        step = STEP * np.eye(5)[k]
+        sides = [
+            np.log(np.linalg.norm(intersect_pair(exp_rotation(s[:3]) @ R, unit(base + T @ s[3:]), part).xyz, axis=1))
+            for s in (step, -step)
+        ]
+        found[:, k] = (sides[0] - sides[1]) / (2 * STEP)
+    return found

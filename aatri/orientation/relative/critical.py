@@ -1,0 +1,60 @@
+"""Critical configurations of a pair, by name, for an orientation that its points leave open or weak.
+
+- tiny base: the points are more than 50 bases away;
+- collinear: the model points lie near a line, so that they leave the turn about it open;
+- critical cylinder: points and both projection centres lie on a circular cylinder whose axis is along the base, as the
+  sides of a valley may; the right image can turn about the base and shift across it without y-parallax. Across the base
+  the cylinder is a circle through the base: y^2 + z^2 = 2 a y + 2 b z.
+
+Source: Hofmann 1953, Wunderlich 1941 (gefaehrliche Flaechen); Kraus, Photogrammetry 1, relative orientation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.geometry.vectors import tangents
+
+FAR = 50.0
+"""Bases to the points beyond which the base is tiny."""
+
+ON_A_LINE = 0.02
+"""Extent across over extent along of points near a line."""
+
+ON_A_CIRCLE = 0.05
+"""Largest RMS deviation from the circle, as a share of the points' extent across the base."""
+
+FLAT = 0.02
+"""Points whose depth varies by a smaller share of their width lie on a plane, not on a cylinder."""
+
+
+def critical_configuration(xyz: Float, base: Float) -> str:
+    """What configuration the points have, as a clause; a general one where none of the named ones fits.
+
+    Parameters
+    ----------
+    xyz : (n, 3) float64, bases
+        Model points.
+    base : (3,) float64, unit vector
+    """
+    if len(xyz) < 5 or not np.isfinite(xyz).all():
+        return GENERAL
+    distance = float(np.median(np.linalg.norm(xyz, axis=1)))
+    if distance > FAR:
+        return f"the base is tiny, 1/{distance:.0f} of the distance to the points"
+    sizes = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
+    if sizes[1] < ON_A_LINE * sizes[0]:
+        return "the points lie near a line (collinear)"
+    across = xyz @ tangents(base)
+    centre = np.linalg.lstsq(2 * across, (across**2).sum(axis=1))[0]
+    radius = float(np.linalg.norm(centre))
+    off = np.linalg.norm(across - centre, axis=1) - radius
+    spread = np.linalg.svd(across - across.mean(axis=0), compute_uv=False)
+    extent = float(np.ptp(across, axis=0).max())
+    if np.sqrt((off**2).mean()) < ON_A_CIRCLE * extent and spread[1] > FLAT * spread[0]:
+        return "points and projection centres lie near a circular cylinder along the base (critical cylinder)"
+    return GENERAL
+
+
+GENERAL = "the points lie near a line, in a corner or on a critical surface"

@@ -1,0 +1,60 @@
+"""Critical configurations are named."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.errors import GeometryError
+from aatri.orientation.relative.critical import GENERAL, critical_configuration
+from aatri.orientation.relative.dependent import relative_orientation
+from tests.orientation.relative.pairs import gruber_ground, simulate
+
+ALONG = np.array([0.6, 0.0, 0.0])
+
+
+def valley(n: int = 30) -> np.ndarray:
+    """Points on a circular cylinder through both projection centres, along the base."""
+    rng = np.random.default_rng(2)
+    angle = rng.uniform(-0.9, 0.9, n)
+    return np.column_stack([rng.uniform(0, 0.6, n), 0.5 * np.sin(angle), -0.5 - 0.5 * np.cos(angle)])
+
+
+def said(X: np.ndarray, base: np.ndarray = ALONG, sigma: float = 0.005) -> str:
+    rng = np.random.default_rng(1)
+    rays, *_ = simulate(X, np.eye(3), np.eye(3), np.zeros(3), base, rng, sigma)
+    try:
+        return " ".join(relative_orientation(rays).warnings)
+    except GeometryError as error:
+        return f"{error.what} {error.remedy}"
+
+
+def test_a_critical_cylinder_is_named() -> None:
+    assert "critical cylinder" in said(valley())
+
+
+def test_a_tiny_base_is_named() -> None:
+    X = gruber_ground(5, np.random.default_rng(1), 0.05)
+    assert "base" in said(X, np.array([0.004, 0.0, 0.0]))
+
+
+def test_collinear_points_are_named() -> None:
+    rng = np.random.default_rng(3)
+    X = np.column_stack([rng.uniform(0, 0.6, 20), np.zeros(20), -np.ones(20)])
+    assert "line" in said(X)
+
+
+def test_fewer_than_five_points_are_named() -> None:
+    assert "4" in said(gruber_ground(1)[:4])
+
+
+def test_good_points_are_called_nothing() -> None:
+    assert said(gruber_ground(5, np.random.default_rng(1), 0.05)) == ""
+
+
+def test_configurations_of_model_points() -> None:
+    base = np.array([1.0, 0.0, 0.0])
+    assert "cylinder" in critical_configuration(valley() / 0.6, base)
+    flat = gruber_ground(5, np.random.default_rng(1), 0.001) / 0.6
+    assert critical_configuration(flat, base) == GENERAL
+    assert "1/100 of the distance" in critical_configuration(np.array([[0.0, 0, -100]] * 6), base)
+    assert critical_configuration(flat[:4], base) == GENERAL
