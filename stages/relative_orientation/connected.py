@@ -12,7 +12,7 @@ unknown with its covariance. Points whose P does not fit are rejected there and 
 phi2, omega2, kappa2, by/bx, bz/bx and `scale` stand in the table `elements`; strip_formation/connected takes the scales
 from there. A model without three good connection points keeps its dependent orientation, has no scale, and is told.
 
-Source: docs/formulas.md 3.5, errata E08; see aatri/orientation/relative/connected.py.
+Source: docs/formulas.md 3.5, errata E08; see aatri.orientation.strips.connected.py.
 """
 
 from __future__ import annotations

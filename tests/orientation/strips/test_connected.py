@@ -10,8 +10,8 @@ import pytest
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.connected import Before, _connection, connected_orientation
 from aatri.orientation.relative.dependent import relative_orientation
+from aatri.orientation.strips.connected import Before, _connection, connected_orientation
 from tests.orientation.relative.pairs import rotation, simulate
 
 

@@ -163,11 +163,13 @@ def _adjusted(rays: RayPairs, active: Bool, R: Float, base: Float, before: Befor
     r = np.asarray(np.where(r > 1e-6, r, np.nan), dtype=np.float64)
     redundancy = len(v) - 11
     squares = float(v @ v)
+    sigma0 = float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
+    covariance = np.asarray(inverse[:5, :5], dtype=np.float64)
+    scale, size = float(np.exp(s)), np.where(use, -v_p / r, -v_p) * sigma
+    size_sigma = np.asarray(sigma * np.where(use, r**-0.5, r**0.5))
     return Connected(
-        R, base, np.asarray(inverse[:5, :5], dtype=np.float64), float(np.exp(s)), float(np.exp(s) * np.sqrt(inverse[5, 5])),
-        float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan"), redundancy, iteration, use,
-        np.where(use, -v_p / r, -v_p) * sigma, np.asarray(sigma * np.where(use, r**-0.5, r**0.5)),
-        np.abs(v_p) / np.sqrt(r),
+        R, base, covariance, scale, scale * float(np.sqrt(inverse[5, 5])), sigma0, redundancy, iteration, use,
+        size, size_sigma, np.abs(v_p) / np.sqrt(r),
     )  # fmt: skip
 
 
