@@ -4,12 +4,12 @@
     determinant  F = B . (r1 x r2)                                                    the triple product itself
 
 r1 and r2 are the rays in the frame of the method, B the base with Bx = 1: dependent, the frame of the left image;
-independent, the frame with its X axis along the base (B = (1, 0, 0)). sum Q^2 or sum F^2 over the points is least. Both
-are zero where the rays meet; as observations they differ from the rigorous condition by their weights: Q has the
-standard deviation s_F / D, the same for all points only in near-vertical images of flat ground. The a-priori
-covariance is therefore that of the linear estimator, (A'A)^-1 A' S A (A'A)^-1 with the true variances S; sigma0 compares the
-residuals with their mean standard deviation. All pairs are adjusted together by Gauss-Newton, from the rigorous solution
-and with the points that it did not reject.
+independent, the frame with its X axis along the base (B = (1, 0, 0)). sum Q^2 or sum F^2 over the points is least.
+Both are zero where the rays meet; as observations they differ from the rigorous condition by their weights: Q has
+the standard deviation s_F / D, the same for all points only in near-vertical images of flat ground. The a-priori
+covariance is therefore that of the linear estimator, (A'A)^-1 A' S A (A'A)^-1 with the true variances S; sigma0
+compares the residuals with their mean standard deviation. All pairs are adjusted together by Gauss-Newton, from the
+rigorous solution and with the points that it did not reject.
 
 Source: docs/formulas.md 3.2; errata E08, E09 (exact derivatives instead of the small-angle coefficients).
 """
