@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adjustment.elimination.backsolve import cost_of
+from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, active_lane, excess, prepared_lane, whitened
 from aatri.adjustment.reference import dense_jacobian, free_columns
+from aatri.adjustment.structure.index_problem import prepare
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.image_points import ImagePointRows, image_point_records
 from aatri.observations.poses import POINT, POSE, Poses
@@ -138,3 +141,13 @@ def test_sizes_of_records_for_messages_are_not_weighted() -> None:
 def test_a_loss_that_is_none_is_refused(k: float, curvature: float) -> None:
     with pytest.raises(ValueError, match="Huber"):
         Huber(k, curvature)
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_the_cost_of_a_state_is_the_sum_of_the_loss_with_and_without_linearising(maker: str) -> None:
+    unknowns, records, start = MAKERS[maker]()
+    problem = prepare(unknowns, _with_loss(records, Huber(K, 0.5)))
+    expected = 2 * _half_cost(unknowns, records, start, np.zeros(sum(int(u.free.sum()) for u in unknowns)))
+    assert expected < sum(float((whitened(r, start, np.arange(len(r.active)))[0] ** 2).sum()) for r in records)
+    assert cost_of(problem, start) == pytest.approx(expected, rel=1e-12)
+    assert factorise(problem, start).cost == pytest.approx(expected, rel=1e-12)

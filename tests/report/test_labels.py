@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.report.drawing.labels import AWAY_PX, CHARACTER_PX, LINE_PX, Labels
+from tests.report.marks import texts
 
 
 @pytest.mark.parametrize(("off_px", "written"), [(0.0, 1), (0.01, 0)])
@@ -42,4 +43,5 @@ def test_a_label_takes_the_first_free_side_and_those_without_room_are_counted() 
         (True, False, False), (False, True, False), (False, False, True), (False, False, True),
     ]  # fmt: skip
     assert without_room == 2
-    assert f'y="{50 - AWAY_PX:g}"' in marks[2] or f"{50 - AWAY_PX:.1f}" in marks[2]
+    at = [(t.x, t.y) for t in texts("".join(marks))]
+    assert at == [(50 + AWAY_PX, 53.0), (50 - AWAY_PX, 53.0), (50.0, 50 - AWAY_PX), (50.0, 50 + AWAY_PX + LINE_PX - 3)]

@@ -158,3 +158,12 @@ def test_undetermined_parameters_go_first_and_kept_ones_never() -> None:
     assert left.names == ("a", "c")
     assert [r.name for r in removals] == ["b"]
     assert left.values == pytest.approx([9.0, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("values", "covariance", "prior"),
+    [((3,), (2, 2), (2,)), ((2,), (3, 3), (2,)), ((2,), (2, 3), (2,)), ((2,), (2, 2), (3,))],
+)
+def test_estimates_of_other_shapes_are_refused(values, covariance, prior) -> None:
+    with pytest.raises(ValueError, match="2 names"):
+        estimates(("a", "b"), np.ones(values), np.ones(covariance), np.ones(prior))
