@@ -1,6 +1,6 @@
 """The reference pages say what the program has: every column of every artifact, every option of every stage.
 
-APPROVE=1 pytest tests/acceptance/test_reference_pages.py        writes them anew; read the difference before you commit it
+APPROVE=1 pytest tests/acceptance/test_reference_pages.py     writes them anew; read the difference before committing
 
 A column that changes its type, unit or meaning needs another `schema_version`; an option or default that changes what a
 stage gives needs another `version` and a line in the CHANGELOG.
@@ -23,11 +23,18 @@ from aatri.tables.schema import Artifact, Column, attributes_of, columns_of, is_
 PAGES = Path(__file__).parents[2] / "docs" / "reference"
 WRITTEN = "<!-- written by APPROVE=1 pytest tests/acceptance/test_reference_pages.py -->"
 
+ARTIFACTS = (
+    "Every table and column of every kind of artifact, as `aatri show FILE` lists them and `aatri schema --artifacts`",
+    "exports them. `?`: may be missing (NaN, or -1 in a row number).",
+)
+STAGES = (
+    "Every variant with its ports, what it uses of a block, and its options, as `aatri stages ROLE/VARIANT` prints them.",
+)
+
 
 def artifacts_page() -> str:
     """Tables and columns of all kinds."""
-    lines = ["# Artifacts", "", WRITTEN, "", "Every table and column of every kind of artifact, as `aatri show FILE` lists",
-             "them and `aatri schema --artifacts` exports them. `?`: may be missing (NaN, or -1 in a row number).", ""]  # fmt: skip
+    lines = ["# Artifacts", "", WRITTEN, "", *ARTIFACTS, ""]
     for kind in sorted(KINDS.values(), key=lambda k: k.kind):
         lines += [f"## {kind.kind}", "", f"Schema {kind.schema_version}. {_first(kind)}", "", *_attributes(kind)]
         for name, table in tables_of(kind).items():
@@ -39,8 +46,7 @@ def artifacts_page() -> str:
 
 def stages_page(registry: Registry) -> str:
     """Ports, uses and options of all variants."""
-    lines = ["# Stages", "", WRITTEN, "", "Every variant with its ports, what it uses of a block, and its options, as",
-             "`aatri stages ROLE/VARIANT` prints them.", ""]  # fmt: skip
+    lines = ["# Stages", "", WRITTEN, "", *STAGES, ""]
     for name in sorted(registry.variants):
         card = registry.card(name)
         ports = [f"{p.name}: {p.kind.kind}{' (optional)' if p.optional else ''}" for p in card.ports]
