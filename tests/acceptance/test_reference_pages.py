@@ -28,7 +28,8 @@ ARTIFACTS = (
     "exports them. `?`: may be missing (NaN, or -1 in a row number).",
 )
 STAGES = (
-    "Every variant with its ports, what it uses of a block, and its options, as `aatri stages ROLE/VARIANT` prints them.",
+    "Every variant with its ports, what it uses of a block, and its options, as `aatri stages ROLE/VARIANT` prints",
+    "them.",
 )
 
 
