@@ -23,6 +23,7 @@ class Form(StrEnum):
     colmap = "colmap"
     bal = "bal"
     slurm = "slurm"
+    wucaps = "wucaps"
 
 
 @reports_errors
@@ -32,7 +33,7 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Export a Solution or Block as tables, a Solution for COLMAP or BAL, or a pipeline as a script for SLURM."""
+    """Export a Solution or Block as tables or WuCAPS files, a Solution for COLMAP or BAL, a pipeline for SLURM."""
     if form is Form.slurm:
         _write_script(Path(what), folder, overwrite=overwrite)
         return
@@ -46,6 +47,8 @@ def export(
     _refuse_links(folder)
     if form is Form.tables:
         _write(run, name, folder)
+    elif form is Form.wucaps:
+        _write_wucaps(run, name, folder)
     else:
         _write_model(run, name, form, folder)
     narrate(f"{name} of {run.folder} written as {form}")
@@ -115,6 +118,22 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
 
         folder.mkdir(parents=True, exist_ok=True)
         write_bal_problem(solution, block, folder, image_points=points)
+
+
+def _write_wucaps(run: Run, name: str, folder: Path) -> None:
+    """A Block as measured, or that of a Solution with the image points it was made from."""
+    from aatri.artifacts.image_points import ImagePoints
+    from aatri.formats.wucaps.writer import write_wucaps
+    from aatri.pipeline.store import run_folder as store
+
+    record = _record(run, name)
+    inputs = {port: source["stage"] for port, source in record["inputs"].items()}
+    if record["output"]["kind"] not in ("Block", "Solution"):
+        raise SpecError(f"{name} gives {record['output']['kind']}; a Solution or a Block can be exported",
+                        where=str(run.folder))  # fmt: skip
+    points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
+    for note in write_wucaps(_block(run, inputs.get("block", name)), folder, points):
+        narrate(f"{note.level}: {note}")
 
 
 def _block(run: Run, name: str) -> Block:

@@ -1,0 +1,199 @@
+"""Writing of a Block as WuCAPS files: camera, image coordinates, ground points, roles; the form is that of `files`.
+
+The files hold one camera without distortion, photo coordinates in mm, strips, and ground points with the roles full,
+plan-only or height-only control, or check. With the ImagePoints of a later stage the coordinates are those it has
+corrected, and count from the principal point; without them those that were measured. What else a Block may hold has
+no place in these files and is told: standard deviations, positions, attitudes, times, other observations. Numbers are
+written with the fewest digits that give them back.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from aatri.arrays import Bool, Float
+from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.errors import AatriError, InputError, ResourceError, raise_all
+from aatri.formats.wucaps.files import END
+from aatri.ids import shown
+from aatri.notes import Note
+
+ROLES = ((CONTROL,) * 3, (CONTROL, CONTROL, NO_ROLE), (NO_ROLE, NO_ROLE, CONTROL), (CHECK,) * 3)
+"""East, north, up of full, plan-only and height-only control points, and of check points, in the order of PRECPI."""
+
+SCALE_UNKNOWN = 0
+_LAST = "-99 0 0"
+
+
+def write_wucaps(block: Block, folder: Path, image_points: ImagePoints | None = None) -> list[Note]:
+    """Write the four files.
+
+    Parameters
+    ----------
+    block : Block
+    folder : Path
+        Made if it is not there.
+    image_points : ImagePoints, optional
+        Corrected photo coordinates; None: as measured.
+
+    Returns
+    -------
+    list of Note
+        What the files do not hold.
+
+    Raises
+    ------
+    InputError
+        If the Block has no such form: two cameras, pixels or a lens distortion that nobody corrected, no strips, roles
+        or ids that the files cannot tell.
+    ResourceError
+        If the folder cannot be written.
+    """
+    _refuse(block, corrected=image_points is not None)
+    xy_mm, used = _coordinates(block, image_points)
+    texts = {
+        "PRECAI": _camera(block, corrected=image_points is not None), "PREPHI": _images(block, xy_mm, used),
+        "PRECKI": _ground(block), "PRECPI": _roles(block),
+    }  # fmt: skip
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, lines in texts.items():
+            (folder / f"{name}.DAT").write_text("\n".join(lines) + "\n", encoding="ascii", newline="\r\n")
+    except OSError as error:
+        raise ResourceError(f"cannot write: {error.strerror}", where=str(folder), remedy="another place") from error
+    return _left_out(block, used)
+
+
+def _refuse(block: Block, *, corrected: bool) -> None:
+    """Raise what stands against the form, all of it at once."""
+    cameras, images, problems = block.cameras, block.images, list[AatriError]()
+
+    def refuse(what: str, where: str, remedy: str) -> None:
+        problems.append(InputError(what, where=where, remedy=remedy))
+
+    if len(cameras) != 1:
+        refuse(f"{len(cameras)} cameras, WuCAPS files hold one", f"block {block.name}", "export as tables")
+    later = "export a Solution, whose image points are corrected, or export as tables"
+    for k, name in enumerate(cameras.id if not corrected else ()):
+        if cameras.image_coordinates[k] != "photo":
+            refuse(
+                f"{cameras.image_coordinates[k]} coordinates, WuCAPS files hold photo coordinates",
+                f"camera {name}",
+                later,
+            )
+        if cameras.distortion[k] != "none":
+            refuse(f"distortion {cameras.distortion[k]} has no place in the files", f"camera {name}", later)
+    without = images.id[images.strip < 0]
+    if len(without):
+        refuse(
+            f"images without a strip: {shown(without)}", f"block {block.name}", "give them strips, or export as tables"
+        )
+    strange = _unwritable([*images.id, *block.points.id, *block.strips.id], images.id)
+    if strange:
+        refuse(f"ids that WuCAPS files would read otherwise: {shown(strange)}", f"block {block.name}", "rename them")
+    odd = block.ground_points.point[~_told(block)]
+    if len(odd):
+        what = f"roles other than full, plan-only or height-only control or check: {shown(block.points.id[odd])}"
+        refuse(what, f"block {block.name}", "give each point one of these, or export as tables")
+    raise_all(problems)
+
+
+def _unwritable(ids: list[str], images: object) -> list[str]:
+    """Ids with blanks or beyond ASCII, ids that end a list; `-` before a photo would make it the last of its strip."""
+    bad = {i for i in ids if not i.isascii() or len(i.split()) != 1 or i in END}
+    return sorted(bad | {str(i) for i in np.asarray(images) if str(i).startswith("-")})
+
+
+def _told(block: Block) -> Bool:
+    """Rows of ground points whose role has a form, (n,); without one only the coordinates stand in PRECKI."""
+    role = block.ground_points.role
+    free = np.isin(role, [NO_ROLE, APPROXIMATE]).all(axis=1)
+    return np.asarray(free | (role[:, None, :] == np.array(ROLES)[None]).all(axis=2).any(axis=1))
+
+
+def _coordinates(block: Block, corrected: ImagePoints | None) -> tuple[Float, Bool]:
+    """Photo coordinates, mm, and which are used, row by row of the Block's image points."""
+    if corrected is None:
+        return block.image_points.xy, block.image_points.active
+    m = corrected.measurements
+    return m.xy_mm, m.active & np.isfinite(m.xy_mm).all(axis=1)
+
+
+def _camera(block: Block, *, corrected: bool) -> list[str]:
+    """PRECAI."""
+    cameras, marks = block.cameras, block.fiducials
+    x0, y0 = (0.0, 0.0) if corrected else cameras.principal_point_mm[0].tolist()
+    lines = [f"1 {len(marks)}", f"{float(cameras.principal_distance_mm[0])!r} {x0!r} {y0!r}", "0 0 0"]
+    return [*lines, *(f"{name} {x!r} {y!r}" for name, (x, y) in zip(marks.id, marks.xy_mm.tolist())), _LAST]
+
+
+def _images(block: Block, xy_mm: Float, used: Bool) -> list[str]:
+    """PREPHI: strips by the order of the table, photos by their place in the strip."""
+    images, rows, lines = block.images, block.image_points, list[str]()
+    by_image = np.flatnonzero(used)[np.argsort(rows.image[used], kind="stable")]
+    bounds = np.searchsorted(rows.image[by_image], np.arange(len(images) + 1))
+    spans = list(pairwise(bounds.tolist()))
+    for s, strip in enumerate(block.strips.id):
+        members = np.flatnonzero(images.strip == s)
+        members = members[np.argsort(images.sequence[members], kind="stable")]
+        lines += [f"{strip} {len(members)} {SCALE_UNKNOWN} 0"] if len(members) else []
+        for k, image in enumerate(members.tolist()):
+            last = k == len(members) - 1
+            lines.append(f"{'-' if last else ''}{images.id[image]} 0")
+            for row in by_image[slice(*spans[image])].tolist():
+                x, y = xy_mm[row].tolist()
+                lines.append(f"{block.points.id[rows.point[row]]} {x!r} {y!r}")
+            lines.append(_LAST)
+    return [*lines, "-99"]
+
+
+def _ground(block: Block) -> list[str]:
+    """PRECKI: north before east; 0 where nothing is known and no role needs it, for the files have no blanks."""
+    g, lines = block.ground_points, list[str]()
+    for point, xyz, known in zip(g.point, np.nan_to_num(g.xyz_m).tolist(), _known(block)):
+        if known:
+            lines.append(f"{block.points.id[point]} {xyz[1]!r} {xyz[0]!r} {xyz[2]!r}")
+    return [*lines, "-99"]
+
+
+def _known(block: Block) -> Bool:
+    """Ground points with all coordinates, or at least those that their role needs."""
+    g = block.ground_points
+    finite, needed = np.isfinite(g.xyz_m), np.isin(g.role, [CONTROL, CHECK])
+    return np.asarray(finite.all(axis=1) | (needed.any(axis=1) & (finite | ~needed).all(axis=1)))
+
+
+def _roles(block: Block) -> list[str]:
+    """PRECPI."""
+    g = block.ground_points
+    of = [np.flatnonzero((g.role == np.array(role)).all(axis=1) & _known(block)) for role in ROLES]
+    names = [str(block.points.id[g.point[row]]) for rows in of for row in rows]
+    return [" ".join(str(len(rows)) for rows in of[:3]), *names, "-99"]
+
+
+def _left_out(block: Block, used: Bool) -> list[Note]:
+    """What a reader of the files will not find."""
+    g, notes = block.ground_points, list[Note]()
+
+    def warn(text: str, ids: object = ()) -> None:
+        notes.append(Note("warning", text, tuple(str(i) for i in np.asarray(ids).tolist())))
+
+    notes.append(Note("note", "WuCAPS files hold no standard deviations: give them as options when reading"))
+    if not _known(block).all():
+        warn("ground points that lack a coordinate are not written", block.points.id[g.point[~_known(block)]])
+    filled = _known(block) & ~np.isfinite(g.xyz_m).all(axis=1)
+    if filled.any():
+        warn("0 stands for coordinates that are not known, of plan or height control", block.points.id[g.point[filled]])
+    if not used.all():
+        warn(f"{int((~used).sum())} image points that are not used are not written")
+    for what, table in (("positions and attitudes", block.exterior), ("geodetic observations", block.geodetic),
+                        ("relative control", block.relative_control)):  # fmt: skip
+        if table is not None and len(table):
+            warn(f"{what} have no place in WuCAPS files and are not written")
+    if block.frames.crs[0] != "local":
+        warn(f"the coordinate system {block.frames.crs[0]} is not written")
+    return notes
