@@ -104,8 +104,8 @@ def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:
     if factor > EXTRAPOLATION_WARNED:
         text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
         notes.append(Note("warning", text))
-    for (what, adjusted), ids in zip(part.adjusted(), tables.observation_ids(ground, part)):
-        notes += search_notes(adjusted, ids, what)
+    for (what, adjusted), names in zip(part.adjusted(), tables.observation_names(ground, part)):
+        notes += search_notes(adjusted, names, what)
     return notes
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,17 +80,22 @@ def precisions(ground: Ground, part: OrientedPart) -> list[Parameters]:
     return rows
 
 
-def observation_ids(ground: Ground, part: OrientedPart) -> list[list[str]]:
-    """What messages call the observations of each adjustment of a part."""
+def observation_names(ground: Ground, part: OrientedPart) -> list[Callable[[Int], list[str]]]:
+    """What messages call some of the observations of each adjustment of a part."""
     block, strips = ground.block, ground.strips
     control = [f"control point {p}" for p in block.points.id[ground.control.point[part.control]]]
     images = [f"position of image {i}" for i in block.images.id[ground.positions.image[part.positions]]]
     table, rows = strips.strip_points, part.component.rows
-    ids = [control + images + control + images]
-    if part.component.tied is not None:
-        names = zip(block.points.id[table.point[rows]], strips.strips.id[table.strip[rows]])
-        ids.append([f"point {p} in strip {s}" for p, s in names])
-    return ids
+    twice = 2 * (control + images)
+
+    def of_ties(some: Int) -> list[str]:
+        names = zip(block.points.id[table.point[rows[some]]], strips.strips.id[table.strip[rows[some]]])
+        return [f"point {p} in strip {s}" for p, s in names]
+
+    def of_given(some: Int) -> list[str]:
+        return [twice[k] for k in some.tolist()]
+
+    return [of_given] if part.component.tied is None else [of_given, of_ties]
 
 
 def _sigma(covariance: Float, given: Bool | bool = True) -> Float:

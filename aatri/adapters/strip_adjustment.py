@@ -10,7 +10,7 @@ from aatri.adapters import solution as assemble
 from aatri.adapters import strip_tables as tables
 from aatri.adapters import strips as pieces
 from aatri.adapters.strip_tables import StripsOnGround
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -125,11 +125,15 @@ def adjust_strips(
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
     notes += fall_notes(result, names.tolist())
-    ids = [f"point {p} in strip {s}" for p, s in zip(point, strip)]
-    ids += [f"control point {p}" for p in block.points.id[control.point]]
+
+    def called(rows: Int) -> list[str]:
+        ties, given = rows[rows < len(point)], rows[rows >= len(point)] - len(point)
+        names = [f"point {p} in strip {s}" for p, s in zip(point[ties], strip[ties])]
+        return names + [f"control point {p}" for p in block.points.id[control.point[given]]]
+
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
-    notes += [Note("note", text), *search_notes(tied, ids, "strip block")]
+    notes += [Note("note", text), *search_notes(tied, called, "strip block")]
     notes += sigma0_notes(
         [tied], ["strip block"], tied.sigma0, pieces.most_models(strips), max_sigma0, "strip block adjustment"
     )

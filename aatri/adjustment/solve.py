@@ -28,6 +28,7 @@ from aatri.adjustment.stepping.linearity import after_step
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, counts
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import State, retract_state
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 
 
@@ -42,19 +43,28 @@ class Solved:
     state : dict
         After the step.
     factored : Factored
-    departure : float
-        Largest difference of a residual from the linear model, in its standard deviations; 0 where all records are
-        linear.
+    before : mapping
+        The state of the linearisation.
+    step : dict of str to (n, k) float64
+        Of every group, from there.
     observations, n_unknowns, redundancy : int
     """
 
     problem: IndexedProblem
     state: dict[str, Any]
     factored: Factored
-    departure: float
+    before: State
+    step: dict[str, Float]
     observations: int
     n_unknowns: int
     redundancy: int
+
+    @cached_property
+    def departure(self) -> float:
+        """Largest difference of a residual from the linear model, in its standard deviations."""
+        if all(r.linear for r in self.problem.records):
+            return 0.0
+        return after_step(self.problem, self.before, self.state, self.step)[0]
 
     @cached_property
     def cost(self) -> float:
@@ -112,6 +122,4 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
         refuse_undetermined(problem, state, factored)
     step = steps(problem, factored, state)
     after = retract_state(problem.unknowns, state, step)
-    linear = all(r.linear for r in problem.records)
-    departure = 0.0 if linear else after_step(problem, state, after, step)[0]
-    return Solved(problem, after, factored, departure, *counts(problem))
+    return Solved(problem, after, factored, state, step, *counts(problem))

@@ -66,6 +66,7 @@ def common_sigma(squares: Float, known: Float, share: Float, *, robust: bool = F
         return float(np.sqrt(max(float(squares[usable].sum()), 0.0) / total)) if total > 0 else 0.0
     rows = np.flatnonzero((share > LEAST_SHARE) & usable)
     q, values, share = squares[rows].T.copy(), known[rows].T.copy(), share[rows]
+    terms, sums, half = np.empty_like(q), np.empty_like(share), len(share) // 2
     largest, total = float(values.max(initial=0.0)), m * float(share.sum())
     middle = float(chi2.median(m)) * share
     if largest <= 0:
@@ -75,9 +76,11 @@ def common_sigma(squares: Float, known: Float, share: Float, *, robust: bool = F
     np.maximum(values, 1e-12 * largest, out=values)
 
     def excess(tau: float) -> float:
-        terms = q / (values + tau**2)
+        np.divide(q, np.add(values, tau**2, out=terms), out=terms)
         if robust:
-            return float(np.median(np.add.reduce(terms) / middle) - 1)
+            np.divide(np.add.reduce(terms, out=sums), middle, out=sums)
+            sums.partition([half - 1, half] if len(sums) % 2 == 0 else half)
+            return float((sums[half] if len(sums) % 2 else 0.5 * (sums[half - 1] + sums[half])) - 1)
         return float(terms.sum() / total - 1)
 
     if excess(0.0) <= 0:

@@ -19,7 +19,7 @@ stages before have told of their image points: here that is a note.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -128,13 +128,13 @@ def given_note(tied: TiedResult[Any]) -> Note:
     return sigma0_note(test, OF_GIVEN)
 
 
-def search_notes(tied: TiedResult[Any], ids: Sequence[str], what: str) -> list[Note]:
-    """What the search for gross errors leaves open; `ids` name all observations."""
+def search_notes(tied: TiedResult[Any], names: Callable[[Int], Sequence[str]], what: str) -> list[Note]:
+    """What the search for gross errors leaves open; `names` are what messages call some of the observations."""
     notes = []
     kept = np.flatnonzero(tied.above)
     if len(kept):
         text = f"{what}: above the limit but not rejected, as too little else controls them or too many are rejected"
-        notes.append(Note("warning", text, tuple(ids[k] for k in kept.tolist())))
+        notes.append(Note("warning", text, tuple(names(kept))))
     if not tied.settled:
         notes.append(Note("warning", f"{what}: the search for gross errors was broken off before it settled"))
     return notes

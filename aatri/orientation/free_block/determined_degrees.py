@@ -13,18 +13,14 @@ plan and height have nothing to do with each other. N is what the elimination of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.polynomials import TERMS, StripAxes
-from aatri.observations.control import Control
-from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, polynomial_ties, terms_of_points
-from aatri.orientation.free_block.tie_records import GivenPoints
-from aatri.orientation.free_block.tied_solution import reduced_matrix, tied_problem
+from aatri.geometry.polynomials import TERMS
+from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS
+from aatri.orientation.free_block.tied_solution import TiedProblem, reduced_matrix
 
 RANK = 1e-7
 WORST = 2.0
@@ -53,18 +49,15 @@ def kept_coefficients(degrees: Int) -> Bool:
     return np.asarray(degrees[:, PART] >= TERM_DEGREE)
 
 
-def determined_degrees(
-    points: StripPoints, n_points: int, axes: Sequence[StripAxes], control: Control, use: Bool, highest: Int
-) -> tuple[Int, list[Fall]]:
+def determined_degrees(problem: TiedProblem[Float], p: Float, use: Bool, highest: Int) -> tuple[Int, list[Fall]]:
     """Degrees of plan and height of every strip, and what fell.
 
     Parameters
     ----------
-    points : StripPoints
-        On the ground; unit m.
-    n_points : int
-    axes : (n_strips,) sequence of StripAxes
-    control : Control
+    problem : TiedProblem
+        With all coefficients free; what is given is control.
+    p : (n, 5) float64
+        The terms of the strip points.
     use : (n + n_control,) bool
         Observations that count: strip points, then control.
     highest : (n_strips, 2) int
@@ -77,14 +70,13 @@ def determined_degrees(
     falls : list of Fall
     """
     degrees, falls = highest.copy(), []
-    p = terms_of_points(points, axes)
-    N = _normal_matrix(points, axes, control, use, n_points)
+    N = _normal_matrix(problem, use)
     for part in (0, 1):
         while (degrees[:, part] >= 0).any():
             kept = np.flatnonzero(kept_coefficients(degrees) & (part == PART))
             reasons = _undetermined(N[np.ix_(kept, kept)], kept)
             if not reasons:
-                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, points.strip, p)
+                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, problem.ties.strip, p)
             if not reasons:
                 break
             for strip, reason in sorted(reasons.items()):
@@ -93,16 +85,11 @@ def determined_degrees(
     return degrees, falls
 
 
-def _normal_matrix(points: StripPoints, axes: Sequence[StripAxes], control: Control, use: Bool, n_points: int) -> Float:
+def _normal_matrix(problem: TiedProblem[Float], use: Bool) -> Float:
     """N of all coefficients, the ground points eliminated."""
-    k = len(axes)
-    free, names = np.ones((k, COEFFICIENTS), dtype=bool), [str(strip) for strip in range(k)]
-    ties = polynomial_ties(points, axes, names=names, n_points=n_points, free=free)
-    given = GivenPoints("control", control.point, control.xyz_m, control.covariance_m2, control.given)
-    start = np.zeros((k, COEFFICIENTS))
-    problem = tied_problem(ties, [given], start, "degree of the strips")
-    equal = (np.broadcast_to(np.eye(3), (len(points.strip), 3, 3)), np.eye(3) / HELD * control.given[:, :, None])
-    return reduced_matrix(problem, start, use, equal)
+    ties, start = problem.ties, np.zeros(problem.ties.unknowns.free.shape)
+    held = [np.eye(3) / HELD * given.given[:, :, None] for given in problem.given]
+    return reduced_matrix(problem, start, use, (np.broadcast_to(np.eye(3), (len(ties.strip), 3, 3)), *held))
 
 
 def _undetermined(N: Float, kept: Int) -> dict[int, str]:

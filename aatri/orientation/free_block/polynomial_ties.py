@@ -74,7 +74,7 @@ def polynomial_ties(
         return eigen()
 
     unknowns = Unknowns(STRIP, free, LABELS, list(map(str, names)), add_step)
-    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, True, compiled)
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, None, compiled)
 
 
 def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:

@@ -55,6 +55,26 @@ def moved(value: Similarities, step: Float) -> Similarities:
     )
 
 
+def remainders(old: Similarities, new: Similarities) -> tuple[Float, Float]:
+    """What linear models of s R and of R leave, norms of each, (n,).
+
+        |s'R' - s R - s ([d]x + m I) R|,    |R' - R - [d]x R|
+
+    d and m are the rotation and the logarithm of the ratio of the scales from old to new; infinite for turns beyond a
+    quarter.
+    """
+    turn = new.rotation @ old.rotation.swapaxes(1, 2)
+    sine = 0.5 * np.stack([turn[:, k, j] - turn[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
+    length = np.linalg.norm(sine, axis=1)
+    small = (length < 1) & (np.einsum("nii->n", turn) > 1)
+    angle = np.arcsin(np.where(small, length, 0.0))
+    d = skew(sine * np.where(length > 0, angle / np.where(length > 0, length, 1.0), 1.0)[:, None])
+    ratio = (new.scale / old.scale)[:, None, None]
+    of_scaled = np.linalg.norm(ratio * turn - d - (1 + np.log(ratio)) * np.eye(3), axis=(1, 2)) * old.scale
+    of_rotation = np.linalg.norm(turn - d - np.eye(3), axis=(1, 2))
+    return np.where(small, of_scaled, np.inf), np.where(small, of_rotation, np.inf)
+
+
 def similarity_ties(
     strip: Int, point: Int, x: Float, covariance: Float, *, names: Sequence[str] | Text, n_points: int,
     free: Bool | None = None, offset_m: Float | None = None,
@@ -115,6 +135,14 @@ def similarity_ties(
     def spectrum(state: Similarities) -> tuple[Float, Float]:
         return state.scale[strip][:, None] ** 2 * values, state.rotation[strip] @ vectors
 
+    reach = np.zeros(len(names))
+    np.maximum.at(reach, strip, np.linalg.norm(x, axis=1))
+    arm_m = 0.0 if offset_m is None else float(np.linalg.norm(offset_m, axis=1).max(initial=0.0))
+
+    def bend_m(old: Similarities, new: Similarities) -> float:
+        of_scaled, of_rotation = remainders(old, new)
+        return float((of_scaled * reach + of_rotation * arm_m).max(initial=0.0))
+
     moving = np.ones(len(names), dtype=bool) if free is None else free
     unknowns = Unknowns(STRIP, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
-    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, False, compiled)
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, bend_m, compiled)

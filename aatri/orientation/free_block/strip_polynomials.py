@@ -12,7 +12,7 @@ linear. The degree falls to what control and ties determine (determined_degrees)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,9 +23,10 @@ from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
-from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, polynomial_ties
+from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, polynomial_ties, terms_of_points
 from aatri.orientation.free_block.tie_records import GivenPoints
-from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_tied
+from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_indexed
+from aatri.orientation.free_block.tied_solution import TiedProblem, tied_problem
 
 LIMIT = 4.0
 
@@ -92,16 +93,18 @@ def adjust_strip_polynomials(
     degrees, falls = np.full((len(axes), 2), degree), []
     given = GivenPoints("control", control.point, control.xyz_m, control.covariance_m2, control.given)
     strip_names = [str(k) for k in range(len(axes))] if names is None else names
+    start = np.zeros((len(axes), COEFFICIENTS))
+    ties = polynomial_ties(points, axes, names=strip_names, n_points=n_points, free=np.ones(start.shape, dtype=bool))
+    whole = tied_problem(ties, [given], start, "strip block adjustment")
+    p = terms_of_points(points, axes)
     while True:
-        degrees, fell = determined_degrees(points, n_points, axes, control, use, degrees)
+        degrees, fell = determined_degrees(whole, p, use, degrees)
         falls += fell
         free = kept_coefficients(degrees)
-        ties = polynomial_ties(points, axes, names=strip_names, n_points=n_points, free=free)
-        start = np.zeros((len(axes), COEFFICIENTS))
-        tied = adjust_tied(ties, [given], start, Snooping(limit), what="strip block adjustment", active=use)
+        tied = adjust_indexed(whole if free.all() else _with_free(whole, free), start, Snooping(limit), active=use)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
-        if not lost or not determined_degrees(points, n_points, axes, control, tied.active, degrees)[1]:
+        if not lost or not determined_degrees(whole, p, tied.active, degrees)[1]:
             break
         use = tied.active
     return StripPolynomials(
@@ -113,6 +116,12 @@ def adjust_strip_polynomials(
         point_m=tied.mean_m,
         tied=tied,
     )
+
+
+def _with_free(problem: TiedProblem[Float], free: Bool) -> TiedProblem[Float]:
+    """The problem with other coefficients held at zero."""
+    ties = replace(problem.ties, unknowns=replace(problem.ties.unknowns, free=free))
+    return tied_problem(ties, problem.given, np.zeros(free.shape), problem.what)
 
 
 def fall_notes(result: StripPolynomials, names: Sequence[str]) -> list[Note]:

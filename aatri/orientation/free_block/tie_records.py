@@ -49,8 +49,9 @@ class Ties(Generic[S]):
     unknowns : Unknowns
         The group of the strips' unknowns, named `STRIP`.
     n_points : int
-    linear : bool
-        The derivatives do not depend on the state.
+    bend_m : callable, optional
+        (old state, new state) -> bound of how far any ground coordinate departs from the linear model of the old state,
+        m. None where they are linear.
     compiled : callable, optional
         (order, what the points of the ties are reduced to in that order, (n, 3)) -> faster lane, see
         adjustment.records.
@@ -63,7 +64,7 @@ class Ties(Generic[S]):
     spectrum: Callable[[S], tuple[Float, Float]]
     unknowns: Unknowns
     n_points: int
-    linear: bool
+    bend_m: Callable[[S, S], float] | None
     compiled: Callable[[Int, Float], Weigh] | None = None
 
     @property
@@ -114,7 +115,8 @@ def tie_records(ties: Ties[S], base_m: Float) -> Records:
         return lane(order, np.ascontiguousarray(base_m[ties.point[order]]))
 
     used = np.ones(n, dtype=bool)
-    return Records("strip_tie", touches, evaluate, unit, used, None if lane is None else compiled, linear=ties.linear)
+    return Records("strip_tie", touches, evaluate, unit, used, None if lane is None else compiled,
+                   linear=ties.bend_m is None)  # fmt: skip
 
 
 def given_records(given: GivenPoints, base_m: Float) -> Records:

@@ -121,9 +121,14 @@ def adjust_tied(
     ConvergenceError
         If the iteration does not converge.
     """
-    problem = tied_problem(ties, given, start, what)
-    values, _ = ties.spectrum(start)
-    variances = [values.sum(axis=1), *(np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in given)]
+    return adjust_indexed(tied_problem(ties, given, start, what), start, rule, active=active)
+
+
+def adjust_indexed(problem: TiedProblem[S], start: S, rule: Snooping, *, active: Bool | None = None) -> TiedResult[S]:
+    """The same of a problem whose index is made."""
+    values, _ = problem.ties.spectrum(start)
+    given = [np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in problem.given]
+    variances = [values.sum(axis=1), *given]
     n = sum(len(v) for v in variances)
     pool = pool_of(rule, problem.records, variances)
 

@@ -154,12 +154,12 @@ class TiedSolution(Generic[S]):
 
     def added_sigma(self, *, robust: bool) -> float:
         """The deformation that the residuals of the strips' points ask for, m."""
-        rows = np.flatnonzero((self.use & self.held)[: len(self.problem.ties.strip)])
-        if not self.eigenvalues[rows].any():
+        if not self.eigenvalues.any():
             return 0.0
+        n, of_ties = len(self.problem.ties.strip), self.tests[self.problem.records[0].name]
+        share = np.where((self.use & self.held)[:n], np.einsum("nii->n", of_ties.redundancy) / 3, np.nan)
         # Ties are whitened along the eigenvectors of their covariances (`tie_whitener`).
-        squares = self.tests[self.problem.records[0].name].whitened[rows] ** 2 * self._variances()[rows]
-        return common_sigma(squares, self.eigenvalues[rows], self.redundancy[rows] / 3, robust=robust)
+        return common_sigma(of_ties.whitened**2 * self._variances(), self.eigenvalues, share, robust=robust)
 
 
 def tied_problem(ties: Ties[S], given: Sequence[GivenPoints], start: S, what: str) -> TiedProblem[S]:
@@ -199,13 +199,21 @@ def solve_tied(
             solved = solve(problem.index, full, weights)
         except (GeometryError, ConvergenceError) as error:
             raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
-        if solved.departure <= LINEAR:
+        if _nearly_linear(problem, full, solved, values + tau_m**2):
             return TiedSolution(problem, solved, whiteners, values, vectors, tau_m, held, use, done + iteration)
         full = solved.state
     raise ConvergenceError(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
         remedy="look for wrong point numbers in the largest discrepancies",
     )
+
+
+def _nearly_linear(problem: TiedProblem[S], before: Mapping[str, Any], solved: Solved, variances: Float) -> bool:
+    """Whether no residual departs too far from the linear model: by a bound of all, which costs little, or by each."""
+    bend_m, least = problem.ties.bend_m, float(variances.min(initial=np.inf))
+    if bend_m is not None and least > 0 and bend_m(before[STRIP], solved.state[STRIP]) <= LINEAR * np.sqrt(least):
+        return True
+    return solved.departure <= LINEAR
 
 
 def reduced_matrix(problem: TiedProblem[S], state: S, use: Bool, whiteners: Sequence[Float]) -> Float:

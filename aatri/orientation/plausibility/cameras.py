@@ -72,7 +72,8 @@ def camera_notes(
     -------
     tuple of Note
     """
-    known = np.isfinite(position_m[ray_image]).all(axis=1) & np.isfinite(xyz_m[ray_point]).all(axis=1)
+    known = np.asarray(np.isfinite(position_m).all(axis=1))[ray_image]
+    known &= np.asarray(np.isfinite(xyz_m).all(axis=1))[ray_point]
     image, point = ray_image[known], ray_point[known]
     u = np.einsum("kji,kj->ki", ground_from_image[image], xyz_m[point] - position_m[image])
     depth, height = -u[:, 2], position_m[image, 2] - xyz_m[point, 2]

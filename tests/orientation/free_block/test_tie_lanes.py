@@ -51,6 +51,27 @@ def test_the_compiled_lane_equals_the_plain_one(made):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-10)
 
 
+@pytest.mark.parametrize("size", [1e-7, 1e-3, 0.3])
+def test_the_bound_of_what_departs_from_the_linear_model_holds_and_is_no_more_than_some_ten_times_too_large(size):
+    ties, of_strips = _similarities()
+    step = RNG.normal(size=(STRIPS, 7)) * size
+    after = ties.unknowns.retract(of_strips, step)
+    foretold = ties.on_ground(of_strips, ties.rows) + np.einsum(
+        "nij,nj->ni", ties.derivatives(of_strips, ties.rows), step[ties.strip]
+    )
+    largest = np.linalg.norm(ties.on_ground(after, ties.rows) - foretold, axis=1).max()
+    assert ties.bend_m is not None
+    rounding = 1e-12 * np.abs(foretold).max()
+    assert largest - rounding <= ties.bend_m(of_strips, after) <= 10 * largest + rounding
+
+
+def test_a_turn_beyond_a_quarter_is_called_far_from_linear():
+    ties, of_strips = _similarities()
+    step = np.zeros((STRIPS, 7))
+    step[0, 4] = 3.1
+    assert ties.bend_m(of_strips, ties.unknowns.retract(of_strips, step)) == np.inf
+
+
 @pytest.mark.parametrize("made", [_similarities, _polynomials])
 def test_derivatives_equal_differences_of_the_ground_coordinates(made):
     ties, of_strips = made()

@@ -39,7 +39,7 @@ def _linear(strip, point, xyz, J, C, *, n_points, n_strips, held=None):
     labels = tuple("abcdef"[: J.shape[2]])
     unknowns = Unknowns(STRIP, free, labels, [str(k) for k in range(n_strips)], add_step)
     return Ties(strip.astype(np.int32), point.astype(np.int32), on_ground, lambda _, rows: J[rows],
-                lambda _: (values, vectors), unknowns, n_points, linear=True)  # fmt: skip
+                lambda _: (values, vectors), unknowns, n_points, None)  # fmt: skip
 
 
 def _made(n_strips=3, n_points=8, unknowns=2):
