@@ -15,7 +15,7 @@ from aatri.artifacts.models import ModelPoints, Models, Orientations, Unformed
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation.relative.pairs import RelativeOrientations
+from aatri.orientation.relative.pair_loops import RelativeOrientations
 
 
 @dataclass(frozen=True)

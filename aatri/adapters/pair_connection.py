@@ -16,7 +16,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Elements, Models
 from aatri.artifacts.suspects import Suspects
 from aatri.notes import Note
-from aatri.orientation.relative.pairs import RelativeOrientations
+from aatri.orientation.relative.pair_loops import RelativeOrientations
 from aatri.orientation.strips.connected import Before, Connected, connected_orientation
 from aatri.progress import Reporter
 

@@ -17,7 +17,8 @@ from aatri.geometry.intersection import intersect_pair
 from aatri.notes import Note
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
 from aatri.orientation.relative.equal_weights import adjusted_with_equal_weights
-from aatri.orientation.relative.pairs import RelativeOrientations, relative_orientations
+from aatri.orientation.relative.pair_loops import RelativeOrientations
+from aatri.orientation.relative.pairs import relative_orientations
 from aatri.progress import Reporter
 
 

@@ -69,6 +69,26 @@ class Unformed(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class SecondOrientations(Table):
+    """Orientations that explain the points of a model as well as that in `orientations`: it is ambiguous."""
+
+    model: Int = column("i4", doc="row in orientations", refers="orientations")
+    left_from_right: Float = column("f8", 3, 3, doc="rotation matrix")
+    base: Float = column("f8", 3, unit="base", doc="unit vector from left to right projection centre")
+
+
+@dataclass(frozen=True, eq=False)
+class Turns(Table):
+    """Images taken from one place: they make no model, but their rotation is known."""
+
+    left: Int = column("i4", doc="row in images", refers="images")
+    right: Int = column("i4", doc="row in images", refers="images")
+    left_from_right: Float = column("f8", 3, 3, doc="rotation matrix")
+    sigma_rad: Float = column("f8", unit="rad", doc="standard deviation of its least certain direction")
+    points: Int = column("i4", doc="points that it explains")
+
+
+@dataclass(frozen=True, eq=False)
 class Models(Artifact):
     """Relative orientations of neighbouring images, and their model points."""
 
@@ -82,6 +102,8 @@ class Models(Artifact):
     unformed: Unformed = table()
     suspects: Suspects = table()
     elements: Elements | None = table(default=None, doc="elements of the method, where it tells them")
+    second_orientations: SecondOrientations | None = table(default=None)
+    turns: Turns | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, pooled sigma0 and the RMS y-parallax."""

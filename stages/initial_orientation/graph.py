@@ -20,7 +20,8 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.image_pairs import models_of, overlapping_images, pairs_of
+from aatri.adapters.essential_models import essential_models
+from aatri.adapters.image_pairs import overlapping_images, pairs_of
 from aatri.adapters.initial_orientation import (
     ground_of,
     initial_solution,
@@ -29,7 +30,7 @@ from aatri.adapters.initial_orientation import (
     shown_components,
     to_ground,
 )
-from aatri.adapters.pair_graph import graph_of, strongest_pairs
+from aatri.adapters.pair_graph import graph_of, strongest_pairs, turns_of
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -39,7 +40,7 @@ from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.image_points import rays_of
 from aatri.orientation.graph.free_images import orient_free
-from aatri.orientation.relative.pairs import relative_orientations
+from aatri.orientation.relative.essential_pairs import essential_orientations
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -88,7 +89,7 @@ def graph(
     observed = np.full((len(block.images), 3), np.nan)
     observed[ground.positions.image] = ground.positions.position_m
     free = orient_free(
-        pairs, rays, block.images.id, block.points.id,
+        pairs, turns_of(models), rays, block.images.id, block.points.id,
         start=options.positions, observed_m=observed, rng=rng, reporter=context,
     )  # fmt: skip
     parts, notes = to_ground(block, ground, free.components, rays, options.control_limit)
@@ -108,9 +109,9 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         context.log(f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image")
         images = images[kept]
     pairs = pairs_of(block, image_points, images)
-    found = relative_orientations(
+    made = essential_orientations(
         pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points, reporter=context
     )
     context.progress(len(images), len(images), "models")
-    context.log(f"{int(found.formed.sum())} of {len(images)} pairs make a model")
-    return models_of(block, image_points, pairs, found)
+    context.log(f"{int(made.found.formed.sum())} of {len(images)} pairs make a model")
+    return essential_models(block, image_points, pairs, made)

@@ -18,12 +18,12 @@ import numpy as np
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.ids import shown
+from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.orientation.graph.component import Component, adjusted_component
 from aatri.orientation.graph.joining import joined
-from aatri.orientation.graph.pair_graph import PairGraph
+from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.graph.positions import Start, by_directions, from_bases, from_gnss
 from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
 from aatri.orientation.graph.scales import scaled_bases
@@ -56,7 +56,8 @@ class FreeImages:
 
 
 def orient_free(
-    graph: PairGraph, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, *, start: Start = "bases",
+    graph: PairGraph, turns: RotationPairs, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, *,
+    start: Start = "bases",
     observed_m: Float | None = None, rng: np.random.Generator | None = None, reporter: Reporter = SILENT,
 ) -> FreeImages:  # fmt: skip
     """Orient all images to each other.
@@ -64,6 +65,8 @@ def orient_free(
     Parameters
     ----------
     graph : PairGraph
+    turns : RotationPairs
+        They help the rotations.
     rays : ImagePointRows
     image_ids, point_ids : str
     start : {'bases', 'gnss', 'random'}
@@ -80,13 +83,17 @@ def orient_free(
         If no component can be oriented.
     """
     n = graph.images
-    triangles, closing = closing_triangles(n, graph.left, graph.right, graph.left_from_right, graph.rotation_sigma_rad)
-    share = np.where(triangles > 0, np.maximum(closing / np.maximum(triangles, 1), OPEN**2), OPEN)
-    weight = np.sqrt(graph.inliers) * share
-    rotation, error = averaged_rotations(n, graph.left, graph.right, graph.left_from_right, weight)
-    wrong = error > np.maximum(WRONG_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
+    rotation, error, triangles = _rotations(graph, turns)
+    limit = np.maximum(WRONG_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
+    other = np.isfinite(graph.second[:, 0, 0])
+    wrong = (error > limit) | other & (_off(rotation, graph, graph.second) < np.minimum(error, limit))
     fitting = graph.take(~wrong)
-    notes = _of_pairs(graph, image_ids, error, wrong, triangles)
+    notes = _of_pairs(graph, image_ids, error, wrong & ~other, triangles)
+    if other.any():
+        text = (
+            f"{int(other.sum())} pairs are ambiguous, as over a plane; {int((wrong & other).sum())} of them do not fit"
+        )
+        notes.append(Note("note", f"{text} the others and are left out"))
     scaled = scaled_bases(fitting)
     components: list[Component] = []
     for k in range(int(scaled.component.max(initial=-1)) + 1):
@@ -108,6 +115,29 @@ def orient_free(
         )
     whole, more = joined(components, rays, image_ids, point_ids, reporter)
     return FreeImages(tuple(whole), wrong, (*notes, *more))
+
+
+def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, Int]:
+    """Rotations of all images, what remains of each pair in rad, and the triangles it lies in."""
+    n, m = graph.images, len(graph.left)
+    left, right = np.concatenate([graph.left, turns.left]), np.concatenate([graph.right, turns.right])
+    pair = np.concatenate([graph.left_from_right, turns.left_from_right])
+    sigma = np.concatenate([graph.rotation_sigma_rad, turns.sigma_rad])
+    triangles, closing = closing_triangles(n, left, right, pair, sigma)
+    share = np.where(triangles > 0, np.maximum(closing / np.maximum(triangles, 1), OPEN**2), OPEN)
+    share[:m][np.isfinite(graph.second[:, 0, 0])] *= OPEN
+    weight = np.sqrt(np.concatenate([graph.inliers, turns.points])) * share
+    rotation, error = averaged_rotations(n, left, right, pair, weight)
+    return rotation, error[:m], triangles[:m]
+
+
+def _off(rotation: Float, graph: PairGraph, pair: Float) -> Float:
+    """What remains of other rotations of the pairs, rad; inf where there is none."""
+    found = np.full(len(pair), np.inf)
+    some = np.flatnonzero(np.isfinite(pair[:, 0, 0]))
+    e = rotation[graph.left[some]] @ pair[some] @ rotation[graph.right[some]].swapaxes(1, 2)
+    found[some] = np.linalg.norm(log_rotation(e), axis=1)
+    return found
 
 
 def _centres(
@@ -133,8 +163,3 @@ def _of_pairs(graph: PairGraph, image_ids: Ids, error: Float, wrong: Bool, trian
             Note("warning", f"{len(names)} pairs do not fit the rotations of the others and are left out", names)
         )
     return notes
-
-
-def named(ids: Ids, images: Bool) -> str:
-    """The images of a component, for messages."""
-    return shown(np.asarray(ids)[images])

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import robust_closed_form, transform
 from aatri.geometry.vectors import finite_rows
@@ -106,9 +106,3 @@ def _with_resected(
         reporter.log(f"images are not resected: {failed.what}")
         return whole, np.zeros(len(whole.images), dtype=bool)
     return found, found.images & ~whole.images
-
-
-def similar(poses: Poses, xyz: Float, translation: Float, scale: float, rotation: Float) -> tuple[Poses, Float]:
-    """Poses and points after a similarity."""
-    position = translation + scale * poses.position_m @ rotation.T
-    return Poses(position, rotation @ poses.ground_from_image), translation + scale * xyz @ rotation.T

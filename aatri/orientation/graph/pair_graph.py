@@ -10,6 +10,25 @@ from aatri.arrays import Bool, Float, Int
 
 
 @dataclass(frozen=True)
+class RotationPairs:
+    """Pairs of images of which the rotation is known and no base.
+
+    Attributes
+    ----------
+    left, right : (k,) int
+    left_from_right : (k, 3, 3) float64
+    sigma_rad : (k,) float64, rad
+    points : (k,) int
+    """
+
+    left: Int
+    right: Int
+    left_from_right: Float
+    sigma_rad: Float
+    points: Int
+
+
+@dataclass(frozen=True)
 class PairGraph:
     """Oriented pairs and their points, pair by pair.
 
@@ -29,6 +48,8 @@ class PairGraph:
         Distances from the left and right projection centre, in units of the base.
     parallax_rad : (n,) float64, rad
         Angle between both rays.
+    second : (m, 3, 3) float64
+        Rotation that explains the points of the pair as well; NaN where there is none.
     """
 
     images: int
@@ -42,6 +63,7 @@ class PairGraph:
     point: Int
     depth: Float
     parallax_rad: Float
+    second: Float
 
     @property
     def inliers(self) -> Int:
@@ -62,6 +84,7 @@ class PairGraph:
             self.images, self.left[pairs], self.right[pairs], self.left_from_right[pairs], self.base[pairs],
             self.rotation_sigma_rad[pairs], self.base_sigma_rad[pairs], np.concatenate([[0], np.cumsum(count)]),
             self.point[rows], self.depth[rows], self.parallax_rad[rows],
+            self.second[pairs],
         )  # fmt: skip
 
     def strength(self) -> Float:

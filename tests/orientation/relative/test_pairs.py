@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import aatri.adjustment.threads as threads
+import aatri.orientation.relative.pair_loops as loops
 import aatri.orientation.relative.pairs as many
 from aatri.adjustment import dense
 from aatri.adjustment.kernels import snooping
@@ -144,11 +145,11 @@ def test_plain_pairs_do_not_need_the_slow_way(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_result_has_the_same_bits_for_any_number_of_threads_and_portions(monkeypatch: pytest.MonkeyPatch) -> None:
     rays, start = _stacked(list(_unlike().values()))
-    monkeypatch.setattr(many, "WORTH_A_THREAD", 1)
+    monkeypatch.setattr(loops, "WORTH_A_THREAD", 1)
     results = []
     for count, at_once in ((1, 500_000), (3, 500_000), (2, 100), (1, 1)):
         monkeypatch.setattr(threads, "default_threads", lambda count=count: count)
-        monkeypatch.setattr(many, "AT_ONCE", at_once)
+        monkeypatch.setattr(loops, "AT_ONCE", at_once)
         results.append(many.relative_orientations(rays, start))
     for other in results[1:]:
         for name in many.RelativeOrientations.__dataclass_fields__:

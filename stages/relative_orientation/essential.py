@@ -1,0 +1,79 @@
+"""Relative orientation without any start: five-point essential matrices, seeded samples, then least squares.
+
+    u1' E u2 = 0,   E = -[b]x R,   det E = 0,   2 E E'E - tr(E E') E = 0,   u = (x, y, -c)
+
+Samples of five points have up to ten essential matrices each, by a polynomial of degree ten; each is judged by all
+points with Cauchy's cost of the Sampson distances, the best adjusted with the points that fit it. Samples are drawn by
+a generator of fixed seed until one free of gross errors has been among them with probability 0.99999. The best
+orientation is adjusted by least squares with data snooping, like `relative_orientation/dependent`.
+
+Nothing is assumed about the angles or the base. Pairs are the consecutive images of strips, or where there are none all
+images with at least `min_common` points in common. Where a second orientation explains the points as well (points in a
+plane) the model is ambiguous: that is said, and the second one is kept beside it. Images without a base make no model;
+their rotation is kept.
+
+Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Chum, Matas & Kittler 2003; docs/formulas.md 3.2.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from aatri.adapters.essential_models import essential_models
+from aatri.adapters.image_pairs import neighbouring_images, overlapping_images, pairs_of
+from aatri.adapters.pair_methods import with_elements
+from aatri.adapters.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.solution import check_same_block
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.notes import tell
+from aatri.orientation.relative.essential_pairs import SAMPLES, essential_orientations
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+
+class EssentialOptions(Options):
+    """Options of the relative orientation without start."""
+
+    pairs: Literal["auto", "strips", "all"] = Field(
+        "auto",
+        description="strips: consecutive images; all: images with `min_common` points in common; auto: strips if given",
+    )
+    min_common: int = Field(8, ge=5, description="with pairs: all, points in common of a pair")
+    max_samples: int = Field(SAMPLES, ge=1, description="most samples of five points of a pair")
+    max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
+    snooping_limit: float = Field(
+        4.0, gt=0, description="a point is rejected if its y-parallax is wrong by more standard deviations than this"
+    )
+    min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
+    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
+
+
+@stage(version=1, uses=("images.strip",))
+def essential(
+    block: Block,
+    image_points: ImagePoints,
+    *,
+    options: EssentialOptions = EssentialOptions(),
+    context: Context = SILENT,
+) -> Models:
+    """Orient pairs of images to each other."""
+    check_same_block(block, image_points.images.id, "image_points")
+    by_strips = options.pairs == "strips" or (options.pairs == "auto" and len(block.strips) > 0)
+    images = neighbouring_images(block) if by_strips else overlapping_images(block, image_points, options.min_common)[0]
+    pairs = pairs_of(block, image_points, images)
+    made = essential_orientations(
+        pairs.rays,
+        pairs.start,
+        snooping_limit=options.snooping_limit,
+        max_iterations=options.max_iterations,
+        min_points=options.min_points,
+        max_samples=options.max_samples,
+        reporter=context,
+    )
+    refuse_misfits(made.found, options.max_sigma0)
+    models = with_elements(essential_models(block, image_points, pairs, made), "dependent")
+    context.progress(len(pairs.left), len(pairs.left), "models")
+    tell(notes_of_pairs(block, image_points, pairs, made.found, models), context)
+    return models

@@ -1,0 +1,109 @@
+"""Relative orientation without start: seeded trials, planes, images without base; the compiled five-point solver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from aatri.geometry.coplanarity import RayPairs, essential_matrix
+from aatri.orientation.relative.essential import five_point as in_numpy
+from aatri.orientation.relative.essential_pairs import essential_orientations
+from aatri.orientation.relative.kernels.five_point import REAL_ROOTS, five_point
+from aatri.orientation.relative.kernels.plane_twin import twin
+from tests.campaigns.essential import campaign, errors, rays_of, trial
+from tests.orientation.relative.pairs import rays_of as rays_of_pair
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_the_compiled_five_point_solver_finds_what_the_action_matrix_finds(planar: bool) -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        t = trial(rng, noise=0.0, planar=planar)
+        u1, u2 = (np.column_stack([xy, np.full(len(xy), -8.8)])[:5] / 10 for xy in (t.left, t.right))
+        E = np.empty((REAL_ROOTS, 3, 3))
+        found = E[: five_point(u1, u2, np.arange(5), E)]
+        truth = essential_matrix(t.rotation, t.base)
+        assert min(min(np.abs(e - truth).max(), np.abs(e + truth).max()) for e in found) < 1e-6
+        others = in_numpy(u1[None], u2[None])
+        assert len(found) == len(others)
+        for e in others:
+            assert min(min(np.abs(e - f).max(), np.abs(e + f).max()) for f in found) < 1e-5
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_every_trial_with_base_over_depth_from_a_tenth_to_one_ends_at_the_truth(noise: float) -> None:
+    found = campaign(100, noise, 0.0, seed=11)
+    assert found["at the truth"] == 100
+    assert found["of these called ambiguous"] == 0
+
+
+def test_a_third_of_wrong_points_is_survived_and_no_wrong_orientation_goes_untold() -> None:
+    found = campaign(100, 1.0, 0.3, seed=12)
+    assert found["at the truth"] >= 99
+    assert found["wrong and not told"] == 0
+
+
+def test_over_a_plane_every_wrong_orientation_is_called_ambiguous_and_the_second_is_the_truth() -> None:
+    rng = np.random.default_rng(5)
+    trials = [trial(rng, noise=1.0, planar=True) for _ in range(100)]
+    made = essential_orientations(*rays_of(trials))
+    _, ratio = errors(trials, made.found)
+    wrong = ratio > 6
+    assert wrong.any()
+    assert np.isfinite(made.second[wrong]).all()
+    for k in np.flatnonzero(wrong).tolist():
+        assert Rotation.from_matrix(made.second[k, :, :3] @ trials[k].rotation.T).magnitude() < 0.05
+        assert any("ambiguous" in text for text in made.found.warnings[k])
+
+
+def test_the_other_orientation_over_a_plane_maps_it_the_same_way() -> None:
+    rng = np.random.default_rng(6)
+    R, b, m = Rotation.random(random_state=3).as_matrix(), rng.normal(size=3), rng.normal(size=3)
+    b /= np.linalg.norm(b)
+    other = np.empty((3, 4))
+    assert twin(np.column_stack([R, b]), m, other)
+    X = rng.normal(size=(6, 3))
+    X /= (X @ m)[:, None]
+    u1, u2 = X, (X - b) @ R
+    F = np.einsum("ni,ij,nj->n", u1, essential_matrix(other[:, :3], other[:, 3]), u2)
+    np.testing.assert_allclose(F, 0, atol=1e-12)
+    np.testing.assert_allclose(other[:, :3] @ other[:, :3].T, np.eye(3), atol=1e-12)
+    assert np.abs(other[:, 3] - b).max() > 0.01
+
+
+def test_images_without_base_make_no_model_but_their_rotation_is_known() -> None:
+    rng = np.random.default_rng(7)
+    R = Rotation.from_euler("xyz", [0.1, -0.05, 1.2]).as_matrix()
+    u = np.column_stack([rng.uniform(-50, 50, (40, 2)), np.full(40, -153.84)])
+    w = u @ R
+    right = -153.84 * w[:, :2] / w[:, 2:] + rng.normal(0, 0.005, (40, 2))
+    pair = rays_of_pair(u[:, :2], right)
+    made = essential_orientations(pair, np.array([0, 40]))
+    assert not made.found.formed[0]
+    assert "no base" in made.found.reasons[0]
+    assert Rotation.from_matrix(made.turned[0] @ R.T).magnitude() < 5 * made.turned_sigma_rad[0] < 1e-3
+    assert made.turned_points[0] >= 38
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [("few", "4 common points"), ("line", "line"), ("same", "identical"), ("wrong", "points fit")],
+)
+def test_a_pair_that_cannot_be_oriented_says_why(change: str, why: str) -> None:
+    rng = np.random.default_rng(8)
+    t = trial(rng, noise=1.0)
+    left, right = t.left[:30].copy(), t.right[:30].copy()
+    if change == "few":
+        left, right = left[:4], right[:4]
+    elif change == "line":
+        left[:, 1] = right[:, 1] = 0.2
+    elif change == "same":
+        right = left
+    else:
+        right = rng.permutation(right)
+    z, sigma = np.full(len(left), -8.8), np.full((len(left), 2), 0.0012)
+    pair = RayPairs(np.column_stack([left, z]), np.column_stack([right, z]), sigma, sigma)
+    made = essential_orientations(pair, np.array([0, len(left)]))
+    assert not made.found.formed[0]
+    assert why in made.found.reasons[0]
