@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
 from aatri.adapters.orientations import given_orientations
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
@@ -27,7 +28,7 @@ from aatri.orientation.bundle.strip_numbering import strip_numbering
 
 def bundle_input(
     block: Block, image_points: ImagePoints | None, initial: Solution | None, options: object,
-    parameters: tuple[ParameterRows, ...] = (),
+    parameters: tuple[ParameterRows, ...] = (), origin: Float | None = None,
 ) -> BundleInput:  # fmt: skip
     """A block ready for adjustment; missing start values are filled in by intersection and resection.
 
@@ -40,13 +41,17 @@ def bundle_input(
     options : object
         Has the options of the kinds of observations, see `kinds.observe`.
     parameters : tuple of ParameterRows
+    origin : (3,) float64, optional
+        Of the tangent frame, in the frame of the block; default its middle.
 
     Raises
     ------
     GeometryError
         If no image has a starting orientation.
     """
-    poses, xyz = _start_poses(block, initial), _start_points(block, initial)
+    frame = frame_of(block, origin)
+    poses = poses_into(frame, *_start_poses(block, initial))
+    xyz = points_into(frame, _start_points(block, initial))
     origin = origin_of(poses, xyz)
     poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
     rays = rays_of(block, image_points) if image_points is not None else None
@@ -58,7 +63,7 @@ def bundle_input(
                 where=f"block {block.name}",
                 remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
             )
-    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters)
+    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters, frame, geodesy_of(block, frame))
     return BundleInput(
         block.images.id,
         block.points.id,
@@ -151,10 +156,10 @@ def _linear_part(block: Block, interior: Interior) -> Float:
     return np.asarray(interior.matrix[:, :, :2] / np.where(pixel[:, None], size, 1.0)[:, None, :])
 
 
-def _start_poses(block: Block, initial: Solution | None) -> Poses:
+def _start_poses(block: Block, initial: Solution | None) -> tuple[Float, Float]:
     if initial is not None:
-        return Poses(initial.images.position_m, initial.images.ground_from_image)
-    return Poses(*given_orientations(block))
+        return initial.images.position_m, initial.images.ground_from_image
+    return given_orientations(block)
 
 
 def _start_points(block: Block, initial: Solution | None) -> Float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.adjusted_observations import reliability_table, residual_table
+from aatri.adapters.adjustment_frame import result_out_of
 from aatri.adapters.calibration_tables import CalibrationTables
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
@@ -35,6 +36,7 @@ def bundle_solution(
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted
+    result = result_out_of(given.given.frame if given.given else None, result)
     per_image, per_point, rms_sigma_um = _image_points(given, result)
     state = adjusted.state
     return Solution(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.adapters.adjustment_frame import frame_notes, poses_out_of
 from aatri.adapters.imported import read_at
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
@@ -11,6 +12,8 @@ from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError
 from aatri.notes import Note
 from aatri.observations.control import control_of
+from aatri.observations.poses import Poses
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.plausibility.cameras import Cameras, camera_notes, control_notes
 from aatri.orientation.plausibility.control import misplaced_control
 
@@ -74,3 +77,16 @@ def _control(block: Block) -> tuple[Float, list[str], Int, Int]:
     active = points.active & block.images.active[points.image] & (number[points.point] >= 0)
     xyz = np.where(control.given, control.xyz_m, np.nan)
     return xyz, block.points.id[control.point].tolist(), points.image[active], number[points.point[active]]
+
+
+def of_start(block: Block, given: BundleInput, *, check: bool) -> tuple[Note, ...]:
+    """What there is to say before a bundle: of its frame, and if wanted of the orientations it starts from."""
+    frame = given.given.frame if given.given is not None else None
+    poses = poses_out_of(frame, Poses(given.poses.position_m + given.origin_m, given.poses.ground_from_image))
+    xyz = given.xyz_m + given.origin_m
+    xyz = xyz if frame is None else frame.to_block(xyz)
+    notes = frame_notes(block, frame, poses.position_m, xyz)
+    geocentric = frame is not None and frame.geocentric
+    if not check or given.rays is None or geocentric:
+        return notes
+    return (*notes, *sanity(block, poses.position_m, poses.ground_from_image, xyz))

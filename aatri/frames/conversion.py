@@ -2,8 +2,8 @@
 
 Positions go through the best transformation pyproj has, and only through it: a missing geoid or datum grid is an
 error, not a silent shift of metres. Covariances follow by the derivative D of the conversion, D C D'. Covariances of
-latitude, longitude, height are in metres along north, east, up, so there D holds the directions of those axes in the
-target frame, scale left out (it is below 1e-3 in map projections).
+latitude, longitude, height are in metres along north, east, up: there D is the change in the target frame per metre on
+the ellipsoid along those axes.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.frames.axes import in_right_handed_order
+from aatri.frames.ellipsoid import Ellipsoid, geocentric
 
 _DEGREE_M = 111_000.0
 _STEP_M = 1.0
@@ -59,7 +60,7 @@ def convert(xyz: Float, covariance_m2: Float, source: Frame, target: Frame) -> t
     InputError
         If pyproj is not installed, a frame is local or not understood, or a transformation grid is missing.
     """
-    transformer = _transformer(source, target)
+    transformer = transformer_between(source, target)
     ordered = in_right_handed_order(xyz, source.axes)
     covariance = in_right_handed_order(covariance_m2, source.axes)
     converted = _apply(transformer, ordered, source, target)
@@ -73,10 +74,18 @@ def convert(xyz: Float, covariance_m2: Float, source: Frame, target: Frame) -> t
         ahead = _apply(transformer, ordered + shift, source, target)
         back = _apply(transformer, ordered - shift, source, target)
         change = ahead - back
-        length = np.linalg.norm(change, axis=1, keepdims=True) if source.geographic else 2 * _STEP_M
+        length = _apart(source, ordered + shift, ordered - shift) if source.geographic else 2 * _STEP_M
         columns.append(change / length)
     derivative = np.stack(columns, axis=-1)
     return converted, derivative @ covariance @ derivative.transpose(0, 2, 1)
+
+
+def _apart(source: Frame, a: Float, b: Float) -> Float:
+    """Distances in metres of places given by longitude, latitude and height, (n, 1)."""
+    body = crs_of(source).geodetic_crs.ellipsoid
+    major, minor = body.semi_major_metre, body.semi_minor_metre
+    ellipsoid = Ellipsoid(major, (major**2 - minor**2) / major**2)
+    return np.asarray(np.linalg.norm(geocentric(a, ellipsoid) - geocentric(b, ellipsoid), axis=1, keepdims=True))
 
 
 def _apply(transformer: Any, xyz: Float, source: Frame, target: Frame) -> Float:
@@ -93,30 +102,45 @@ def _apply(transformer: Any, xyz: Float, source: Frame, target: Frame) -> Float:
     return converted
 
 
-def _transformer(source: Frame, target: Frame) -> Any:
+def crs_of(frame: Frame) -> Any:
+    """The coordinate reference system of a frame as pyproj has it, with its heights.
+
+    Raises
+    ------
+    InputError
+        If pyproj is not installed, or the frame is local or not understood.
+    """
     try:
         import pyproj
-        from pyproj.transformer import Transformer
     except ImportError as error:
-        what = f"converting from frame {source.name} to {target.name} needs pyproj"
-        raise InputError(what, where=source.name, remedy="pip install pyproj") from error
-    systems = []
-    for frame in (source, target):
-        if frame.crs == "local":
-            what = f"frame {frame.name} is local: nothing can be converted from or to it"
-            raise InputError(what, where=frame.name, remedy="give its crs in block.yaml")
-        try:
-            system = pyproj.CRS.from_user_input(frame.crs)
-            if frame.vertical:
-                vertical = pyproj.CRS.from_user_input(frame.vertical)
-                horizontal = system.to_2d()
-                system = pyproj.crs.CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
-            elif not system.is_geocentric:
-                system = system.to_3d()
-        except pyproj.exceptions.CRSError as error:
-            raise InputError(f"crs of frame {frame.name} is not understood: {error}", where=frame.name,
-                             remedy="write it as EPSG:32650, PROJ or WKT text") from error  # fmt: skip
-        systems.append(system)
+        raise InputError(f"converting coordinates of frame {frame.name} needs pyproj", where=frame.name,
+                         remedy="pip install pyproj") from error  # fmt: skip
+    if frame.crs == "local":
+        what = f"frame {frame.name} is local: nothing can be converted from or to it"
+        raise InputError(what, where=frame.name, remedy="give its crs in block.yaml")
+    try:
+        system = pyproj.CRS.from_user_input(frame.crs)
+        if frame.vertical:
+            vertical = pyproj.CRS.from_user_input(frame.vertical)
+            horizontal = system.to_2d()
+            return pyproj.crs.CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
+        return system if system.is_geocentric or system.is_compound else system.to_3d()
+    except pyproj.exceptions.CRSError as error:
+        raise InputError(f"crs of frame {frame.name} is not understood: {error}", where=frame.name,
+                         remedy="write it as EPSG:32650, PROJ or WKT text") from error  # fmt: skip
+
+
+def transformer_between(source: Frame, target: Frame) -> Any:
+    """The transformation of pyproj from one frame to another: the best one, with all its grids, or none.
+
+    Raises
+    ------
+    InputError
+        If a frame is not understood, or a grid is missing.
+    """
+    systems = [crs_of(frame) for frame in (source, target)]
+    from pyproj.transformer import Transformer
+
     try:
         return Transformer.from_crs(systems[0], systems[1], always_xy=True, only_best=True, allow_ballpark=False)
     except Exception as error:

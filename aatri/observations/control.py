@@ -1,14 +1,18 @@
 """Control points: given ground coordinates, each coordinate observed or exact.
 
-    v = X - X_given,    dv/dX = 1
+    v = D (X - X_given),    dv/dX = D
 
-A coordinate of variance zero is exact: it is held at its value. Any other is an observation.
+A coordinate of variance zero is exact: it is held at its value. Any other is an observation. D is I where the
+adjustment is in the axes of the block, else it turns the residual into them (`Given.placed`). Control in plan or in
+height only has no place there; it is compared in the coordinates of the block, v = x(X) - x_given, so that it stays
+right at any distance from the origin. x is the map of the frame, expanded to second order about the nearest node of a
+net: exact to some nm, and smooth where the map itself has the rounding of its large coordinates.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +20,8 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
-from aatri.observations.observed import Given, Holds, Observed, named
+from aatri.frames.tangent import TangentFrame
+from aatri.observations.observed import NEARLY_EXACT, Given, Holds, Observed, named
 from aatri.observations.poses import POINT
 
 if TYPE_CHECKING:
@@ -26,6 +31,8 @@ KIND = "control"
 
 PARTS = (("plan", (0, 1)), ("height", (2,)))
 """Components of control that are measured apart."""
+NET_M = 50.0
+"""Mesh of the net of places about which a map is expanded."""
 
 USES = ("ground_points.xyz_m", "ground_points.covariance_m2")
 
@@ -60,6 +67,17 @@ class Control:
         """Coordinates that are control, (n, 3)."""
         return self.observed | self.exact
 
+    def take(self, some: Int) -> Control:
+        """The chosen points."""
+        return Control(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+
+    def nearly_exact(self, held: Bool) -> Float:
+        """Covariances in which exact coordinates that are not held have a very small variance, (n, 3, 3)."""
+        covariance = self.covariance_m2.copy()
+        row, axis = np.nonzero(self.exact & ~held)
+        covariance[row, axis, axis] = NEARLY_EXACT**2
+        return covariance
+
 
 def control_of(block: Block) -> Control:
     """Control points of a block, in the order of its ground_points."""
@@ -80,23 +98,73 @@ def control_of(block: Block) -> Control:
 def control(given: Given) -> tuple[Observed, ...]:
     """Control points of the block."""
     found = control_of(given.block)
-    return observed_control(found, given.origin_m, given.block.points.id[found.point])
+    if given.frame is None:
+        return observed_control(found, given.origin_m, given.block.points.id[found.point])
+    full = found.given.all(axis=1)
+    whole, part = found.take(np.flatnonzero(full)), found.take(np.flatnonzero(~full))
+    xyz_m, derivatives = given.placed(whole.xyz_m)
+    ids = given.block.points.id
+    return (
+        *observed_control(replace(whole, xyz_m=xyz_m), given.origin_m, ids[whole.point], derivatives),
+        *_control_in_part(part, given.frame, given.origin_m, ids[part.point]),
+    )
 
 
-def observed_control(rows: Control, origin_m: Float, names: Text) -> tuple[Observed, ...]:
-    """Control points, given their names; none if there is no point."""
+def observed_control(
+    rows: Control, origin_m: Float, names: Text, derivatives: Float | None = None
+) -> tuple[Observed, ...]:
+    """Control points, given their names and the D of each; none if there is no point."""
     if not len(rows.row):
         return ()
+    held = rows.exact
+    if derivatives is not None:  # exact coordinates of the block are none of the adjustment, but for whole points
+        held = rows.exact & rows.exact.all(axis=1, keepdims=True)
     used = rows.given
     xyz_m = np.where(used, rows.xyz_m - origin_m, 0.0)
-    derivative = np.eye(3) * used[:, :, None]
+    D = np.eye(3) * used[:, :, None] if derivatives is None else derivatives
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        v = np.where(used[some], state[POINT][rows.point[some]] - xyz_m[some], 0.0)
-        return v, (derivative[some],)
+        away = np.where(used[some], state[POINT][rows.point[some]] - xyz_m[some], 0.0)
+        return np.einsum("nij,nj->ni", D[some], away), (D[some],)
 
-    whitener = whitener_of_covariances(rows.covariance_m2, rows.observed)
+    whitener = whitener_of_covariances(rows.nearly_exact(held), used & ~held)
     active = np.ones(len(rows.row), dtype=bool)
     records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, active)
-    holds = Holds(POINT, rows.point, rows.exact, xyz_m) if rows.exact.any() else None
+    holds = Holds(POINT, rows.point, held, xyz_m) if held.any() else None
     return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=used),)
+
+
+def _control_in_part(rows: Control, frame: TangentFrame, origin_m: Float, names: Text) -> tuple[Observed, ...]:
+    """Control in plan or in height only, compared in the coordinates of the block."""
+    if not len(rows.row):
+        return ()
+    used, expanded = rows.given, _Expanded(frame, len(rows.row))
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        x, D = expanded.at(state[POINT][rows.point[some]] + origin_m, rows.xyz_m[some], some)
+        return np.where(used[some], x, 0.0), (D * used[some][:, :, None],)
+
+    none = np.zeros_like(rows.exact)
+    whitener = whitener_of_covariances(rows.nearly_exact(none), used)
+    records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, np.ones(len(rows.row), dtype=bool))
+    return (Observed(records, rows.row, named(point=names), "m", parts=PARTS, sees=used),)
+
+
+class _Expanded:
+    """Coordinates of the block less given ones, by expansions about the nodes of a net nearest to each point."""
+
+    def __init__(self, frame: TangentFrame, n: int) -> None:
+        self.frame = frame
+        self.node = np.full((n, 3), np.nan)
+        self.x, self.D, self.H = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3, 3))
+
+    def at(self, X: Any, given: Float, rows: Int) -> tuple[Any, Any]:
+        """x(X) - x_given and its derivatives, of the chosen rows."""
+        node = np.round(X.real / NET_M) * NET_M
+        new = (node != self.node[rows]).any(axis=1)
+        if new.any():
+            self.x[rows[new]], self.D[rows[new]], self.H[rows[new]] = self.frame.expansion_at(node[new])
+            self.node[rows[new]] = node[new]
+        d, D, H = X - node, self.D[rows], self.H[rows]
+        bent = np.einsum("nijk,nk->nij", H, d)
+        return self.x[rows] - given + np.einsum("nij,nj->ni", D + 0.5 * bent, d), D + bent

@@ -1,9 +1,10 @@
 """Positions of a drift group: GNSS with a shift and a linear drift that its images share.
 
-    v = X0 + R a + s + (t - t_mean) d - X_observed,    dv/ds = I,    dv/dd = (t - t_mean) I
+    v = D (X0 + R a - X_observed) + s + (t - t_mean) d,    dv/ds = I,    dv/dd = (t - t_mean) I
 
-s is the shift and d the drift per unit of time, both free; t is the time of exposure in seconds, where a group has
-none the sequence of its images; t_mean the mean over the group. A group whose images have one time has no drift.
+D turns into the axes of the block (`positions`), along which shift and drift run. s is the shift and d the drift per
+unit of time, both free; t is the time of exposure in seconds, where a group has none the sequence of its images; t_mean
+the mean over the group. A group whose images have one time has no drift.
 Source: Ackermann 1984, Friess 1986; docs/formulas.md 5.3.
 """
 
@@ -15,7 +16,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int, Text
 from aatri.observations.observed import Given, Observed, named
-from aatri.observations.positions import PositionOptions, Positions, position_records, positions_of, taken
+from aatri.observations.positions import PositionOptions, Positions, placed, position_records, positions_of, taken
 
 DRIFT = "drift"
 
@@ -32,7 +33,8 @@ def drift(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
         return ()
     found, group = taken(found, rows), group[rows]
     time = group_times(block.images.time_s[found.image], block.images.sequence[found.image], group)
-    return observed_drift(found, given.origin_m, group, time, block.images.id[found.image])
+    found, derivatives = placed(given, found)
+    return observed_drift(found, given.origin_m, group, time, block.images.id[found.image], derivatives)
 
 
 def group_times(time_s: Float, sequence: Float, group: Text) -> Float:
@@ -46,10 +48,12 @@ def group_times(time_s: Float, sequence: Float, group: Text) -> Float:
     return found
 
 
-def observed_drift(rows: Positions, origin_m: Float, group: Text, time: Float, names: Text) -> tuple[Observed, ...]:
+def observed_drift(
+    rows: Positions, origin_m: Float, group: Text, time: Float, names: Text, derivatives: Float | None = None
+) -> tuple[Observed, ...]:
     """Positions with shift and drift, given group, reduced time and image of each."""
     ids, block = np.unique(group, return_inverse=True)
-    plain = position_records(rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m)
+    plain = position_records(rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m, derivatives)
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         v, (by_pose,) = plain.evaluate(state, some)

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 from pydantic import Field, create_model
 
+from aatri.observations.attitudes import USES as OF_ATTITUDES
+from aatri.observations.attitudes import AttitudeOptions, attitudes
 from aatri.observations.control import USES as OF_CONTROL
 from aatri.observations.control import control
 from aatri.observations.drift import USES as OF_DRIFT
@@ -70,6 +72,7 @@ KINDS = (
     Kind(control, uses=OF_CONTROL),
     Kind(positions, PositionOptions, uses=OF_POSITIONS),
     Kind(drift, PositionOptions, under="positions", uses=OF_DRIFT),
+    Kind(attitudes, AttitudeOptions, uses=OF_ATTITUDES),
     Kind(distances, DistanceOptions, uses=OF_DISTANCES),
     Kind(directions, uses=OF_DIRECTIONS),
     Kind(zenith_angles, ZenithOptions, uses=OF_ZENITH_ANGLES),

@@ -19,6 +19,7 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.frames.tangent import TangentFrame
 from aatri.notes import Note
 from aatri.observations.level import PLANE, Level
 from aatri.observations.parameters import ParameterRows
@@ -53,6 +54,10 @@ class Given:
         Unknown parameters of images and cameras.
     level : Level
         What is up, north and height in the frame of the adjustment.
+    frame : TangentFrame, optional
+        The frame of the adjustment, where it is not that of the block: `start` is in it, and the origin is its own.
+    geodesy : TangentFrame, optional
+        A tangent frame of the block's CRS, also where the adjustment is in the block's own frame; None if it has none.
     """
 
     block: Block
@@ -61,6 +66,40 @@ class Given:
     start: State
     parameters: tuple[ParameterRows, ...] = ()
     level: Level = PLANE
+    frame: TangentFrame | None = None
+    geodesy: TangentFrame | None = None
+
+    def axes_at(self, place: Float) -> Float:
+        """B: the axes of the block at places of the adjustment (not reduced), (n, 3, 3), columns."""
+        if self.frame is None:
+            return np.broadcast_to(np.eye(3), (len(place), 3, 3))
+        return self.frame.axes_at(np.where(np.isfinite(place), place, 0.0))
+
+    def north_east_down_at(self, place: Float) -> Float:
+        """North (true, or of the grid where headings count from it), east, down in the axes of the block, columns."""
+        ned = np.broadcast_to(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (len(place), 3, 3))
+        if self.geodesy is None or self.block.heading == "grid":
+            return ned
+        X = place if self.frame is not None else self.geodesy.from_block(place)
+        X = np.where(np.isfinite(X), X, 0.0)
+        return np.asarray(self.geodesy.axes_at(X).swapaxes(1, 2) @ self.geodesy.true_axes_at(X) @ ned)
+
+    def placed(self, xyz: Float) -> tuple[Float, Float]:
+        """Coordinates of the block in the adjustment, and D, the derivatives of the block's coordinates there.
+
+        A coordinate observed in the block has the residual D (X - X_observed), along the axes of the block: exact but
+        for terms of second order in the residual (its square over 2 R: 0.1 um at 1 m).
+
+        Returns
+        -------
+        xyz_m : (n, 3) float64, m
+            In the frame of the adjustment, not reduced to its origin.
+        derivatives : (n, 3, 3) float64
+        """
+        if self.frame is None:
+            return xyz, np.broadcast_to(np.eye(3), (len(xyz), 3, 3))
+        found = self.frame.from_block(xyz)
+        return found, self.frame.derivatives_at(found)
 
 
 @dataclass(frozen=True)
@@ -117,6 +156,8 @@ class Observed:
         Which coordinates of ground points it can see: what no observation sees is no unknown.
     notes : tuple of Note
         What there is to say of them before they are adjusted.
+    remarks : callable, optional
+        (state, before the adjustment) -> what its rows say of orientations, beyond their tests.
     """
 
     records: Records
@@ -135,6 +176,7 @@ class Observed:
     parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
     sees: tuple[bool, bool, bool] | Bool = (True, True, True)
     notes: tuple[Note, ...] = ()
+    remarks: Callable[[State, bool], tuple[Note, ...]] | None = None
 
     @property
     def kind(self) -> str:

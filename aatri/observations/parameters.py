@@ -16,6 +16,14 @@ from aatri.arrays import Bool, Float, Int
 from aatri.observations.coordinates import value_records
 from aatri.observations.poses import POSE
 
+DISTORTIONS = ("none", "table", "brown", "opencv", "fisheye", "bal", "dbat3")
+"""Distortion models of cameras, by which their parameters are named among what a block offers."""
+
+
+def uses_of_vector(name: str) -> tuple[str, ...]:
+    """Names of the components of a vector of cameras (lever_arm, boresight) among what a block offers."""
+    return tuple(f"camera_parameters:{model}.{name}.{axis}" for model in DISTORTIONS for axis in "xyz")
+
 
 @dataclass(frozen=True)
 class ParameterRows:

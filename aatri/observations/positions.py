@@ -1,14 +1,15 @@
 """Observed positions of projection centres or antennas (GNSS).
 
-    v = X0 + R a - X_observed,    dv/dX0 = I,    dv/dd = -[R a]x
+    v = D (X0 + R a - X_observed),    dv/dX0 = D,    dv/dd = -D [R a]x
 
+D turns the residual into the axes of the block where the adjustment has other ones (`Given.placed`); else it is I.
 a is the lever arm, antenna minus projection centre in the axes of the camera; zero where the projection centre itself
 was observed. Positions of a drift group are a kind of their own, see `drift`. Source: docs/formulas.md 5.2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,7 +79,14 @@ def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     if not options.use:
         return ()
     found = taken(found, alone)
-    return observed_positions(found, given.origin_m, given.block.images.id[found.image])
+    found, derivatives = placed(given, found)
+    return observed_positions(found, given.origin_m, given.block.images.id[found.image], derivatives)
+
+
+def placed(given: Given, rows: Positions) -> tuple[Positions, Float]:
+    """Positions in the frame of the adjustment, and D of each."""
+    position_m, derivatives = given.placed(rows.position_m)
+    return replace(rows, position_m=position_m), derivatives
 
 
 def uses_positions(block: Block, options: object) -> bool:
@@ -94,15 +102,21 @@ def taken(rows: Positions, some: Int) -> Positions:
     )
 
 
-def observed_positions(rows: Positions, origin_m: Float, names: Text) -> tuple[Observed, ...]:
+def observed_positions(
+    rows: Positions, origin_m: Float, names: Text, derivatives: Float | None = None
+) -> tuple[Observed, ...]:
     """Observed positions, given the names of their images; none if there are none."""
     if not len(rows.row):
         return ()
-    records = position_records(rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m)
+    records = position_records(
+        rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m, derivatives
+    )
     return (Observed(records, rows.row, named(image=names), "m"),)
 
 
-def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float) -> Records:
+def position_records(
+    image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float, derivatives: Float | None = None
+) -> Records:
     """Records of observed positions.
 
     Parameters
@@ -111,14 +125,17 @@ def position_records(image: Int, position_m: Float, covariance_m2: Float, lever_
     position_m : (n, 3) float64, m
     covariance_m2 : (n, 3, 3) float64, m^2
     lever_arm_m : (n, 3) float64, m, camera axes
+    derivatives : (n, 3, 3) float64, optional
+        D of each; default I.
     """
+    D = np.broadcast_to(np.eye(3), (len(image), 3, 3)) if derivatives is None else derivatives
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
         arm = np.einsum("nij,nj->ni", poses.ground_from_image[image[rows]], lever_arm_m[rows])
         v = poses.position_m[image[rows]] + arm - position_m[rows]
-        by_pose = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)), -skew(arm)], axis=2)
-        return v, (by_pose,)
+        by_pose = np.concatenate([D[rows], -D[rows] @ skew(arm)], axis=2)
+        return np.einsum("nij,nj->ni", D[rows], v), (by_pose,)
 
     active = np.ones(len(image), dtype=bool)
     return Records(KIND, ((POSE, image),), evaluate, whitener_of_covariances(covariance_m2), active)

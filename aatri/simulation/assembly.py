@@ -27,7 +27,7 @@ class Scene:
     """The true state of affairs."""
 
     name: str
-    earth: str  # flat, tangent or map
+    earth: str  # flat, tangent, map or geodetic
     false_origin_m: tuple[float, float]
     plan: Plan
     photography: Photography
@@ -50,6 +50,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
     marks = film.fiducial_marks(camera)
     placement = film.placed(len(of_image), settings, disturbance.streams["film"])
     stations, xyz = scene.in_block_frame(scene.photography.station_m), scene.in_block_frame(points.local_m)
+    world = scene.photography.geodetic
     known = np.flatnonzero((points.role[of_point] > 0).any(axis=1))
     image_points, gross_image = measured.image_points(
         image[order], point[order], points.rays.photo_mm[order], camera, placement, disturbance
@@ -66,12 +67,15 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
     return b.Block(
         name=scene.name,
         rotation="omega-phi-kappa",
-        earth_curvature="correct" if scene.earth == "map" else "ignore",
+        earth_curvature={"map": "correct", "geodetic": "frame"}.get(scene.earth, "ignore"),
         terrain_height_m=scene.photography.terrain_height_m,
-        undulation_m=np.nan,
+        undulation_m=(world.undulation_m or np.nan) if world else np.nan,
         heading="true",
         frames=b.Frames(
-            id=texts(_FRAME[scene.earth]), axes=texts("east,north,up"), crs=texts(_CRS[scene.earth]), vertical=texts("")
+            id=texts(_FRAME[scene.earth]),
+            axes=texts("east,north,up"),
+            crs=texts(world.crs if world else _CRS[scene.earth]),
+            vertical=texts(""),
         ),
         **_camera_tables(camera, marks),
         **_images(plan, of_image),
@@ -87,7 +91,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
     )
 
 
-_FRAME = {"flat": "local", "tangent": "tangent", "map": "map"}
+_FRAME = {"flat": "local", "tangent": "tangent", "map": "map", "geodetic": "map"}
 _CRS = {
     "flat": "local",
     "tangent": f"+proj=topocentric +R={EARTH_RADIUS_M:.0f} +lat_0=0 +lon_0=0 +h_0=0",

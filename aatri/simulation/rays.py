@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from aatri.arrays import Float, Int
 from aatri.simulation import earth, forward
+from aatri.simulation.geodetic import Geodetic
 from aatri.simulation.settings import Camera
 
 CHUNK = 256
@@ -30,6 +31,17 @@ class Photography:
     terrain_height_m: float
     station_m: Float  # (n, 3) E, N, h
     rotation: Float  # (n, 3, 3) to the axes of the station
+    geodetic: Geodetic | None = None  # an ellipsoid with its map, instead of flat or sphere
+
+    def cartesian(self, local_m: Float) -> Float:
+        """Cartesian coordinates of local (E, N, h)."""
+        return self.geodetic.cartesian(local_m) if self.geodetic else cartesian(local_m, self.spherical)
+
+    def cartesian_rotations(self) -> Float:
+        """Rotations of the stations to the Cartesian frame."""
+        if self.geodetic:
+            return np.asarray(self.geodetic.axes(self.station_m) @ self.rotation)
+        return cartesian_rotation(self.station_m, self.rotation, self.spherical)
 
 
 @dataclass(frozen=True)
@@ -60,7 +72,7 @@ def taken(photography: Photography, local_m: Float) -> SimulatedRays:
     """All rays from the points, given as (n, 3) local E, N, h, to the images in which they fall."""
     if not len(local_m):
         return SimulatedRays(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))
-    points_m = cartesian(local_m, photography.spherical)
+    points_m = photography.cartesian(local_m)
     tree = cKDTree(local_m[:, :2])
     reach = _reach_m(photography, float(local_m[:, 2].min()))
     found = []
@@ -86,8 +98,7 @@ def _reach_m(photography: Photography, lowest_m: float) -> float:
 def _imaged(photography: Photography, points_m: Float, image: Int, point: Int) -> SimulatedRays:
     camera, c = photography.camera, photography.camera.principal_distance_mm
     station_m = photography.station_m
-    stations_m = cartesian(station_m, photography.spherical)
-    rotations = cartesian_rotation(station_m, photography.rotation, photography.spherical)
+    stations_m, rotations = photography.cartesian(station_m), photography.cartesian_rotations()
     u = forward.camera_frame(points_m[point], stations_m[image], rotations[image])
     half = np.array(camera.half_format_mm)
     near = (u[:, 2] < 0) & (np.abs(u[:, :2]) * c <= -1.1 * half * u[:, 2:] + 1.0).all(axis=1)

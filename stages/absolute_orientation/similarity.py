@@ -22,12 +22,13 @@ from typing import Literal
 from aatri.adapters.absolute_orientation import absolute_solution, ground_of, orient_strips
 from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.tangent_block import in_tangent_frame
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
-from aatri.notes import tell
+from aatri.notes import Note, tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -49,7 +50,7 @@ class SimilarityOptions(Options):
 @stage(
     version=2,
     uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m",
-          "cameras.lever_arm_m"),
+          "cameras.lever_arm_m", "earth_curvature:frame", "undulation"),
 )  # fmt: skip
 def similarity(
     block: Block,
@@ -62,6 +63,21 @@ def similarity(
     """Orient free strips to the ground."""
     check_same_block(block, strips.images.id, "strips")
     check_same_block(block, image_points.images.id, "image_points")
+    inside = in_tangent_frame(block)
+    solution, notes = _oriented(inside.block, strips, image_points, options)
+    if inside.partial:  # once more, with control in plan or height only where the first has found it
+        inside = in_tangent_frame(block, inside.back(solution))
+        solution, notes = _oriented(inside.block, strips, image_points, options)
+    solution = inside.back(solution)
+    images = solution.images
+    plausible = sanity(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
+    tell([*notes, *plausible], context)
+    return solution
+
+
+def _oriented(
+    block: Block, strips: Strips, image_points: ImagePoints, options: SimilarityOptions
+) -> tuple[Solution, list[Note]]:
     oriented = orient_strips(
         ground_of(block, strips, use_positions=options.use_positions),
         tie_limit=options.tie_limit,
@@ -70,7 +86,4 @@ def similarity(
         max_sigma0=options.max_sigma0,
     )
     solution, left_out = absolute_solution(oriented, image_points, "absolute_orientation/similarity")
-    images = solution.images
-    plausible = sanity(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
-    tell([*oriented.notes, *left_out, *plausible], context)
-    return solution
+    return solution, [*oriented.notes, *left_out]

@@ -25,6 +25,7 @@ from aatri.artifacts.block import Block
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.simulation import earth, flight, settings
 from aatri.simulation.assembly import Scene, assembled
+from aatri.simulation.geodetic import Geodetic
 from aatri.simulation.measured import STREAMS, Disturbance
 from aatri.simulation.points import Ground, ground_targets
 from aatri.simulation.rays import Photography
@@ -44,10 +45,13 @@ class SimulateOptions(Options):
     ties: settings.Ties = Field(settings.Ties(), description="new points")
     known: settings.Known = Field(settings.Known(), description="control and check points")
     gnss: settings.Gnss = Field(settings.Gnss(), description="positions of the stations")
-    earth: Literal["flat", "tangent", "map"] = Field(
+    earth: Literal["flat", "tangent", "map", "geodetic"] = Field(
         "flat",
-        description="flat: Cartesian; sphere in a Cartesian tangent frame; sphere in a map (east, north, height)",
+        description="flat: Cartesian; sphere in a Cartesian tangent frame; sphere in a map (east, north, height); "
+        "geodetic: ellipsoid in the map `crs`",
     )
+    crs: str = Field("EPSG:32650", description="map of the geodetic earth: a projected CRS as pyproj reads it")
+    undulation_m: float = Field(0.0, description="geodetic earth: ellipsoidal heights less heights of the block, m")
     false_origin_m: tuple[float, float] = Field((0.0, 0.0), description="added to east and north (flat and map), m")
     refraction: Literal["none", "radial", "vertical_plane"] = Field(
         "radial", description="off; along the image radius, as corrections assume; in the vertical plane of each ray"
@@ -93,6 +97,7 @@ def simulate(
         terrain_height_m=height_m,
         station_m=earth.settled(station, false_origin),
         rotation=rotation,
+        geodetic=Geodetic(options.crs, false_origin, options.undulation_m) if options.earth == "geodetic" else None,
     )
     context.log(f"{len(plan.id)} stations flown, {plan.base_m:.1f} m apart, strips {plan.spacing_m:.1f} m apart")
     points = ground_targets(photography, plan, Ground(surface, false_origin), options.flight, options.ties,

@@ -25,7 +25,7 @@ def used(*, marked: bool, sessions: bool, levels: Collection[str] = ()) -> tuple
     levels : collection of str
         What has a variance component of its own.
     """
-    own = ("images.strip", "cameras.distortion", *CAMERAS)
+    own = ("images.strip", "cameras.distortion", "earth_curvature:frame", "undulation", *CAMERAS)
     optional = (
         ("ground_points.datum", marked), ("images.session", sessions), ("images.flight", "flight" in levels),
         ("image_points.group", "group" in levels),

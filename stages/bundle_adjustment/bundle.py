@@ -35,7 +35,7 @@ from aatri.adapters.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle_solution import bundle_solution
 from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
-from aatri.adapters.plausibility import sanity
+from aatri.adapters.plausibility import of_start
 from aatri.adapters.suspects import after, with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.settings import Settings
@@ -49,10 +49,10 @@ from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds import with_kinds
 from aatri.observations.positions import uses_positions
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.orientation.bundle.blunders import Method, Rule, search
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.notes import down_weighted, left_out, misfit
+from aatri.orientation.bundle.notes import down_weighted, left_out, misfit, remarks
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
@@ -189,14 +189,15 @@ def bundle(
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
     given = bundle_input(block, image_points, initial, options, parameters)
     tell([note for o in given.observed for note in o.notes], context)
-    if initial is None and given.rays is not None:
-        poses, xyz_m = given.poses, given.xyz_m + given.origin_m
-        tell(sanity(block, poses.position_m + given.origin_m, poses.ground_from_image, xyz_m), context)
+    tell(of_start(block, given, check=initial is None), context)
+    if initial is not None:
+        tell(remarks(given, start_of(given), before=True), context)
     done = _in_rounds(given, options, context)
     done, components = with_variance_components(
         block, done, lambda block: _adjusted(block, options, context), options.variance_components
     )
     given, result, suspects = done.given, done.result, after(suspects, done.given, done.result)
+    tell(remarks(given, result.adjusted.state, before=False), context)
     notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
     tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result)], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strip_adjustment import adjust_strips, strip_block_solution
+from aatri.adapters.tangent_block import in_tangent_frame
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -40,7 +41,8 @@ class PolynomialOptions(Options):
     )
 
 
-@stage(version=2, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2"))
+@stage(version=2, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
+                       "earth_curvature:frame", "undulation"))  # fmt: skip
 def polynomial(
     block: Block,
     image_points: ImagePoints,
@@ -54,11 +56,13 @@ def polynomial(
     check_same_block(block, image_points.images.id, "image_points")
     check_same_block(block, strips.images.id, "strips")
     check_same_block(block, initial.images.id, "initial")
+    inside = in_tangent_frame(block, initial)
+    block, start = inside.block, inside.initial or initial
     adjusted = adjust_strips(
-        block, strips, initial, degree=options.degree, limit=options.limit, max_sigma0=options.max_sigma0
+        block, strips, start, degree=options.degree, limit=options.limit, max_sigma0=options.max_sigma0
     )
     solution, resected = strip_block_solution(
-        block, image_points, strips, initial, adjusted, "strip_adjustment/polynomial"
+        block, image_points, strips, start, adjusted, "strip_adjustment/polynomial"
     )
     tell([*adjusted.notes, *resected], context)
-    return solution
+    return inside.back(solution)

@@ -38,10 +38,11 @@ def test_latitude_longitude_to_utm_turns_the_covariance_by_the_meridian_converge
     converted, spread = convert(xyz, covariance, WGS, MAP)
     # 117 degrees is the central meridian of zone 50: easting 500 km, no convergence
     assert converted[1, 0] == pytest.approx(500_000.0, abs=1e-6)
-    np.testing.assert_allclose(spread[1], np.diag([4.0, 1.0, 9.0]), atol=1e-6)
+    k2 = (0.9996 * (1 - 50.0 / 6.38e6)) ** 2  # metres of the map for metres of the ground, at 50 m height
+    np.testing.assert_allclose(spread[1], np.diag([4.0 * k2, k2, 9.0]), atol=1e-6)
     # convergence = longitude difference x sin(latitude), to first order
     angle = np.radians(0.6) * np.sin(np.radians(40.7))
-    assert spread[0, 0, 1] == pytest.approx(-3 * np.cos(angle) * np.sin(angle), rel=1e-3)
+    assert spread[0, 0, 1] == pytest.approx(-3 * k2 * np.cos(angle) * np.sin(angle), rel=1e-3)
     assert np.trace(spread[0]) == pytest.approx(14.0, rel=1e-3)
 
 

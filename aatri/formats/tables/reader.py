@@ -29,6 +29,7 @@ from aatri.formats.text.text_file import missing
 from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
+from aatri.frames.tangent import check_convertible
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
@@ -97,7 +98,7 @@ def _block(source: Source) -> Block:
     return Block(
         name=settings.name or source.folder.resolve().name,
         rotation=settings.rotation or "omega-phi-kappa",
-        earth_curvature=settings.earth_curvature or _earth_curvature(settings),
+        earth_curvature=settings.earth_curvature or _earth_curvature(source),
         terrain_height_m=np.nan if height is None else float(height),
         undulation_m=np.nan if settings.undulation is None else float(settings.undulation),
         heading=settings.heading or "true",
@@ -145,7 +146,24 @@ def _frames(settings: Settings) -> Frames:
     )
 
 
-def _earth_curvature(settings: Settings) -> str:
-    """Where the file does not say: images over a map frame need the correction, a Cartesian frame does not."""
-    crs = next(iter(settings.frames.values())).crs
-    return "ignore" if crs == "local" or is_tangent_frame(crs) else "correct"
+def _earth_curvature(source: Source) -> str:
+    """Where the file does not say: a tangent frame where the CRS can be converted, else correction of the images.
+
+    A local frame and a tangent frame are Cartesian as they are.
+    """
+    settings = source.settings
+    name, first = next(iter(settings.frames.items()))
+    if first.crs == "local" or is_tangent_frame(first.crs):
+        return "ignore"
+    try:
+        check_convertible(Frame(name, tuple(first.axes), first.crs, first.vertical))
+    except InputError as error:
+        if settings.undulation is not None:
+            return "frame"
+        where = source.document.where("frames", name, "vertical" if first.vertical else "crs")
+        source.reporter.warn(
+            f"{where}: no adjustment in a tangent frame, the earth's curvature is corrected in the images instead: "
+            f"{error.what}; install the grid, give undulation, or write earth_curvature: correct"
+        )
+        return "correct"
+    return "frame"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test, refuse_misfit, sigma0_note
+from aatri.adjustment.unknowns import State
 from aatri.notes import Note
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput, touched_points
@@ -29,6 +30,11 @@ def left_out(given: BundleInput, result: BundleResult) -> list[Note]:
     for o in result.observations:
         notes += _unused(o, given)
     return notes
+
+
+def remarks(given: BundleInput, state: State, *, before: bool) -> list[Note]:
+    """What kinds of observations say of orientations: those of `initial` before the adjustment, the adjusted after."""
+    return [note for o in given.observed if o.remarks is not None for note in o.remarks(state, before)]
 
 
 def _unused(found: AdjustedObservations, given: BundleInput) -> list[Note]:

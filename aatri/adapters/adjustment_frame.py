@@ -1,0 +1,211 @@
+"""The frame of an adjustment: the tangent frame of the block's CRS, or the block's own; and the way there and back.
+
+A block with `earth_curvature: frame` is adjusted in a tangent frame at its middle. What goes in and comes out is in the
+first frame of the block: coordinates by the map, rotations against grid and ellipsoid normal at the projection centre,
+
+    R_tangent = B R_block,    C_block = D C_tangent D',    d_block = B' d_tangent
+
+with D and B of `aatri.frames.tangent`. In any other block both frames are the same, and what that neglects is stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.artifacts.block import Block
+from aatri.errors import AatriError, InputError
+from aatri.frames.conversion import Frame
+from aatri.frames.tangent import TangentFrame, check_convertible, tangent_frame
+from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bundle.result import BundleResult
+from aatri.units import EARTH_RADIUS_M
+
+TOLD_M = 1e-4
+"""An effect of the earth's figure that stays below this is not worth a word."""
+
+WARNED_M = 1e-3
+"""Systematic errors of heights beyond this are a warning."""
+
+
+def frame_of(block: Block, origin: Float | None = None) -> TangentFrame | None:
+    """The frame in which a block is adjusted; None if it is the block's own.
+
+    Parameters
+    ----------
+    block : Block
+    origin : (3,) float64, optional
+        Coordinates of its origin in the block's frame; default the middle of the block.
+
+    Raises
+    ------
+    InputError
+        If the block asks for a tangent frame that its CRS does not allow.
+    """
+    if block.earth_curvature != "frame":
+        return None
+    source, undulation_m = declared_frame(block)
+    return tangent_frame(source, _middle(block) if origin is None else origin, undulation_m)
+
+
+def geodesy_of(block: Block, frame: TangentFrame | None = None) -> TangentFrame | None:
+    """A tangent frame of the block's CRS, whatever its adjustment is in; None where the CRS cannot be converted."""
+    if frame is not None:
+        return frame
+    try:
+        source, undulation_m = declared_frame(block)
+        return tangent_frame(source, _middle(block), undulation_m)
+    except AatriError:
+        return None
+
+
+def declared_frame(block: Block) -> tuple[Frame, float]:
+    """The first frame of the block as it can be converted, and the undulation that stands for its geoid grid.
+
+    Raises
+    ------
+    InputError
+        If there is no CRS, or a grid is missing and no undulation is given.
+    """
+    frames = block.frames
+    axes = ("x", "y", "z") if "x" in str(frames.axes[0]).split(",") else ("east", "north", "up")
+    source = Frame(str(frames.id[0]), axes, str(frames.crs[0]), str(frames.vertical[0]))
+    given = float(np.nan_to_num(block.undulation_m))
+    if not source.vertical:
+        check_convertible(source)
+        return source, given
+    try:
+        check_convertible(source)
+        return source, 0.0
+    except InputError as error:
+        if not given:
+            remedy = f"{error.remedy}; or give undulation, or write earth_curvature: correct"
+            raise InputError(error.what, where=error.where, remedy=remedy) from error
+        source = replace(source, vertical="")
+        check_convertible(source)
+        return source, given
+
+
+def _middle(block: Block) -> Float:
+    """A round place in the middle of what the block knows, at height 0; of geocentric blocks as it is."""
+    ground = block.ground_points.xyz_m
+    known = [ground[finite_rows(ground)], block.exterior.position_m[finite_rows(block.exterior.position_m)],
+             np.nan_to_num(ground[np.isfinite(ground).any(axis=1)])]  # fmt: skip
+    xyz = next((rows for rows in known if len(rows)), None)
+    if xyz is None:
+        raise InputError(
+            "a tangent frame needs a place: the block has neither ground points nor positions",
+            where=f"block {block.name}",
+            remedy="give control or positions, or write earth_curvature: ignore",
+        )
+    middle = np.asarray(np.round(xyz.mean(axis=0)))
+    return middle if "x" in str(block.frames.axes[0]).split(",") else middle * np.array([1.0, 1.0, 0.0])
+
+
+def poses_into(frame: TangentFrame | None, position_m: Float, ground_from_image: Float) -> Poses:
+    """Poses of the block in the frame of the adjustment; NaN stays NaN."""
+    if frame is None:
+        return Poses(position_m, ground_from_image)
+    found = frame.from_block(position_m)
+    return Poses(found, _axes(frame, found) @ ground_from_image)
+
+
+def poses_out_of(frame: TangentFrame | None, poses: Poses) -> Poses:
+    """Poses of the adjustment in the frame of the block."""
+    if frame is None:
+        return poses
+    back = _axes(frame, poses.position_m).swapaxes(1, 2)
+    return Poses(frame.to_block(poses.position_m), back @ poses.ground_from_image)
+
+
+def points_into(frame: TangentFrame | None, xyz: Float) -> Float:
+    """Points of the block in the frame of the adjustment; a point of which a coordinate is missing has none there."""
+    return xyz if frame is None else frame.from_block(xyz)
+
+
+def result_out_of(frame: TangentFrame | None, result: BundleResult) -> BundleResult:
+    """An adjusted block with poses, points and their covariances in the frame of the block.
+
+    Residuals are in the axes of the block already; `adjusted` stays as it is.
+    """
+    if frame is None:
+        return result
+    position, xyz = result.poses.position_m, result.xyz_m
+    turn = np.zeros((len(position), 6, 6))
+    turn[:, :3, :3] = frame.derivatives_at(position)
+    turn[:, 3:, 3:] = _axes(frame, position).swapaxes(1, 2)
+    D = frame.derivatives_at(xyz)
+    covariances = {
+        **result.covariances,
+        POSE: turn @ result.covariances[POSE] @ turn.swapaxes(1, 2),
+        POINT: D @ result.covariances[POINT] @ D.swapaxes(1, 2),
+    }
+    return replace(result, poses=poses_out_of(frame, result.poses), xyz_m=frame.to_block(xyz), covariances=covariances)
+
+
+def _axes(frame: TangentFrame, position_m: Float) -> Float:
+    known = finite_rows(position_m)
+    B = np.full((len(position_m), 3, 3), np.nan)
+    B[known] = frame.axes_at(position_m[known])
+    return B
+
+
+def frame_notes(block: Block, frame: TangentFrame | None, position_m: Float, xyz_m: Float) -> tuple[Note, ...]:
+    """What the frame of the adjustment is, or what adjusting in the block's own frame neglects.
+
+    Parameters
+    ----------
+    position_m, xyz_m : (n, 3) float64, m
+        Projection centres and points in the frame of the block.
+    """
+    centres, points = position_m[finite_rows(position_m)], xyz_m[finite_rows(xyz_m)]
+    if frame is not None:
+        return _of_tangent_frame(block, frame)
+    if not len(points) or str(block.frames.crs[0]).startswith("+proj=topocentric"):
+        return ()
+    half = 0.5 * float(np.linalg.norm(np.ptp(points[:, :2], axis=0)))
+    bend = half**2 / (2 * EARTH_RADIUS_M)
+    height = float(np.median(centres[:, 2]) - np.median(points[:, 2])) if len(centres) else 0.0
+    if str(block.frames.crs[0]) == "local":
+        if bend < TOLD_M or block.earth_curvature != "ignore":
+            return ()
+        text = f"frame {block.frames.id[0]} is local and taken for Cartesian; if its coordinates come from a map"
+        what = f"the curvature of the earth bends the block by {bend:.3g} m from its middle to its ends: name the crs"
+        return (Note("note", f"{text}, {what}"),)
+    return _of_map(block, points.mean(axis=0), height, bend)
+
+
+def _of_tangent_frame(block: Block, frame: TangentFrame) -> tuple[Note, ...]:
+    where = frame.to_block(np.zeros((1, 3)))[0]
+    notes = [Note("note", f"adjusted in the tangent frame of {block.frames.crs[0]} at "
+                  f"{where[0]:.0f}, {where[1]:.0f}; results are in frame {block.frames.id[0]}")]  # fmt: skip
+    vertical = str(block.frames.vertical[0])
+    if frame.undulation_m:
+        what = f"undulation {frame.undulation_m:g} m stands for the geoid grid of {vertical or 'the heights'}"
+        notes.append(Note("note", f"{what}: its slope, some 5 cm in 1 km at the worst, is neglected"))
+    elif np.isfinite(block.undulation_m) and vertical and block.undulation_m != 0:
+        notes.append(Note("warning", f"undulation is not used: the geoid grid of {vertical} is there"))
+    return tuple(notes)
+
+
+def _of_map(block: Block, middle: Float, height_m: float, bend_m: float) -> tuple[Note, ...]:
+    """The map's scale and curvature that an adjustment in map coordinates leaves in its heights."""
+    try:
+        source, undulation_m = declared_frame(block)
+        D = tangent_frame(source, middle, undulation_m).derivatives_at(np.zeros((1, 3)))[0]
+    except AatriError:
+        return ()
+    if "x" in source.axes:
+        return ()
+    scale = float(np.sqrt(abs(np.linalg.det(D[:2, :2]))))
+    effect = abs(1.0 - scale) * abs(height_m)
+    curved = "" if block.earth_curvature == "correct" else f", and its ends by {bend_m:.3g} m for the earth's curvature"
+    text = (f"adjusted in the map {block.frames.crs[0]}, whose scale here is {scale:.6f}: with observed positions, "
+            f"heights are wrong by up to {effect:.3f} m ({abs(1e6 * (1 - scale)):.0f} ppm of {abs(height_m):.0f} m "
+            f"above ground){curved}; earth_curvature: frame has neither")  # fmt: skip
+    size = max(effect, 0.0 if block.earth_curvature == "correct" else bend_m)
+    return (Note("warning" if size > WARNED_M else "note", text),) if size > TOLD_M else ()

@@ -1,0 +1,141 @@
+"""A block with all that is given of the ground in its tangent frame, for methods that find approximate orientations.
+
+Such a method takes the block as it is here, knows nothing of maps, and its Solution is brought back. Whole positions
+are converted exactly, with their covariances. A control point in plan or in height only has no place of its own: what
+it lacks is taken from a solution that has the point, and from the mean of the block before there is one. The error is
+that of the lacking coordinate times the distance from the origin over the radius of the earth; the bundle, which takes
+such control as it is given, has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from aatri.adapters.adjustment_frame import frame_of, poses_into, poses_out_of
+from aatri.arrays import Float, Text
+from aatri.artifacts.block import CONTROL, NO_ROLE, Block, Exterior, GroundPoints
+from aatri.artifacts.solution import Solution
+from aatri.frames.tangent import TangentFrame
+from aatri.geometry.rotations import AngleSystem, angles_from_rotation, rotation_from_angles
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.poses import Poses
+
+
+@dataclass(frozen=True)
+class InTangentFrame:
+    """A block, and a solution of it, in the frame of the adjustment; the same as given where that is the block's own.
+
+    Attributes
+    ----------
+    block : Block
+    initial : Solution or None
+    frame : TangentFrame or None
+    partial : bool
+        Some control is in plan or in height only, and lies where `initial` or the mean of the block has it.
+    """
+
+    block: Block
+    initial: Solution | None
+    frame: TangentFrame | None
+    partial: bool
+
+    def back(self, solution: Solution) -> Solution:
+        """A Solution made of it, in the frame of the block."""
+        return solution if self.frame is None else _solution(self.frame, solution, into=False)
+
+
+def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangentFrame:
+    """The block and a solution in the frame of the adjustment.
+
+    Raises
+    ------
+    InputError
+        If the block asks for a tangent frame that its CRS does not allow.
+    """
+    frame = frame_of(block)
+    if frame is None:
+        return InTangentFrame(block, initial, None, False)
+    given = block.ground_points
+    asked = (given.role != NO_ROLE) & np.isfinite(given.xyz_m)
+    partial = bool(((given.role == CONTROL).any(axis=1) & ~asked.all(axis=1)).any())
+    made = replace(
+        block,
+        earth_curvature="ignore",
+        frames=replace(block.frames, crs=_tangent_crs(block.frames.crs)),
+        ground_points=_ground(block, frame, initial),
+        exterior=_exterior(block, frame),
+    )
+    return InTangentFrame(made, _solution(frame, initial, into=True) if initial else None, frame, partial)
+
+
+def _tangent_crs(crs: Text) -> Text:
+    return np.array(["local", *crs[1:]], dtype=np.str_)
+
+
+def _ground(block: Block, frame: TangentFrame, near: Solution | None) -> GroundPoints:
+    given = block.ground_points
+    xyz = given.xyz_m.copy()
+    guess = np.full(xyz.shape, np.nan) if near is None else near.points.xyz_m[given.point]
+    middle = np.where(np.isfinite(xyz), xyz, np.nan)
+    known = np.isfinite(middle).any(axis=0)
+    mean = np.where(known, np.nanmean(np.where(known, middle, 0.0), axis=0), 0.0) if len(xyz) else np.zeros(3)
+    missing = ~np.isfinite(xyz)
+    full = np.where(missing, np.where(np.isfinite(guess), guess, mean), xyz)
+    found = frame.from_block(full)
+    whole = ~missing.any(axis=1)
+    inverse = np.linalg.inv(frame.derivatives_at(found[whole]))
+    covariance = given.covariance_m2.copy()
+    covariance[whole] = inverse @ covariance[whole] @ inverse.swapaxes(1, 2)
+    kept = _exact_kept(given.covariance_m2, covariance)
+    return replace(given, xyz_m=np.where(missing, np.nan, found), covariance_m2=kept)
+
+
+def _exact_kept(before: Float, after: Float) -> Float:
+    """Exact coordinates stay exact."""
+    exact = np.einsum("nii->ni", before) == 0
+    return np.where(exact[:, :, None] | exact[:, None, :], 0.0, after)
+
+
+def _exterior(block: Block, frame: TangentFrame) -> Exterior:
+    e = block.exterior
+    position = frame.from_block(e.position_m)
+    known = finite_rows(position)
+    covariance = e.position_covariance_m2.copy()
+    inverse = np.linalg.inv(frame.derivatives_at(position[known]))
+    covariance[known] = inverse @ covariance[known] @ inverse.swapaxes(1, 2)
+    angles = e.angles_rad
+    if block.rotation != "roll-pitch-heading" and known.any():
+        system = cast(AngleSystem, block.rotation)
+        turned = angles_from_rotation(frame.axes_at(position[known]) @ rotation_from_angles(angles[known], system),
+                                      system)  # fmt: skip
+        angles = angles.copy()
+        angles[known] = turned
+    return replace(e, position_m=position, position_covariance_m2=covariance, angles_rad=angles)
+
+
+def _solution(frame: TangentFrame, solution: Solution, *, into: bool) -> Solution:
+    images, points = solution.images, solution.points
+    if into:
+        poses = poses_into(frame, images.position_m, images.ground_from_image)
+        place = xyz = frame.from_block(points.xyz_m)
+        at = poses.position_m
+    else:
+        poses = poses_out_of(frame, Poses(images.position_m, images.ground_from_image))
+        place, at = points.xyz_m, images.position_m
+        xyz = frame.to_block(place)
+    D, turn = frame.derivatives_at(place), np.zeros((len(at), 6, 6))
+    turn[:, :3, :3] = frame.derivatives_at(at)
+    oriented = finite_rows(at)
+    turn[oriented, 3:, 3:] = frame.axes_at(at[oriented]).swapaxes(1, 2)
+    if into:
+        D = np.linalg.inv(np.where(np.isfinite(D), D, np.eye(3)))
+        turn = np.linalg.inv(np.where(oriented[:, None, None], turn, np.eye(6)))
+    return replace(
+        solution,
+        images=replace(images, position_m=poses.position_m, ground_from_image=poses.ground_from_image,
+                       covariance=turn @ images.covariance @ turn.swapaxes(1, 2)),
+        points=replace(points, xyz_m=xyz, covariance_m2=D @ points.covariance_m2 @ D.swapaxes(1, 2)),
+    )  # fmt: skip
