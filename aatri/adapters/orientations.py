@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
+from aatri.adapters.adjustment_frame import geodesy_of
 from aatri.arrays import Float
 from aatri.artifacts.block import ANTENNA, Block
-from aatri.errors import InputError
-from aatri.geometry.rotations import AngleSystem, rotation_from_angles
+from aatri.geometry.carrier import body_from_mount
+from aatri.geometry.rotations import exp_rotation
+from aatri.observations.attitudes import ground_from_camera, ground_of_angles
+from aatri.observations.observed import Given
 
 
 def given_orientations(block: Block) -> tuple[Float, Float]:
@@ -19,25 +20,20 @@ def given_orientations(block: Block) -> tuple[Float, Float]:
     -------
     position_m : (n_images, 3) float64, m
     ground_from_image : (n_images, 3, 3) float64
-
-    Raises
-    ------
-    InputError
-        If attitudes are roll, pitch and heading: they need the mount of the camera.
     """
     n = len(block.images)
     position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     exterior = block.exterior
-    angles_known = np.isfinite(exterior.angles_rad).all(axis=1)
-    if angles_known.any():
-        if block.rotation == "roll-pitch-heading":
-            raise InputError(
-                "attitudes are roll, pitch, heading; these are not angles of the image",
-                where=f"block {block.name}",
-                remedy="give omega-phi-kappa or phi-omega-kappa, or set `from: initial`",
-            )
-        system = cast(AngleSystem, block.rotation)
-        rotation[exterior.image[angles_known]] = rotation_from_angles(exterior.angles_rad[angles_known], system)
+    known = np.flatnonzero(np.isfinite(exterior.angles_rad).all(axis=1))
+    if len(known):
+        image = exterior.image[known]
+        given = Given(block, None, np.zeros(3), {}, geodesy=geodesy_of(block))
+        cameras = block.images.camera[image]
+        observed, _ = ground_from_camera(
+            exterior.angles_rad[known], block.rotation, ground_of_angles(given, exterior.position_m[known]),
+            body_from_mount(block.cameras.mount_deg[cameras]),
+        )  # fmt: skip
+        rotation[image] = observed @ exp_rotation(block.cameras.boresight_rad[cameras])
     position[exterior.image] = exterior.position_m
     antenna = exterior.refers_to == ANTENNA
     image = exterior.image[antenna]

@@ -123,11 +123,8 @@ def log_vector(rotation: npt.NDArray[Any]) -> npt.NDArray[Any]:
     s2 = (q[:, 1:] ** 2).sum(axis=1)
     small = np.abs(s2) < SMALL**2
     s = np.sqrt(np.where(small, 1.0, s2))
-    half = np.where(s.real > q[:, 0].real, np.pi / 2 - _arctan(q[:, 0] / s), _arctan(s / q[:, 0]))
-    factor = np.where(small, 2 / q[:, 0] * (1 - s2 / q[:, 0] ** 2 / 3 + s2**2 / q[:, 0] ** 4 / 5), 2 * half / s)
-    return np.asarray(q[:, 1:] * factor[:, None])
-
-
-def _arctan(x: npt.NDArray[Any]) -> npt.NDArray[Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.arctan(x)
+        half = np.where(s.real > q[:, 0].real, np.pi / 2 - np.arctan(q[:, 0] / s), np.arctan(s / q[:, 0]))
+        ratio = s2 / q[:, 0] ** 2
+        factor = np.where(small, 2 / q[:, 0] * (1 - ratio / 3 + ratio**2 / 5), 2 * half / s)
+    return np.asarray(q[:, 1:] * factor[:, None])

@@ -35,6 +35,9 @@ LIMIT = 3.0
 WRONG_RAD, AGREES = np.radians(1.0), 0.2
 """Attitudes that scatter by more are in another convention, if one is found that scatters by this share of it."""
 
+SAME = 1.2
+"""Readings that agree up to this factor are one: some are the same rotations by other names; the simplest is told."""
+
 LEAST = 3
 """Fewer images say nothing of a convention."""
 
@@ -98,18 +101,19 @@ def _of_offset(lacking: Float, sigma: Float, camera: str) -> list[Note]:
 def _of_convention(block: Block, rows: Any, mine: Any, rotation: Float, camera: str, before: bool) -> list[Note]:
     angles = block.exterior.angles_rad[rows.row[mine]]
     declared = _scatter(rows.observed[mine], rotation)
-    found = [(_scatter(R, rotation), k, what) for k, (what, R) in enumerate(_readings(angles))]
-    best = min(found)
+    found = [(_scatter(R, rotation), what) for what, R in _readings(angles)]
+    least = min(found)[0]
+    best = next(reading for reading in found if reading[0] <= SAME * least)
     text = (
         f"attitudes of camera {camera} as {block.rotation} do not agree with the orientations of its images: they "
         f"differ by {np.degrees(declared):.3g} deg beyond any common offset"
     )
     if best[0] > AGREES * declared:
         return [Note("warning", f"{text}; check the angle system, its unit and the times of the attitudes")]
-    proposal = f"read as {best[2]} they agree to {np.degrees(best[0]):.2g} deg"
+    proposal = f"read as {best[1]} they agree to {np.degrees(best[0]):.2g} deg"
     if before:
         raise InputError(f"{text}; {proposal}", where=f"block {block.name}",
-                         remedy=f"declare them as {best[2]} (rotation, heading, mount in block.yaml)")  # fmt: skip
+                         remedy=f"declare them as {best[1]} (rotation, heading, mount in block.yaml)")  # fmt: skip
     return [Note("warning", f"{text}; {proposal}")]
 
 

@@ -141,7 +141,7 @@ def attitudes_of(given: Given) -> Attitudes:
     place = np.where(finite_rows(e.position_m)[row, None], given.placed(e.position_m[row])[0],
                      given.start[POSE].position_m[image] + given.origin_m)  # fmt: skip
     axes = given.axes_at(place)
-    ground = _ground_from_angles(given, place)
+    ground = ground_of_angles(given, place)
     observed, turning = ground_from_camera(
         e.angles_rad[row], block.rotation, ground, body_from_mount(block.cameras.mount_deg[camera])
     )
@@ -167,7 +167,7 @@ def ground_from_camera(angles_rad: Float, rotation: str, ground: Float, mount: F
     return ground @ factors @ mount, ground @ axes
 
 
-def _ground_from_angles(given: Given, place: Float) -> Float:
+def ground_of_angles(given: Given, place: Float) -> Float:
     """What the angles refer to, in the axes of the block: its own axes, or north, east, down of each place."""
     n = len(place)
     if given.block.rotation != "roll-pitch-heading":
@@ -205,7 +205,7 @@ def _boresights(block: Block, cameras: Int) -> _Boresights:
                                 weighted[row])  # fmt: skip
         priors = (Observed(records, np.full(len(row), -1), named(image=block.cameras.id[row]), "rad",
                            components=labels),)  # fmt: skip
-    return _Boresights(unknowns, priors, ~free.any(axis=1))
+    return _Boresights(unknowns, priors, np.asarray(~free.any(axis=1)))
 
 
 def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None) -> Records:
@@ -231,7 +231,7 @@ def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None) ->
             jacobians.append(by_drift)
         return v, tuple(jacobians)
 
-    touches = [(POSE, image), (BORESIGHT, camera)]
+    touches: list[tuple[str, Int]] = [(POSE, image), (BORESIGHT, camera)]
     if drift is not None:
         touches.append((DRIFT, drift[0]))
     active = np.ones(len(image), dtype=bool)

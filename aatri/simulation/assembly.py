@@ -14,11 +14,12 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts import block as b
 from aatri.simulation import film, measured
+from aatri.simulation.attitudes import observed_attitudes
 from aatri.simulation.flight import Plan
 from aatri.simulation.measured import Disturbance, no_source, rows, texts
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
-from aatri.simulation.settings import BROWN, Camera, Film, Gnss
+from aatri.simulation.settings import BROWN, Camera, Film, Gnss, Imu
 from aatri.units import EARTH_RADIUS_M, LENGTH_MM
 
 
@@ -40,7 +41,7 @@ class Scene:
         return np.asarray(local_m + np.array([*self.false_origin_m, 0.0]))
 
 
-def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance) -> b.Block:
+def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: Disturbance) -> b.Block:
     """The Block of a scene as the instruments saw it."""
     camera, points, plan = scene.photography.camera, scene.points, scene.plan
     of_image, of_point = _canonical(plan.id), _canonical(points.id)
@@ -61,23 +62,31 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
     ground, gross_control = measured.ground_points(
         known, xyz[of_point[known]], points.role[of_point[known]], disturbance
     )
+    antennas = scene.in_block_frame(scene.photography.moved(gnss.lever_arm_m))
     exterior, gross_position = measured.exterior(
-        stations[of_image], scene.in_block_frame(plan.position_m)[of_image], plan, of_image, gnss, disturbance
+        antennas[of_image], scene.in_block_frame(plan.position_m)[of_image], plan, of_image, gnss, disturbance
     )
+    true_images = _true_images(scene, stations, of_image)
+    gross_attitude: tuple[Any, ...] = ("attitude", np.zeros(0, np.int64), np.zeros((0, 3)))
+    if imu.observed:
+        exterior, gross_attitude = observed_attitudes(
+            whole(exterior, len(of_image)), true_images.ground_from_image, plan, of_image, imu, -camera.mounting_deg % 360,
+            scene.photography.convergence_rad()[of_image], disturbance,
+        )  # fmt: skip
     return b.Block(
         name=scene.name,
-        rotation="omega-phi-kappa",
+        rotation=imu.rotation,
         earth_curvature={"map": "correct", "geodetic": "frame"}.get(scene.earth, "ignore"),
         terrain_height_m=scene.photography.terrain_height_m,
         undulation_m=(world.undulation_m or np.nan) if world else np.nan,
-        heading="true",
+        heading=imu.heading,
         frames=b.Frames(
             id=texts(_FRAME[scene.earth]),
             axes=texts("east,north,up"),
             crs=texts(world.crs if world else _CRS[scene.earth]),
             vertical=texts(""),
         ),
-        **_camera_tables(camera, marks),
+        **_camera_tables(camera, marks, gnss, imu),
         **_images(plan, of_image),
         fiducial_points=fiducial_points,
         points=b.Points(id=np.array(points.id)[of_point]),
@@ -85,9 +94,9 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, disturbance: Disturbance
         ground_points=ground,
         exterior=exterior,
         **_not_simulated(),
-        true_images=_true_images(scene, stations, of_image),
+        true_images=true_images,
         true_points=b.TruePoints(point=rows(np.arange(len(xyz))), xyz_m=xyz[of_point]),
-        gross_errors=_gross([gross_image, gross_fiducial, gross_control, gross_position]),
+        gross_errors=_gross([gross_image, gross_fiducial, gross_control, gross_position, gross_attitude]),
     )
 
 
@@ -97,6 +106,19 @@ _CRS = {
     "tangent": f"+proj=topocentric +R={EARTH_RADIUS_M:.0f} +lat_0=0 +lon_0=0 +h_0=0",
     "map": "local",
 }
+
+
+def whole(table: b.Exterior, images: int) -> b.Exterior:
+    """The table with a row for every image."""
+    if len(table) == images:
+        return table
+    none = np.full((images, 3), np.nan)
+    return b.Exterior(
+        image=rows(np.arange(images)), position_m=none, position_covariance_m2=np.full((images, 3, 3), np.nan),
+        angles_rad=none, angle_sigma_rad=none, position_use=rows(np.full(images, b.APPROXIMATE_VALUE)),
+        angle_use=rows(np.full(images, b.APPROXIMATE_VALUE)), refers_to=rows(np.full(images, b.PROJECTION_CENTRE)),
+        drift_group=texts("", times=images), **no_source(images),
+    )  # fmt: skip
 
 
 def _not_simulated() -> dict[str, Any]:
@@ -117,7 +139,7 @@ def _canonical(ids: list[str]) -> Int:
     return np.argsort(np.array(ids), kind="stable")
 
 
-def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dict[str, Any]:
+def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]], gnss: Gnss, imu: Imu) -> dict[str, Any]:
     digital = camera.kind == "digital"
     brown = (
         [n for n in sorted(BROWN) if n in camera.brown]
@@ -125,6 +147,7 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dic
         else []
     )
     table = camera.distortion == "table" and camera.distortion_known
+    turns = [f"boresight.{axis}" for axis in "xyz"] if imu.observed and imu.boresight in ("weighted", "free") else []
     radius = np.array(camera.table_radius_mm if table else (), dtype=float)
     correction = np.array(camera.table_correction_um if table else (), dtype=float) * LENGTH_MM["um"]
     return {
@@ -140,16 +163,19 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]]) -> dic
             principal_point_mm=np.array([camera.principal_point_mm]),
             symmetry_point_mm=np.array([camera.symmetry_point_mm]),
             distortion=texts(camera.distortion if camera.distortion_known else "none"),
-            lever_arm_m=np.zeros((1, 3)),
-            boresight_rad=np.zeros((1, 3)),
-            mount_deg=rows([0]),
+            lever_arm_m=np.array([gnss.lever_arm_m]),
+            boresight_rad=np.radians([imu.boresight_deg]) if imu.boresight == "known" else np.zeros((1, 3)),
+            mount_deg=rows([-camera.mounting_deg % 360 if imu.rotation == "roll-pitch-heading" else 0]),
         ),
         "camera_parameters": b.CameraParameters(
-            camera=rows(np.zeros(len(brown))),
-            name=np.array(brown, dtype=np.str_),
-            value=np.array([camera.brown[n] for n in brown], dtype=float),
-            sigma=np.full(len(brown), np.nan),
-            free=np.zeros(len(brown), dtype=bool),
+            camera=rows(np.zeros(len(brown) + len(turns))),
+            name=np.array([*turns, *brown], dtype=np.str_),
+            value=np.array([*(np.nan for _ in turns), *(camera.brown[n] for n in brown)], dtype=float),
+            sigma=np.array(
+                [np.radians(imu.boresight_sigma_deg) if imu.boresight == "weighted" else np.nan] * len(turns)
+                + [np.nan] * len(brown)
+            ),
+            free=np.array([imu.boresight == "free"] * len(turns) + [False] * len(brown)),
         ),
         "distortion_table": b.DistortionTable(
             camera=rows(np.zeros(len(radius))), radius_mm=radius, correction_mm=correction

@@ -42,6 +42,16 @@ def tangent_from_map(local_m: Float) -> Float:
     return np.stack([2 * a * (R + h) / (1 + q), 2 * b * (R + h) / (1 + q), z], axis=1)
 
 
+def map_from_tangent(tangent_m: Float) -> Float:
+    """Local map coordinates (E, N, h) of places of the tangent frame: the inverse of `tangent_from_map`."""
+    R = EARTH_RADIUS_M
+    from_centre = tangent_m + np.array([0.0, 0.0, R])
+    distance = np.linalg.norm(from_centre, axis=1)
+    s = (tangent_m**2).sum(axis=1) + 2.0 * R * tangent_m[:, 2]
+    stretch = 2 * R / (from_centre[:, 2] + distance)
+    return np.stack([tangent_m[:, 0] * stretch, tangent_m[:, 1] * stretch, s / (distance + R)], axis=1)
+
+
 def tangent_from_place(local_m: Float) -> Float:
     """Rotation from the axes of each place (its east, north, up) to those of the tangent frame.
 

@@ -41,6 +41,17 @@ class Geodetic:
         """Topocentric coordinates of local (E, N, h), (n, 3) m."""
         return self._topocentric_of(self._geographic(local_m))
 
+    def local(self, cartesian_m: Float) -> Float:
+        """Local (E, N, h) of topocentric coordinates: the inverse of `cartesian`."""
+        longitude, latitude, height = self._topocentric.transform(*cartesian_m.T, direction="INVERSE")
+        east, north = self._projection(longitude, latitude)
+        origin = np.array([*self.false_origin_m, self.undulation_m])
+        return np.asarray(np.stack([east, north, height], axis=1) - origin)
+
+    def convergence_rad(self, local_m: Float) -> Float:
+        """Meridian convergence at places: grid north from true north, clockwise, rad."""
+        return np.asarray(np.radians(self.convergence_deg(self._geographic(local_m))))
+
     def axes(self, local_m: Float) -> Float:
         """Grid east, grid north and up of places, in the topocentric axes, (n, 3, 3), columns."""
         place = self._geographic(local_m)

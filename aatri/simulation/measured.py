@@ -50,7 +50,8 @@ class Disturbance:
 
 STREAMS = (
     "terrain", "flight", "points", "film", "image_point", "fiducial", "control", "position", "drift",
-    "gross_image_point", "gross_fiducial", "gross_control", "gross_position",
+    "gross_image_point", "gross_fiducial", "gross_control", "gross_position", "attitude", "attitude_drift",
+    "gross_attitude",
 )  # fmt: skip
 """Names of the random streams; a new one goes to the end."""
 
@@ -138,7 +139,9 @@ def exterior(
     if gnss.observed:
         errors, gross = disturbance.added("position", "positions", sigma)
         position, covariance = (
-            true_m + errors + _drift(plan, gnss, disturbance.streams["drift"])[order],
+            true_m
+            + errors
+            + drift_of_strips(plan, gnss.shift_m, gnss.drift_m_per_s, disturbance.streams["drift"])[order],
             diagonal(sigma),
         )
     table = b.Exterior(
@@ -149,16 +152,16 @@ def exterior(
         angle_sigma_rad=np.full((n, 3), np.nan),
         position_use=rows(np.full(n, b.OBSERVED_VALUE if gnss.observed else b.APPROXIMATE_VALUE)),
         angle_use=rows(np.full(n, b.APPROXIMATE_VALUE)),
-        refers_to=rows(np.full(n, b.PROJECTION_CENTRE)),
+        refers_to=rows(np.full(n, b.ANTENNA if gnss.observed and any(gnss.lever_arm_m) else b.PROJECTION_CENTRE)),
         drift_group=np.array(plan.strip)[order][:n] if drifting else texts("", times=n),
         **no_source(n),
     )
     return table, gross
 
 
-def _drift(plan: Plan, gnss: Gnss, rng: np.random.Generator) -> Float:
-    """Shift and drift of the position of each station, common to its strip: (n, 3), m."""
+def drift_of_strips(plan: Plan, shift: float, drift: float, rng: np.random.Generator) -> Float:
+    """Shift and drift per second of each station, common to its strip: (n, 3), in the unit of both sigmas."""
     _, first, strip = np.unique(plan.strip, return_index=True, return_inverse=True)
-    shift, rate = rng.standard_normal((2, len(first), 3)) * np.array([gnss.shift_m, gnss.drift_m_per_s])[:, None, None]
+    level, rate = rng.standard_normal((2, len(first), 3)) * np.array([shift, drift])[:, None, None]
     middle = np.bincount(strip, plan.time_s) / np.bincount(strip)
-    return np.asarray(shift[strip] + rate[strip] * (plan.time_s - middle[strip])[:, None])
+    return np.asarray(level[strip] + rate[strip] * (plan.time_s - middle[strip])[:, None])

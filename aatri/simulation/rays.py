@@ -37,6 +37,19 @@ class Photography:
         """Cartesian coordinates of local (E, N, h)."""
         return self.geodetic.cartesian(local_m) if self.geodetic else cartesian(local_m, self.spherical)
 
+    def moved(self, arm_m: tuple[float, float, float]) -> Float:
+        """Local (E, N, h) of what is displaced from the stations by an arm in camera axes."""
+        if not any(arm_m):
+            return self.station_m
+        away = self.cartesian(self.station_m) + self.cartesian_rotations() @ np.array(arm_m)
+        if self.geodetic:
+            return self.geodetic.local(away)
+        return earth.map_from_tangent(away) if self.spherical else away
+
+    def convergence_rad(self) -> Float:
+        """Grid north from true north at the stations, clockwise, rad."""
+        return self.geodetic.convergence_rad(self.station_m) if self.geodetic else np.zeros(len(self.station_m))
+
     def cartesian_rotations(self) -> Float:
         """Rotations of the stations to the Cartesian frame."""
         if self.geodetic:

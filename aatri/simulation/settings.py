@@ -152,6 +152,30 @@ class Gnss(BaseModel):
     approximate_positions: bool = Field(True, description="without observations, give those of the flight plan")
     shift_m: float = Field(0.0, ge=0, description="standard deviation of a shift common to each strip, m")
     drift_m_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, m/s")
+    lever_arm_m: tuple[float, float, float] = Field(
+        (0.0, 0.0, 0.0), description="antenna minus projection centre, camera axes, m: positions are of the antenna"
+    )
+
+
+class Imu(BaseModel):
+    """Attitudes of the stations."""
+
+    model_config = _FROZEN
+
+    observed: bool = Field(False, description="attitudes are observed")
+    rotation: Literal["omega-phi-kappa", "phi-omega-kappa", "roll-pitch-heading"] = Field(
+        "omega-phi-kappa", description="system of the angles"
+    )
+    heading: Literal["true", "grid"] = Field("true", description="north from which headings count")
+    boresight_deg: tuple[float, float, float] = Field(
+        (0.0, 0.0, 0.0), description="true boresight: small turns about the camera axes, degrees"
+    )
+    boresight: Literal["known", "fixed", "weighted", "free"] = Field(
+        "known", description="what the block says of it: the true value; 0, and its status"
+    )
+    boresight_sigma_deg: float = Field(1.0, gt=0, description="standard deviation of a weighted boresight, degrees")
+    shift_deg: float = Field(0.0, ge=0, description="standard deviation of a shift common to each strip, degrees")
+    drift_deg_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, degrees/s")
 
 
 class Film(BaseModel):
@@ -178,6 +202,9 @@ class Noise(BaseModel):
         (0.02, 0.02, 0.03), description="control and check points in X, Y, Z, m; 0: exact"
     )
     gnss_m: tuple[Positive, Positive, Positive] = Field((0.1, 0.1, 0.1), description="observed positions in X, Y, Z, m")
+    attitude_deg: tuple[Positive, Positive, Positive] = Field(
+        (0.005, 0.005, 0.01), description="observed attitudes, a1 a2 a3, degrees"
+    )
 
 
 class GrossErrors(BaseModel):
@@ -189,6 +216,7 @@ class GrossErrors(BaseModel):
     fiducials: Much = Field(0.0, description="measured fiducial marks: share below 1, else count")
     control: Much = Field(0.0, description="control points: share below 1, else count")
     positions: Much = Field(0.0, description="observed positions: share below 1, else count")
+    attitudes: Much = Field(0.0, description="observed attitudes: share below 1, else count")
     size_sigmas: Range = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
 
 

@@ -45,6 +45,7 @@ class SimulateOptions(Options):
     ties: settings.Ties = Field(settings.Ties(), description="new points")
     known: settings.Known = Field(settings.Known(), description="control and check points")
     gnss: settings.Gnss = Field(settings.Gnss(), description="positions of the stations")
+    imu: settings.Imu = Field(settings.Imu(), description="attitudes of the stations")
     earth: Literal["flat", "tangent", "map", "geodetic"] = Field(
         "flat",
         description="flat: Cartesian; sphere in a Cartesian tangent frame; sphere in a map (east, north, height); "
@@ -104,4 +105,6 @@ def simulate(
                             options.known, streams["points"])  # fmt: skip
     context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
     scene = Scene(options.name, options.earth, false_origin, plan, photography, points)
-    return assembled(scene, options.film, options.gnss, Disturbance(options.noise, options.gross_errors, streams))
+    return assembled(
+        scene, options.film, options.gnss, options.imu, Disturbance(options.noise, options.gross_errors, streams)
+    )
