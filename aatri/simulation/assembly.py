@@ -70,7 +70,8 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: D
     gross_attitude: tuple[Any, ...] = ("attitude", np.zeros(0, np.int64), np.zeros((0, 3)))
     if imu.observed:
         exterior, gross_attitude = observed_attitudes(
-            whole(exterior, len(of_image)), true_images.ground_from_image, plan, of_image, imu, -camera.mounting_deg % 360,
+            whole(exterior, len(of_image)), true_images.ground_from_image, plan, of_image, imu,
+            -camera.mounting_deg % 360,
             scene.photography.convergence_rad()[of_image], disturbance,
         )  # fmt: skip
     return b.Block(
