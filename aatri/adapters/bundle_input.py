@@ -15,15 +15,18 @@ from aatri.artifacts.image_points import ImagePoints, Interior
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
+from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import film_correction, rays_of
 from aatri.observations.kinds import observe
+from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
+from aatri.units import EARTH_RADIUS_M
 
 
 def bundle_input(
@@ -63,7 +66,9 @@ def bundle_input(
                 where=f"block {block.name}",
                 remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
             )
-    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters, frame, geodesy_of(block, frame))
+    geodesy = geodesy_of(block, frame)
+    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters, _level(frame, geodesy, origin),
+                  frame, geodesy)  # fmt: skip
     return BundleInput(
         block.images.id,
         block.points.id,
@@ -79,6 +84,13 @@ def bundle_input(
         else None,
         given=given,
     )
+
+
+def _level(frame: TangentFrame | None, geodesy: TangentFrame | None, origin_m: Float) -> Level:
+    """What is up: along the normals in a tangent frame; Z in any other, over a curved earth where it is a map's."""
+    if frame is not None:
+        return tangent_level(frame, origin_m)
+    return PLANE if geodesy is None else replace(PLANE, curvature_per_m=1.0 / EARTH_RADIUS_M)
 
 
 def with_parameters(made: BundleInput, options: object, parameters: tuple[ParameterRows, ...]) -> BundleInput:

@@ -80,6 +80,25 @@ def _reduced(block: Block) -> Bool:
     return np.asarray(g.active & (g.reduced != "no") & (g.reduced != ""))
 
 
+def _boresights(block: Block) -> Bool:
+    return np.asarray((block.cameras.boresight_rad != 0).any(axis=1))
+
+
+def _mounts(block: Block) -> Bool:
+    return np.asarray(block.cameras.mount_deg != 0)
+
+
+def _with_angles(block: Block) -> Bool:
+    """Cameras of images with angles, observed or approximate."""
+    image = block.exterior.image[np.isfinite(block.exterior.angles_rad).all(axis=1)]
+    return np.isin(np.arange(len(block.cameras)), block.images.camera[image])
+
+
+def _of_carrier(block: Block) -> Bool:
+    """Cameras of images with roll, pitch and heading."""
+    return _with_angles(block) & (block.rotation == "roll-pitch-heading")
+
+
 _DECLARED = (
     _Declared("image_points.xy", "observation", "{} image points (image_points.csv: x, y)", "image_points",
               lambda b: b.image_points.active, "ImagePoints"),
@@ -108,9 +127,15 @@ _DECLARED = (
               "lever arms of {} cameras (block.yaml: lever_arm) to which no position refers "
               "(exterior.csv: refers_to antenna)", "cameras", lambda b: _arms(b) & ~_antennas(b)),
     _Declared("cameras.boresight_rad", "constraint", "boresights of {} cameras (block.yaml: boresight)", "cameras",
-              lambda b: (b.cameras.boresight_rad != 0).any(axis=1)),
+              lambda b: _boresights(b) & _with_angles(b)),
+    _Declared("cameras.boresight_rad:without_angles", "constraint",
+              "boresights of {} cameras (block.yaml: boresight) whose images have no angles", "cameras",
+              lambda b: _boresights(b) & ~_with_angles(b)),
     _Declared("cameras.mount_deg", "constraint", "mounts of {} cameras (block.yaml: mount)", "cameras",
-              lambda b: b.cameras.mount_deg != 0),
+              lambda b: _mounts(b) & _of_carrier(b)),
+    _Declared("cameras.mount_deg:without_effect", "constraint",
+              "mounts of {} cameras (block.yaml: mount) whose images have no roll, pitch, heading", "cameras",
+              lambda b: _mounts(b) & ~_of_carrier(b)),
     _Declared("ground_points.xyz_m", "observation", "{} control points (ground_points.csv: X, Y, Z)", "ground_points",
               _control),
     _Declared("ground_points.covariance_m2", "standard deviation",

@@ -87,20 +87,6 @@ class TangentFrame:
         changes = [self.to_block(xyz_m + step) - self.to_block(xyz_m - step) for step in steps]
         return np.stack(changes, axis=-1) / (2 * STEP_M)
 
-    def expansion_at(self, xyz_m: Float) -> tuple[Float, Float, Float]:
-        """Coordinates of the block about places of the tangent frame: x(X + d) = x + D d + d'H d / 2.
-
-        Within 50 m to some nm, and without the rounding of a map's large coordinates from place to place.
-
-        Returns
-        -------
-        x : (n, 3), D : (n, 3, 3), H : (n, 3, 3, 3) float64
-        """
-        steps = np.eye(3) * STEP_M
-        bent = [self.derivatives_at(xyz_m + step) - self.derivatives_at(xyz_m - step) for step in steps]
-        H = np.stack(bent, axis=-1) / (2 * STEP_M)
-        return self.to_block(xyz_m), self.derivatives_at(xyz_m), 0.5 * (H + H.swapaxes(2, 3))
-
     def axes_at(self, xyz_m: Float) -> Float:
         """B: grid east, grid north and up at places of the tangent frame, (n, 3, 3), columns.
 

@@ -70,10 +70,6 @@ def remarks_on(block: Block, rows: Any, records: Records, fixed: Bool) -> Remark
                 notes += _of_convention(block, rows, mine, rotation[mine], name, before)
             elif (fixed[camera] and not before) or (fixed[camera] and len(mine) >= LEAST):
                 notes += _of_offset(lacking - block.cameras.boresight_rad[camera], rows.sigma_rad[mine], name)
-        if block.rotation != "roll-pitch-heading" and (block.cameras.mount_deg != 0).any():
-            named = tuple(block.cameras.id[block.cameras.mount_deg != 0].tolist())
-            text = f"mount has no effect on {block.rotation}: these are angles of the camera itself"
-            notes += [Note("warning", text, named)] if before else []
         return tuple(notes)
 
     return remarks

@@ -5,14 +5,13 @@
 A coordinate of variance zero is exact: it is held at its value. Any other is an observation. D is I where the
 adjustment is in the axes of the block, else it turns the residual into them (`Given.placed`). Control in plan or in
 height only has no place there; it is compared in the coordinates of the block, v = x(X) - x_given, so that it stays
-right at any distance from the origin. x is the map of the frame, expanded to second order about the nearest node of a
-net: exact to some nm, and smooth where the map itself has the rounding of its large coordinates.
+right at any distance from the origin; x is the map of the frame (`frames.expanded`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
+from aatri.frames.expanded import Expanded
 from aatri.frames.tangent import TangentFrame
 from aatri.observations.observed import NEARLY_EXACT, Given, Holds, Observed, named
 from aatri.observations.poses import POINT
@@ -31,8 +31,6 @@ KIND = "control"
 
 PARTS = (("plan", (0, 1)), ("height", (2,)))
 """Components of control that are measured apart."""
-NET_M = 50.0
-"""Mesh of the net of places about which a map is expanded."""
 
 USES = ("ground_points.xyz_m", "ground_points.covariance_m2")
 
@@ -138,33 +136,14 @@ def _control_in_part(rows: Control, frame: TangentFrame, origin_m: Float, names:
     """Control in plan or in height only, compared in the coordinates of the block."""
     if not len(rows.row):
         return ()
-    used, expanded = rows.given, _Expanded(frame, len(rows.row))
+    used, reference = rows.given, frame.to_block(origin_m[None])[0]
+    expanded, given_m = Expanded(frame, reference), rows.xyz_m - reference
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        x, D = expanded.at(state[POINT][rows.point[some]] + origin_m, rows.xyz_m[some], some)
-        return np.where(used[some], x, 0.0), (D * used[some][:, :, None],)
+        x, D = expanded.coordinates(state[POINT][rows.point[some]] + origin_m)
+        return np.where(used[some], x - given_m[some], 0.0), (D * used[some][:, :, None],)
 
     none = np.zeros_like(rows.exact)
     whitener = whitener_of_covariances(rows.nearly_exact(none), used)
     records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, np.ones(len(rows.row), dtype=bool))
     return (Observed(records, rows.row, named(point=names), "m", parts=PARTS, sees=used),)
-
-
-class _Expanded:
-    """Coordinates of the block less given ones, by expansions about the nodes of a net nearest to each point."""
-
-    def __init__(self, frame: TangentFrame, n: int) -> None:
-        self.frame = frame
-        self.node = np.full((n, 3), np.nan)
-        self.x, self.D, self.H = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3, 3))
-
-    def at(self, X: Any, given: Float, rows: Int) -> tuple[Any, Any]:
-        """x(X) - x_given and its derivatives, of the chosen rows."""
-        node = np.round(X.real / NET_M) * NET_M
-        new = (node != self.node[rows]).any(axis=1)
-        if new.any():
-            self.x[rows[new]], self.D[rows[new]], self.H[rows[new]] = self.frame.expansion_at(node[new])
-            self.node[rows[new]] = node[new]
-        d, D, H = X - node, self.D[rows], self.H[rows]
-        bent = np.einsum("nijk,nk->nij", H, d)
-        return self.x[rows] - given + np.einsum("nij,nj->ni", D + 0.5 * bent, d), D + bent

@@ -15,6 +15,9 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.frames.expanded import Expanded
+from aatri.frames.tangent import TangentFrame
+from aatri.units import EARTH_RADIUS_M
 
 WithDerivative = Callable[[Float], tuple[Float, Float]]
 """Coordinates in the frame of the adjustment, (n, 3) m, reduced to its origin -> values and their derivatives."""
@@ -61,6 +64,30 @@ def _plane_coordinates(xyz: Float) -> tuple[Float, Float]:
 
 PLANE = Level(_plane_axes, _plane_height, _plane_coordinates)
 """Z is the height everywhere, and the axes are parallel."""
+
+
+def tangent_level(frame: TangentFrame, origin_m: Float) -> Level:
+    """Up, north and height in a tangent frame: the axes of the block's grid at each place, its heights and coordinates.
+
+    Parameters
+    ----------
+    frame : TangentFrame
+    origin_m : (3,) float64, m
+        Origin of the adjustment in the tangent frame.
+    """
+    expanded = Expanded(frame, frame.to_block(origin_m[None])[0])
+
+    def height(xyz: Float) -> tuple[Float, Float]:
+        x, D = expanded.coordinates(xyz + origin_m)
+        return x[:, 2], D[:, 2]
+
+    return Level(
+        lambda xyz: expanded.axes(xyz + origin_m),
+        height,
+        lambda xyz: expanded.coordinates(xyz + origin_m),
+        1.0 / EARTH_RADIUS_M,
+        True,
+    )
 
 
 def line_between(level: Level, start: Float, end: Float, start_height: Float, end_height: Float) -> Any:

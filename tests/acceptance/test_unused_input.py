@@ -56,7 +56,8 @@ CASES = {
     "geodetic:azimuth": (lambda b: (b / "geodetic.csv").write_text(_geodetic("azimuth")), "geodetic.csv:2"),
     "exterior.angles_rad": (_attitudes, "exterior.csv: a1, a2, a3"),
     "exterior.drift_group": (lambda b: _column(b / "exterior.csv", "drift_group", "g"), "exterior.csv: drift_group"),
-    "cameras.boresight_rad": (_camera("boresight", "[0.1, 0.0, 0.0]"), "block.yaml: boresight"),
+    "cameras.boresight_rad:without_angles": (_camera("boresight", "[0.1, 0.0, 0.0]"), "block.yaml: boresight"),
+    "cameras.mount_deg:without_effect": (_camera("mount", "90"), "block.yaml: mount"),
     "cameras.lever_arm_m:without_antenna": (_camera("lever_arm", "[0.1, 0.0, 0.0]"), "block.yaml: lever_arm"),
     "image_points.row_time_s": (lambda b: _column(b / "image_points.csv", "row_time", "0.01"), "row_time"),
 }
@@ -84,10 +85,10 @@ def test_what_no_stage_uses_is_refused_with_file_column_and_remedy(project: Path
 
 
 def test_ignored_it_is_a_warning_on_the_terminal_and_in_the_report(project: Path) -> None:
-    _attitudes(project / "block")
+    _column(project / "block" / "image_points.csv", "row_time", "0.01")
     path = project / "pipeline.yaml"
-    path.write_text("ignore: [exterior.angles_rad]\n" + path.read_text())
+    path.write_text("ignore: [image_points.row_time_s]\n" + path.read_text())
     result = aatri("run", "-q", "--until", "interior")
     assert result.exit_code == 0, result.stderr
-    assert "warning: block: block/exterior.csv:2: 10 observed attitudes" in result.stderr
-    assert "10 observed attitudes" in (project / "run" / "report.html").read_text()
+    assert "warning: block: block/image_points.csv:2: row times of" in result.stderr
+    assert "row times of" in (project / "run" / "report.html").read_text()

@@ -12,6 +12,7 @@ import pytest
 from aatri.errors import InputError
 from aatri.frames.conversion import Frame
 from aatri.frames.ellipsoid import Ellipsoid, geocentric, geographic, normal_and_height
+from aatri.frames.expanded import Expanded
 from aatri.frames.tangent import TangentFrame, tangent_frame
 from tests.complex_step import complex_step
 
@@ -178,3 +179,21 @@ def test_a_place_the_map_does_not_have_is_nan_and_no_error() -> None:
     frame = utm()
     assert not np.isfinite(frame.from_block(np.array([[1e12, 1e12, 0.0]]))).all()
     assert np.isnan(frame.to_block(np.array([[np.nan, 0.0, 0.0]]))).all()
+
+
+def test_expansions_are_the_map_and_its_axes_and_smooth() -> None:
+    frame, X = utm(), places(30)
+    expanded = Expanded(frame, CENTRE)
+    x, D = expanded.coordinates(X)
+    np.testing.assert_allclose(x + CENTRE, frame.to_block(X), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(D, frame.derivatives_at(X), rtol=0, atol=1e-9)
+    B, dB = expanded.axes(X)
+    np.testing.assert_allclose(B.swapaxes(1, 2), frame.axes_at(X), rtol=0, atol=5e-10)
+    for k in range(3):
+        np.testing.assert_allclose(complex_step(lambda z: expanded.coordinates(z[None])[0][0], X[k]), D[k], atol=1e-12)
+        turned = complex_step(lambda z: expanded.axes(z[None])[0][0], X[k]).reshape(3, 3, 3)
+        np.testing.assert_allclose(turned, dB[k], atol=1e-14)
+    steps = np.arange(20)[:, None] * np.array([1e-6, 2e-6, 1e-6]) + np.array([7.0, 8.0, 9.0])
+    near = np.diff(expanded.coordinates(steps)[0], axis=0)
+    assert np.abs(near - near[0]).max() < 1e-13  # the map itself rounds to 1e-9
+    assert np.isnan(expanded.coordinates(np.full((1, 3), np.nan))[0]).all()

@@ -91,7 +91,7 @@ def test_attitudes_without_errors_have_no_residuals(
     frame = frame_of(block)
     assert block.true_images is not None
     poses = poses_into(frame, block.true_images.position_m, block.true_images.ground_from_image)
-    given = Given(block, None, np.zeros(3), {POSE: poses}, (), frame, geodesy_of(block, frame))
+    given = Given(block, None, np.zeros(3), {POSE: poses}, frame=frame, geodesy=geodesy_of(block, frame))
     (found,) = attitudes(given, AttitudeOptions())
     v, _ = found.records.evaluate({POSE: poses, BORESIGHT: block.cameras.boresight_rad}, np.arange(8))
     assert np.abs(v).max() < 1e-8
