@@ -23,6 +23,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 
 Evaluate = Callable[[State, Int], tuple[Float, tuple[Float, ...]]]
+Evaluated = Callable[[State, Int], Float]
 Fill = Callable[[int, int, Float, tuple[Float, ...]], None]
 Bind = Callable[[State], Fill]
 Weigh = Callable[[Float], Bind]
@@ -51,6 +52,10 @@ class Records:
         The Jacobians do not depend on the state, and all unknowns touched are plain numbers.
     label : callable, optional
         Row -> what messages call the record.
+    similarity : callable, optional
+        (state, rows) -> what the records can see of the shifts, rotations and scale of a similarity (see `Unknowns`),
+        projectors (n, 7, 7). Absent: what their derivatives say, which have a share that grows with the residuals
+        where a shape is turned or scaled with its points.
     """
 
     name: str
@@ -62,6 +67,7 @@ class Records:
     loss: Huber | None = None
     linear: bool = False
     label: Callable[[int], str] | None = None
+    similarity: Evaluated | None = None
 
     def called(self, row: int) -> str:
         """What messages call a record."""
@@ -103,7 +109,7 @@ class Records:
 
     def take(self, rows: Int) -> Records:
         """The chosen records."""
-        everything, compiled, label = self.evaluate, self.compiled, self.label
+        everything, compiled, label, similarity = self.evaluate, self.compiled, self.label, self.similarity
         return Records(
             self.name,
             tuple((group, block[rows]) for group, block in self.touches),
@@ -114,6 +120,7 @@ class Records:
             self.loss,
             self.linear,
             None if label is None else lambda row: label(int(rows[row])),
+            None if similarity is None else lambda state, some: similarity(state, rows[some]),
         )
 
     def residuals(self, state: State) -> Float:

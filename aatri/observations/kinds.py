@@ -30,8 +30,18 @@ from aatri.observations.image_points import image_points
 from aatri.observations.observed import Given, Observed
 from aatri.observations.positions import USES as OF_POSITIONS
 from aatri.observations.positions import PositionOptions, positions
+from aatri.observations.relative.angles import USES as OF_RELATIVE_ANGLES
+from aatri.observations.relative.angles import relative_angles
+from aatri.observations.relative.differences import USES as OF_RELATIVE_DIFFERENCES
+from aatri.observations.relative.differences import relative_differences
 from aatri.observations.relative.distances import USES as OF_RELATIVE_DISTANCES
 from aatri.observations.relative.distances import relative_distances
+from aatri.observations.relative.lines import USES as OF_LINES
+from aatri.observations.relative.lines import lines
+from aatri.observations.relative.planes import USES as OF_PLANES
+from aatri.observations.relative.planes import planes
+from aatri.observations.relative.round_shapes import USES as OF_ROUND_SHAPES
+from aatri.observations.relative.round_shapes import round_shapes
 from aatri.options import Options
 
 
@@ -78,6 +88,11 @@ KINDS = (
     Kind(zenith_angles, ZenithOptions, uses=OF_ZENITH_ANGLES),
     Kind(height_differences, uses=OF_HEIGHT_DIFFERENCES),
     Kind(coordinate_differences, uses=OF_COORDINATE_DIFFERENCES),
+    Kind(relative_differences, uses=OF_RELATIVE_DIFFERENCES),
+    Kind(relative_angles, uses=OF_RELATIVE_ANGLES),
+    Kind(planes, uses=OF_PLANES),
+    Kind(lines, uses=OF_LINES),
+    Kind(round_shapes, uses=OF_ROUND_SHAPES),
     Kind(relative_distances, uses=OF_RELATIVE_DISTANCES),
 )
 

@@ -68,17 +68,15 @@ def adjust_bundle(
         others = [r for r in records if not _is_ray(r)] + constraints
         marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
         free = FreeDatum.of(unknowns, others, start, part.of, settings.datum_over, marked, part.absent)
-    adjusted = adjust_large(
-        unknowns if free is None else minimally_held(free),
-        records,
-        start,
-        constraints=constraints,
-        veto=_veto(given, part),
-        reporter=reporter,
-        settings=settings.solution,
-    )
+    held = unknowns if free is None else minimally_held(free)
+
+    def adjusted_from(values: State) -> Adjusted:
+        return adjust_large(held, records, values, constraints=constraints, veto=_veto(given, part), reporter=reporter,
+                            settings=settings.solution)  # fmt: skip
+
+    adjusted = adjusted_from(start)
     if free is not None:
-        adjusted = onto_inner_constraints(free, adjusted)
+        adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
     covariances, notes = settings.covariances and not adjusted.down_weighted, list(adjusted.notes)
     if covariances and not adjusted.has_factor:
         needed = forecast(adjusted.problem)

@@ -18,7 +18,7 @@ the least-squares fit of the datum onto its start values. Covariances: `aatri.ad
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -80,6 +80,10 @@ class FreeDatum:
         return FreeDatum(unknowns, records, start, part, {POSE: image & (over == "images"), POINT: points}, absent)
 
 
+NEARLY_SAME_COST = 1e-12
+"""The same, below which all that moves has followed exactly."""
+
+
 def minimally_held(free: FreeDatum) -> list[Unknowns]:
     """The unknowns with as many scalars of the poses (without images: points) held as are open, far apart.
 
@@ -102,8 +106,13 @@ def minimally_held(free: FreeDatum) -> list[Unknowns]:
     return [closed if u is bodies else u for u in free.unknowns]
 
 
-def onto_inner_constraints(free: FreeDatum, adjusted: Adjusted) -> Adjusted:
+def onto_inner_constraints(
+    free: FreeDatum, adjusted: Adjusted, again: Callable[[State], Adjusted] | None = None
+) -> Adjusted:
     """The adjusted block moved within what is open until its datum has no shift along it against the start.
+
+    Unknowns that do not move linearly (planes, lines) follow a large movement to first order only: then the block is
+    adjusted `again` from where it is, and moved by what little is left.
 
     Raises
     ------
@@ -125,6 +134,8 @@ def onto_inner_constraints(free: FreeDatum, adjusted: Adjusted) -> Adjusted:
             remedy="start from better initial values, or use `datum: minimal`",
         )
     cost = cost_of(adjusted.problem, moved)
+    if again is not None and abs(cost - adjusted.cost) > NEARLY_SAME_COST * (1.0 + adjusted.cost):
+        return onto_inner_constraints(free, again(moved))
     if abs(cost - adjusted.cost) > SAME_COST * (1.0 + adjusted.cost):
         raise GeometryError(
             f"what control and positions leave open is not free beyond small movements: cost {adjusted.cost:.6g} "
@@ -193,6 +204,8 @@ def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Fl
             size += (J**2).sum(axis=2, keepdims=True)
             if group in H:
                 change += J @ H[group][block[rows]]
+        if r.similarity is not None:
+            change = change @ r.similarity(state, rows)
         seen.append((change / np.sqrt(np.where(size > 0, size, 1.0))).reshape(-1, 7))
     _, values, vectors = np.linalg.svd(np.linalg.qr(np.concatenate(seen) / _size(free, state)[1], mode="r"))
     V = vectors[values <= OPEN].T

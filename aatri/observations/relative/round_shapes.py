@@ -1,0 +1,68 @@
+"""Points of a sphere or a cylinder, of known or unknown radius.
+
+    sphere    v = |x - m| - r
+    cylinder  v = |(a'x - p, b'x - q)| - r,   a, b across its axis as of a line
+
+Source: docs/formulas.md 5.5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from aatri.arrays import Float
+from aatri.observations.observed import Given, Observed
+from aatri.observations.relative.lines import across
+from aatri.observations.relative.shapes import Shape, main_axes, observed_shapes
+
+USES = ("relative_control:sphere", "relative_control:cylinder")
+
+
+def round_shapes(given: Given) -> tuple[Observed, ...]:
+    """Points of spheres and cylinders."""
+    return tuple(o for shape in (SPHERE, CYLINDER) for o in observed_shapes(given, shape))
+
+
+def _sphere(x: Float, t: Float) -> tuple[Float, Float, Float]:
+    away = x - t[:, :3]
+    distance = np.linalg.norm(away, axis=1)
+    u = away / distance[:, None]
+    return (distance - t[:, 3])[:, None], u[:, None, :], np.column_stack([-u, -np.ones(len(x))])[:, None, :]
+
+
+def _cylinder(x: Float, t: Float) -> tuple[Float, Float, Float]:
+    offset, by_x, by_turn = across(x, t[:, :2])
+    offset = offset - t[:, 2:4]
+    distance = np.linalg.norm(offset, axis=1)
+    u = (offset / distance[:, None])[:, None, :]
+    return (distance - t[:, 4])[:, None], u @ by_x, np.concatenate([u @ by_turn, -u, -np.ones((len(x), 1, 1))], axis=2)
+
+
+def _fit_sphere(points: Float, _axes: Float) -> tuple[Float, Float, Float]:
+    """|x|^2 = 2 m'x + (r^2 - m^2): linear."""
+    centre = points.mean(axis=0)
+    x = points - centre
+    m = np.linalg.lstsq(np.column_stack([2 * x, np.ones(len(x))]), (x**2).sum(axis=1), rcond=None)[0]
+    return np.eye(3), centre, np.array([*m[:3], np.sqrt(max(m[3] + m[:3] @ m[:3], 1e-12))])
+
+
+def _fit_cylinder(points: Float, _axes: Float) -> tuple[Float, Float, Float]:
+    """The best of three axes, those of the extent of the points."""
+    centre, main = points.mean(axis=0), main_axes(points)
+    best, found = np.inf, (main, np.zeros(5))
+    for k in range(3):
+        F = main[[(k + 1) % 3, (k + 2) % 3, k]]
+        x = (points - centre) @ F.T
+        plan = x[:, :2]
+        m = np.linalg.lstsq(np.column_stack([2 * plan, np.ones(len(x))]), (plan**2).sum(axis=1), rcond=None)[0]
+        start = np.array([0.0, 0.0, m[0], m[1], np.sqrt(max(m[2] + m[:2] @ m[:2], 1e-12))])
+        fitted = least_squares(lambda t, x=x: _cylinder(x, np.tile(t, (len(x), 1)))[0][:, 0], start)
+        if fitted.cost < best:
+            best, found = fitted.cost, (F, fitted.x)
+    return found[0], centre, found[1]
+
+
+SPHERE = Shape("sphere", ("centre 1", "centre 2", "centre 3", "radius"), 1, _sphere, _fit_sphere, radius=True)
+CYLINDER = Shape("cylinder", ("turn 1", "turn 2", "offset 1", "offset 2", "radius"), 1, _cylinder, _fit_cylinder,
+                 radius=True)  # fmt: skip

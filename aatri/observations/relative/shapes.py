@@ -1,0 +1,163 @@
+"""Points on a shape: planes, lines, spheres, whose places are latent unknowns, so that no point is set apart.
+
+    v = shape(F (X - c), t),    F, c: axes and centre of the shape at the start, t its unknowns
+
+With the shape eliminated the redundancy gained is the count of conditions between the points alone (m points: plane
+m - 3, vertical plane m - 2, horizontal plane m - 1, line 2 (m - 2), plumb line 2 (m - 1), horizontal line 2 m - 3). A
+residual is the distance of a point from the shape. Source: lecture notes on close range, 5-7, with the line put right;
+docs/formulas.md 5.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.records import Evaluated, Records
+from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.arrays import Float, Int
+from aatri.ids import shown
+from aatri.notes import Note
+from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
+from aatri.observations.poses import POINT, point_generator
+from aatri.observations.relative.members import conditions, members_of
+
+Equation = Callable[[Float, Float], tuple[Float, Float, Float]]
+"""(local coordinates (n, 3), unknowns (n, k)) -> v (n, m), by coordinates (n, m, 3), by unknowns (n, m, k)."""
+
+Fit = Callable[[Float, Float], tuple[Float, Float, Float]]
+"""(points (n, 3), axes east, north, up (3, 3)) -> axes F (3, 3), centre c (3,), unknowns (k,)."""
+
+MOST_NAMED = 6
+
+NOTHING, TILT, TILT_ACROSS = "nothing", "tilt", "tilt across"
+"""What a condition can see of a movement of the block: nothing, tilts, or the tilt about the axis across it."""
+
+
+def seeing(what: str) -> Evaluated:
+    """Projectors (n, 7, 7) of shifts, rotations and scale onto what is seen: nothing, or tilts."""
+    found = np.zeros((7, 7))
+    found[3, 3] = found[4, 4] = 1.0 if what == TILT else 0.0
+    return lambda _, rows: np.broadcast_to(found, (len(rows), 7, 7))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A kind of shape.
+
+    Attributes
+    ----------
+    type : str
+        Of relative_control.yaml; name of the kind and of the group of unknowns.
+    labels : tuple of str
+        Names of its unknowns.
+    rows : int
+        Residuals of a point.
+    equation, fit : callable
+    sees : str
+        NOTHING, TILT or TILT_ACROSS.
+    radius : bool
+        The last unknown is a radius, held where it is given.
+    """
+
+    type: str
+    labels: tuple[str, ...]
+    rows: int
+    equation: Equation
+    fit: Fit
+    sees: str = NOTHING
+    radius: bool = False
+
+
+def observed_shapes(given: Given, shape: Shape) -> tuple[Observed, ...]:
+    """The conditions of one type, observed and exact ones apart."""
+    found: list[Observed] = []
+    control = given.block.relative_control
+    for exact in (False, True):
+        row = conditions(given.block, shape.type)
+        row = row[(control.sigma[row] == 0) == exact]
+        if len(row):
+            found.append(_observed(given, shape, row, exact))
+    return tuple(found)
+
+
+def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
+    block, control = given.block, given.block.relative_control
+    members = [members_of(block, int(k)) for k in row]
+    point = np.concatenate([m[0] for m in members]).astype(np.int32)
+    of = np.repeat(np.arange(len(row)), [len(m[0]) for m in members]).astype(np.int32)
+    ids = np.concatenate([m[1] for m in members])
+    labels = np.array([_label(m[1].tolist()) for m in members], dtype=np.str_)
+    group = f"exact_{shape.type}" if exact else shape.type
+    F, c, t = _started(given, shape, [m[0] for m in members])
+    free = np.ones(t.shape, dtype=bool)
+    if shape.radius:
+        fixed = np.isfinite(control.value[row])
+        t[fixed, -1], free[fixed, -1] = control.value[row][fixed], False
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        own = of[some]
+        local = np.einsum("nij,nj->ni", F[own], state[POINT][point[some]] - c[own])
+        v, by_local, by_shape = shape.equation(local, state[group][own])
+        return v, (by_local @ F[own], by_shape)
+
+    def generator(state: State) -> Float:
+        """How the shapes go with their points, (n, k, 7): by least squares over the points of each."""
+        _, (by_point, by_shape) = evaluate(state, np.arange(len(of)))
+        along = by_point @ point_generator(state)[point]
+        found = np.zeros((len(row), t.shape[1], 7))
+        for k in range(len(row)):
+            mine, some = of == k, np.flatnonzero(free[k])
+            A = by_shape[mine].reshape(-1, t.shape[1])[:, some]
+            found[k, some] = -np.linalg.lstsq(A, along[mine].reshape(-1, 7), rcond=None)[0]
+        return found
+
+    def tilt_across(state: State, some: Int) -> Float:
+        """The tilt about the first residual's axis: of a horizontal line that across it."""
+        axis = evaluate(state, some)[1][0][:, 0]
+        found = np.zeros((len(some), 7, 7))
+        found[:, 3:6, 3:6] = axis[:, :, None] * axis[:, None, :]
+        return found
+
+    sigma = control.sigma[row][of]
+    whitener = np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], shape.rows, axis=1)
+    records = Records(shape.type, ((POINT, point), (group, of)), evaluate, whitener, np.ones(len(of), dtype=bool),
+                      similarity=tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees))  # fmt: skip
+    unknowns = Unknowns(group, free, shape.labels, labels, add_step, generator=generator)
+    member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
+    gained = shape.rows * len(of) - int(free.sum())
+    text = f"{shape.type}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {gained}"
+    return Observed(records, member, named(point=ids), "m", unknowns=(unknowns,), start={group: t}, exact=exact,
+                    notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip
+
+
+def _label(ids: list[str]) -> str:
+    return shown(ids, MOST_NAMED)
+
+
+def _started(given: Given, shape: Shape, points: list[Int]) -> tuple[Float, Float, Float]:
+    """Axes, centres and unknowns of the shapes from the start of their points."""
+    xyz = given.start[POINT]
+    found = []
+    for rows in points:
+        known = xyz[rows][np.isfinite(xyz[rows]).all(axis=1)]
+        known = known if len(known) else np.zeros((1, 3))
+        axes = given.level.axes(known.mean(axis=0)[None])[0][0]
+        found.append(shape.fit(known, axes))
+    F, c, t = (np.array(part) for part in zip(*found))
+    return F, c, t
+
+
+def main_axes(points: Float) -> Float:
+    """Axes of the extent of points about their mean, rows, the longest first, (3, 3)."""
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0))
+    return np.asarray(axes)
+
+
+def along_horizontal(points: Float, axes: Float) -> Float:
+    """The horizontal direction in which points extend most, (3,)."""
+    plan = (points - points.mean(axis=0)) @ axes[:2].T
+    _, _, main = np.linalg.svd(plan)
+    return np.asarray(main[0] @ axes[:2])
