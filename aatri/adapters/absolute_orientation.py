@@ -187,12 +187,10 @@ def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, metho
         suspects += tables.suspect_tables(ground, part)
     counts, sigma0 = tables.pooled(parts)
     solution = pieces.solution_of(
-        block=block,
-        image_points=image_points,
+        block,
+        image_points,
+        pieces.Placed(position, rotation, points),
         method=method,
-        position_m=position,
-        ground_from_image=rotation,
-        point_m=points,
         counts=counts,
         sigma0=sigma0,
         iterations=sum(tied.iterations for part in parts for _, tied in part.adjusted()),

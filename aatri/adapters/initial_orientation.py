@@ -181,9 +181,9 @@ def initial_solution(
     found.append(_trimmed(block, rays, Poses(position, rotation), xyz, np.flatnonzero(reached & ~kept)))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
     solution = pieces.solution_of(
-        block=block, image_points=image_points, method=method, position_m=position, ground_from_image=rotation,
-        point_m=xyz, counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())), sigma0=float("nan"),
-        iterations=0, transformations=stacked(moves), parameters=Parameters.empty(), residuals=stacked(tables),
+        block, image_points, pieces.Placed(position, rotation, xyz), method=method,
+        counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())), sigma0=float("nan"), iterations=0,
+        transformations=stacked(moves), parameters=Parameters.empty(), residuals=stacked(tables),
         suspects=stacked(found),
     )  # fmt: skip
     solution = replace(solution, cameras=solved_cameras(block))

@@ -148,12 +148,10 @@ def strip_block_solution(
     point_m = result.point_m + ground.origin
     position, rotation, notes = _resected(block, image_points, initial, point_m)
     solution = pieces.solution_of(
-        block=block,
-        image_points=image_points,
+        block,
+        image_points,
+        pieces.Placed(position, rotation, point_m),
         method=method,
-        position_m=position,
-        ground_from_image=rotation,
-        point_m=point_m,
         counts=(result.tied.observations, result.tied.unknowns),
         sigma0=result.tied.sigma0,
         iterations=result.tied.iterations,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -140,14 +142,30 @@ def precision_row(name: str, tau_m: float) -> Parameters:
     )
 
 
+@dataclass(frozen=True)
+class Placed:
+    """Images and points of a block on the ground.
+
+    Attributes
+    ----------
+    position_m : (n_images, 3) float64, m
+        NaN where not oriented.
+    ground_from_image : (n_images, 3, 3) float64
+    point_m : (n_points, 3) float64, m
+        NaN where not determined.
+    """
+
+    position_m: Float
+    ground_from_image: Float
+    point_m: Float
+
+
 def solution_of(
-    *,
     block: Block,
     image_points: ImagePoints,
+    placed: Placed,
+    *,
     method: str,
-    position_m: Float,
-    ground_from_image: Float,
-    point_m: Float,
     counts: tuple[int, int],
     sigma0: float,
     iterations: int,
@@ -160,15 +178,10 @@ def solution_of(
 
     Parameters
     ----------
-    position_m : (n_images, 3) float64, m
-        NaN where not oriented.
-    ground_from_image : (n_images, 3, 3) float64
-    point_m : (n_points, 3) float64, m
-        NaN where not determined.
     counts : (int, int)
         Observations and unknowns.
     """
-    oriented, solved = finite_rows(position_m), finite_rows(point_m)
+    oriented, solved = finite_rows(placed.position_m), finite_rows(placed.point_m)
     measured = image_points.measurements
     used = measured.active & finite_rows(measured.xy_mm) & oriented[measured.image] & solved[measured.point]
     return Solution(
@@ -180,9 +193,12 @@ def solution_of(
         sigma0_um=float("nan"),
         iterations=iterations,
         images=assemble.oriented_images(
-            block, position_m, ground_from_image, np.bincount(measured.image[used], minlength=len(oriented))
+            block,
+            placed.position_m,
+            placed.ground_from_image,
+            np.bincount(measured.image[used], minlength=len(oriented)),
         ),
-        points=assemble.ground_points(block, point_m, np.bincount(measured.point[used], minlength=len(solved))),
+        points=assemble.ground_points(block, placed.point_m, np.bincount(measured.point[used], minlength=len(solved))),
         cameras=assemble.solved_cameras(block),
         transformations=transformations,
         parameters=parameters,

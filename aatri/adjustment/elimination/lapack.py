@@ -34,8 +34,6 @@ _trmm = _routine(cython_blas, "dtrmm", 11)
 _syrk = _routine(cython_blas, "dsyrk", 10)
 _symm = _routine(cython_blas, "dsymm", 12)
 _gemm = _routine(cython_blas, "dgemm", 13)
-_trsv = _routine(cython_blas, "dtrsv", 8)
-_gemv = _routine(cython_blas, "dgemv", 11)
 
 
 DIVIDED = 128
@@ -100,12 +98,7 @@ def forward(L: Float, g: Float) -> None:
     L : (n, m) float64, column-major
     g : (n,) float64
     """
-    n, m = L.shape
-    one, lda = _int(1), _int(n)
-    _trsv(ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(m), _at(L, 0, 0), lda, _vector(g, 0), one)
-    if n > m:
-        _gemv(ctypes.byref(_N), _int(n - m), _int(m), _real(-1.0), _at(L, m, 0), lda, _vector(g, 0), one,
-              _real(1.0), _vector(g, m), one)  # fmt: skip
+    forward_columns(L, g.reshape((-1, 1), order="F"))
 
 
 def backward(L: Float, x: Float) -> None:
@@ -116,16 +109,7 @@ def backward(L: Float, x: Float) -> None:
     L : (n, m) float64, column-major
     x : (n,) float64
     """
-    n, m = L.shape
-    one, lda = _int(1), _int(n)
-    if n > m:
-        _gemv(ctypes.byref(_T), _int(n - m), _int(m), _real(-1.0), _at(L, m, 0), lda, _vector(x, m), one,
-              _real(1.0), _vector(x, 0), one)  # fmt: skip
-    _trsv(ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(m), _at(L, 0, 0), lda, _vector(x, 0), one)
-
-
-def _vector(x: Float, first: int) -> ctypes.c_void_p:
-    return ctypes.c_void_p(x.ctypes.data + 8 * first)
+    backward_columns(L, x.reshape((-1, 1), order="F"))
 
 
 def forward_columns(L: Float, G: Float) -> None:

@@ -5,7 +5,7 @@ Q = L^-T (I + Z S Z') L^-1, and its covariance with the kept unknowns is -L^-T Z
 
     A S A' + A Q_xy B' + (A Q_xy B')' + B Q B'
 
-This is the general form; `covariance_pose` is the same for nearly all rays.
+This is the general form; `covariance_sized` is the same for rays of one part.
 """
 
 from __future__ import annotations

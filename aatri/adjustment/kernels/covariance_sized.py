@@ -1,6 +1,8 @@
-"""Covariances of blocks met by rays of one part, and of their rays, a group at a time, for any pair of sizes.
+"""Covariances of blocks met by rays of one part, and of their rays, a group of blocks at a time, for any pair of sizes.
 
-The method is that of `covariance_pose`, for m residuals and one part of k unknowns a ray; see `eliminate_sized`.
+The method is that of `covariance`, the groups are those of `eliminate_pose`: the part S of the front's covariance that a
+group meets is gathered once, and one product S Z serves all its blocks. Both sizes are constants of the compiled code;
+see `eliminate_sized`.
 """
 
 from __future__ import annotations
@@ -13,22 +15,48 @@ import numpy as np
 from numba import njit
 
 from aatri.adjustment.kernels.covariance import from_factor
-from aatri.adjustment.kernels.covariance_pose import POSE, pose_covariances
 from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS
 from aatri.adjustment.kernels.eliminate_pose import group_of
+
+_SIGNATURE = (
+    "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], float64[::1,:], "
+    "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[:,:,::1])"
+)
 
 
 @cache
 def covariances(m: int, k: int) -> Callable[..., Any]:
-    """`pose_covariances` for m residuals and k kept unknowns a ray, with the same parameters; itself for 2 and 6."""
-    if (m, k) == (2, 6):
-        return pose_covariances
+    """The compiled function for m residuals and k kept unknowns a ray; its parameters are
 
-    @njit(POSE, **OPTIONS)
+    Parameters
+    ----------
+    p0, p1 : int
+        Covariances of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
+    base : int
+        Number of the ray in row 0 of A, B and loc.
+    ray_start : (n_blocks + 1,) int64
+    active : (n,) bool
+        Others are predicted.
+    A, B : (n, m, k), (n, m, 3) float64
+        Zero for unknowns that are held.
+    loc : (n, 1) int32
+    S : (columns, columns) float64, column-major
+        Covariance of the front.
+    free, Ls : (n_blocks, 3), (n_blocks, 6) float64
+    Q : (n_blocks, 3, 3) float64
+        Filled in.
+    R : (n_rays, m, m) float64
+        Filled in.
+    X : (n, k, 3) float64, or without rows
+        Filled in: minus the covariance of the part's unknowns with the block.
+    """
+
+    @njit(_SIGNATURE, **OPTIONS)
     def sized_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R, X):
         at, spare = np.empty(3 * MOST_RAYS, dtype=np.int64), np.empty(3 * MOST_RAYS, dtype=np.int64)
         gathered, stacked, product = np.empty(0), np.empty(0), np.empty(0)
-        G, inverse, cross, half = np.empty((3, 3)), np.zeros((3, 3)), np.empty((k, 3)), np.empty((m, k))
+        G, inverse, cross = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((k, 3))
+        half, W = np.empty((m, k)), np.empty((m, 3))
         p = p0
         while p < p1:
             end, n = group_of(p, p1, base, ray_start, loc, at, spare)
@@ -62,53 +90,67 @@ def covariances(m: int, k: int) -> Callable[..., Any]:
                         u1 = (B[r, i, 1] * f1 - l1 * u0) * i1
                         u2 = (B[r, i, 2] * f2 - l2 * u0 - l4 * u1) * i2
                         for a in range(k):
-                            Z[k * q + a, j] += A[r, i, a] * u0
-                            Z[k * q + a, j + 1] += A[r, i, a] * u1
-                            Z[k * q + a, j + 2] += A[r, i, a] * u2
+                            x, y, z, w = Z[k * q + a, j], Z[k * q + a, j + 1], Z[k * q + a, j + 2], A[r, i, a]
+                            Z[k * q + a, j] = x + w * u0
+                            Z[k * q + a, j + 1] = y + w * u1
+                            Z[k * q + a, j + 2] = z + w * u2
             if n:
                 np.dot(part, Z, T)
             for block in range(p, end):
                 j, q = 3 * (block - p), 0
-                for a in range(3):
-                    for b in range(3):
-                        s = 1.0 if a == b else 0.0
-                        for i in range(rows):
-                            s += T[i, j + a] * Z[i, j + b]
-                        G[a, b] = s
+                g00, g10, g11, g20, g21, g22 = 1.0, 0.0, 1.0, 0.0, 0.0, 1.0  # symmetric, as the part is
+                for i in range(rows):
+                    x, y, z = Z[i, j], Z[i, j + 1], Z[i, j + 2]
+                    g00 += T[i, j] * x
+                    g10 += T[i, j + 1] * x
+                    g11 += T[i, j + 1] * y
+                    g20 += T[i, j + 2] * x
+                    g21 += T[i, j + 2] * y
+                    g22 += T[i, j + 2] * z
+                G[0, 0], G[1, 0], G[2, 0], G[0, 1], G[1, 1], G[2, 1] = g00, g10, g20, g10, g11, g21
+                G[0, 2], G[1, 2], G[2, 2] = g20, g21, g22
                 from_factor(block, Ls, G, free, inverse, Q)
+                f0, f1, f2 = free[block, 0], free[block, 1], free[block, 2]
+                i00, i10, i20, i11 = inverse[0, 0] * f0, inverse[1, 0] * f0, inverse[2, 0] * f0, inverse[1, 1] * f1
+                i21, i22 = inverse[2, 1] * f1, inverse[2, 2] * f2
                 for r in range(ray_start[block] - base, ray_start[block + 1] - base):
-                    c, known = np.int64(loc[r, 0]), loc[r, 0] >= 0
-                    while known and at[q] < c:
-                        q += 1
-                    o = k * q
-                    for a in range(k):  # minus the covariance of the part's unknowns with the block
-                        for b in range(3):
-                            s = 0.0
-                            if known:
-                                for i in range(b, 3):
-                                    s += inverse[i, b] * T[o + a, j + i]
-                            cross[a, b] = s * free[block, b]
-                            if len(X):
-                                X[r, a, b] = cross[a, b]
+                    c = np.int64(loc[r, 0])
                     for i in range(m):
-                        for a in range(k):
-                            s = 0.0
-                            if known:
+                        for b in range(3):
+                            W[i, b] = 0.5 * (
+                                Q[block, b, 0] * B[r, i, 0] + Q[block, b, 1] * B[r, i, 1] + Q[block, b, 2] * B[r, i, 2]
+                            )
+                    if c >= 0:
+                        while at[q] < c:
+                            q += 1
+                        o = k * q
+                        for a in range(k):  # minus the covariance of the part's unknowns with the block
+                            t0, t1, t2 = T[o + a, j], T[o + a, j + 1], T[o + a, j + 2]
+                            cross[a, 0] = i00 * t0 + i10 * t1 + i20 * t2
+                            cross[a, 1] = i11 * t1 + i21 * t2
+                            cross[a, 2] = i22 * t2
+                        for i in range(m):
+                            w0, w1, w2 = W[i, 0], W[i, 1], W[i, 2]
+                            for a in range(k):
+                                s = 0.0
                                 for b in range(k):
                                     s += part[o + a, o + b] * A[r, i, b]
-                            half[i, a] = (
-                                s - cross[a, 0] * B[r, i, 0] - cross[a, 1] * B[r, i, 1] - cross[a, 2] * B[r, i, 2]
-                            )
+                                half[i, a] = s
+                                w0 -= A[r, i, a] * cross[a, 0]
+                                w1 -= A[r, i, a] * cross[a, 1]
+                                w2 -= A[r, i, a] * cross[a, 2]
+                            W[i, 0], W[i, 1], W[i, 2] = w0, w1, w2
+                    if len(X):
+                        for a in range(k):
+                            for b in range(3):
+                                X[r, a, b] = cross[a, b] if c >= 0 else 0.0
                     for i in range(m):
                         for e in range(i + 1):
-                            s = 0.0
-                            if known:
+                            s = W[i, 0] * B[r, e, 0] + W[i, 1] * B[r, e, 1] + W[i, 2] * B[r, e, 2]
+                            s += W[e, 0] * B[r, i, 0] + W[e, 1] * B[r, i, 1] + W[e, 2] * B[r, i, 2]
+                            if c >= 0:
                                 for a in range(k):
-                                    x = cross[a, 0] * B[r, e, 0] + cross[a, 1] * B[r, e, 1] + cross[a, 2] * B[r, e, 2]
-                                    s += half[i, a] * A[r, e, a] - A[r, i, a] * x
-                            for a in range(3):
-                                for b in range(3):
-                                    s += B[r, i, a] * Q[block, a, b] * B[r, e, b]
+                                    s += half[i, a] * A[r, e, a]
                             R[base + r, i, e] = s
                             R[base + r, e, i] = s
             p = end

@@ -65,9 +65,9 @@ def test_covariances_for_any_pair_of_sizes_are_those_of_the_general_form(size: t
     row = np.where(loc >= 0, loc + np.arange(k), -1).astype(np.int64)
     found = []
     for function, place in ((covariances(m, k), loc), (block_covariances, row)):
-        Q, R = np.full((n, 3, 3), np.nan), np.full((len(loc), m, m), np.nan)
-        function(0, n, 0, ray_start, active, A, B, place, S, free, L, Q, R)
-        found.append((Q, R))
+        Q, R, X = (np.full(size, np.nan) for size in ((n, 3, 3), (len(loc), m, m), (len(loc), k, 3)))
+        function(0, n, 0, ray_start, active, A, B, place, S, free, L, Q, R, X)
+        found.append((Q, R, X))
     for one, other in zip(*found):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.kernels.covariance_pose import pose_covariances
+from aatri.adjustment.kernels.covariance_sized import covariances
 from tests.adjustment.elimination.test_eliminate_pose import BASE, PLACES, _rays
 
 
@@ -42,7 +42,7 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str) -> 
         for i, r in enumerate(rows):
             wanted_R[BASE + r] = full[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
     X = np.full((len(A), 6, 3), np.nan)
-    pose_covariances(0, n, BASE, ray_start, np.ones(len(A), bool), A, B, loc, S, free, L, Q, R, X)
+    covariances(2, 6)(0, n, BASE, ray_start, np.ones(len(A), bool), A, B, loc, S, free, L, Q, R, X)
     np.testing.assert_allclose(Q, wanted_Q, atol=1e-11 * np.abs(wanted_Q).max())
     np.testing.assert_allclose(R, wanted_R, atol=1e-10 * np.nanmax(np.abs(wanted_R)))
     np.testing.assert_allclose(X, wanted_X, atol=1e-10 * np.nanmax(np.abs(wanted_X)))
