@@ -83,7 +83,7 @@ class BundleOptions(Options):
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
     )
     interior_unknowns: bool = Field(
-        False,
+        True,
         description="carry the film correction of each image with measured fiducials as weighted unknowns",
     )
     self_calibration: SelfCalibration | None = Field(
@@ -169,7 +169,7 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
     )
 
 
-@stage(version=6, uses=_uses)
+@stage(version=7, uses=_uses)
 def bundle(
     block: Block,
     image_points: ImagePoints | None = None,
