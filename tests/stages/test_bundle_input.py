@@ -283,8 +283,8 @@ def test_film_corrections_are_found_where_fiducials_leave_them_open(tmp_path: Pa
     exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"))
     block, points = read(tmp_path, OF, ground=ground_rows(OF, range(30), **EXACT), exterior=exterior,
                          xy_mm=np.where(some, measured, OF.xy_mm))  # fmt: skip
-    covariance = np.zeros((6, 6, 6))
-    covariance[[1, 4]] = np.diag([1e3, 0.01, 0.01, 1e3, 0.01, 0.01])  # so loose that the rays decide
+    covariance = np.zeros((6, 8, 8))
+    covariance[[1, 4]] = np.diag([1e3, 0.01, 0.01, 1e3, 0.01, 0.01, 0.0, 0.0])  # so loose that the rays decide
     order = points.interior.image
     open_film = replace(points, interior=replace(points.interior, covariance=covariance[order]))
     found = bundle(block, open_film, options=BundleOptions(interior_unknowns=True))

@@ -49,7 +49,7 @@ def test_with_them_every_group_fits_and_sigma0_is_one(applied: Solution) -> None
     sigma = r.sigma[(r.kind == "distance") & r.active][:, 0]
     c = applied.variance_components
     assert c is not None
-    np.testing.assert_allclose(sigma, 0.01 * c.factor[c.group == "distance"], rtol=1e-9)
+    np.testing.assert_allclose(sigma, 0.01 * c.factor[c.group == "distance"].item(), rtol=1e-9)
 
 
 def test_proposed_factors_leave_the_result_alone(blocks: tuple[Block, Block]) -> None:
