@@ -18,6 +18,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.geometry.rotations import rotation_from_angles
+from aatri.simulation.arrangements import SHOT_S, hover, orbit, with_five_heads
 from aatri.simulation.settings import Camera, Flight
 
 TURN_S = 180.0
@@ -36,6 +37,8 @@ class Plan:
     position_m: Float  # (n, 3) E, N, h
     base_m: float
     spacing_m: float
+    looking: Float | None = None  # (n, 3, 3) planned rotations; None: down, x along the flight and the mounting
+    area: tuple[Float, Float] | None = None  # lowest and highest plan coordinates of what is photographed, m
 
 
 def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
@@ -44,6 +47,12 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
     along, across = (half_x, half_y) if camera.mounting_deg % 180 == 0 else (half_y, half_x)
     base = (1 - flight.forward_overlap / 100) * 2e-3 * along * flight.scale_number
     spacing = (1 - flight.side_overlap / 100) * 2e-3 * across * flight.scale_number
+    if flight.arrangement != "strips":
+        parts = (
+            orbit(flight, camera, ground_m) if flight.arrangement == "orbit" else hover(flight, camera, ground_m, base)
+        )
+        times = SHOT_S * np.arange(flight.strips * flight.images_per_strip)
+        return Plan(**parts, time_s=times, base_m=base, spacing_m=spacing)  # type: ignore[arg-type]
     strips = _strips(flight, base, spacing)
     counts = [len(strip.plan_m) for strip in strips]
     sequence = np.concatenate([np.arange(1, n + 1) for n in counts])
@@ -51,7 +60,7 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
     height = ground_m + 1e-3 * camera.principal_distance_mm * flight.scale_number
     first = sequence == 1
     elapsed = np.where(first, TURN_S, base / flight.speed_m_per_s)
-    return Plan(
+    plan = Plan(
         id=_image_ids(flight.strips, counts),
         strip=[strip.id for strip, n in zip(strips, counts) for _ in range(n)],
         sequence=sequence.astype(np.float64),
@@ -61,6 +70,7 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
         base_m=base,
         spacing_m=spacing,
     )
+    return plan if flight.five_heads_deg is None else with_five_heads(plan, flight.five_heads_deg, camera, ground_m)
 
 
 @dataclass(frozen=True)
@@ -110,5 +120,8 @@ def flown(plan: Plan, flight: Flight, camera: Camera, rng: np.random.Generator) 
     size = np.hypot(tilts[:, 0], tilts[:, 1])
     largest = np.deg2rad(flight.tilt_max_deg)
     tilts *= np.where(size > largest, largest / np.maximum(size, 1e-300), 1.0)[:, None]
+    if plan.looking is not None:
+        turns = np.column_stack([tilts, np.deg2rad(flight.kappa_sigma_deg) * rng.standard_normal(n)])
+        return plan.position_m + shift, np.asarray(rotation_from_angles(turns) @ plan.looking)
     kappa = plan.heading_rad + np.deg2rad(camera.mounting_deg + flight.kappa_sigma_deg * rng.standard_normal(n))
     return plan.position_m + shift, rotation_from_angles(np.column_stack([tilts, kappa]))

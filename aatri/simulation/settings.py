@@ -93,8 +93,20 @@ class Flight(BaseModel):
 
     model_config = _FROZEN
 
-    strips: int = Field(3, ge=1, description="parallel strips, flown east and west in turn")
+    arrangement: Literal["strips", "orbit", "hover"] = Field(
+        "strips", description="parallel strips; rings about a place, looking at it; several images at each place"
+    )
+    strips: int = Field(3, ge=1, description="parallel strips, flown east and west in turn; rings; places")
     images_per_strip: int = Field(6, ge=2, description="images in each of them")
+    five_heads_deg: float | None = Field(
+        None,
+        gt=0,
+        lt=70,
+        description="five cameras at each station of strips: down, and so far ahead, back, left, right",
+    )
+    orbit_elevations_deg: Range = Field(
+        (25.0, 50.0), description="of the lowest and highest ring, seen from its middle"
+    )
     cross_strips: int = Field(0, ge=0, description="strips across, flown north and south in turn")
     images_per_cross_strip: int | None = Field(None, ge=2, description="images in each; empty: as many as span them")
     forward_overlap: float = Field(60.0, gt=0, lt=100, description="overlap along the strip, percent")
@@ -218,46 +230,6 @@ class GrossErrors(BaseModel):
     positions: Much = Field(0.0, description="observed positions: share below 1, else count")
     attitudes: Much = Field(0.0, description="observed attitudes: share below 1, else count")
     size_sigmas: Range = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
-
-
-PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "rc30": {
-        "name": "rc30",
-        "camera": {
-            "id": "rc30", "kind": "film", "principal_distance_mm": 153.84, "principal_point_mm": (0.011, 0.002),
-            "format": (230.0, 230.0), "fiducials": 4, "distortion": "brown",
-            "brown": {"k1": 5.0e-9, "k2": -2.2e-13, "p1": 5.0e-8, "p2": -3.0e-8},
-        },
-        "flight": {
-            "strips": 9, "images_per_strip": 25, "cross_strips": 2, "forward_overlap": 61.0, "side_overlap": 32.0,
-            "scale_number": 2500.0,
-        },
-        "terrain": {"mean_height_m": 6.0, "relief_m": 15.0},
-        "ties": {"per_position": 6, "new_points": 3632},
-        "known": {"full": 72, "check_full": 36},
-        "earth": "map", "false_origin_m": (446000.0, 4505000.0), "refraction": "radial",
-        "noise": {"image_um": 5.0, "fiducial_um": 2.0, "control_m": (0.01, 0.01, 0.015), "gnss_m": (0.05, 0.05, 0.05)},
-    },
-    "uav": {
-        "name": "uav",
-        "camera": {
-            "id": "frame20", "kind": "digital", "principal_distance_mm": 8.8, "principal_point_mm": (0.012, -0.008),
-            "format": (5472.0, 3648.0), "pixel_size_mm": 0.0024, "distortion": "brown", "mounting_deg": 90,
-            "brown": {"k1": 2.0e-5, "k2": -1.5e-7, "p1": 2.0e-6, "p2": -1.0e-6}, "margin_mm": 0.05,
-        },
-        "flight": {
-            "strips": 8, "images_per_strip": 25, "forward_overlap": 80.0, "side_overlap": 60.0,
-            "scale_number": 11400.0, "position_sigma_m": (0.5, 0.5, 0.5), "tilt_sigma_deg": 1.0, "tilt_max_deg": 4.0,
-            "kappa_sigma_deg": 2.0, "speed_m_per_s": 10.0,
-        },
-        "terrain": {"mean_height_m": 120.0, "relief_m": 8.0, "wavelength_m": 200.0},
-        "ties": {"per_position": 0, "random_per_image": 300.0},
-        "known": {"full": 9, "check_full": 16},
-        "earth": "map", "refraction": "radial",
-        "noise": {"image_um": 1.2, "control_m": (0.01, 0.01, 0.015), "gnss_m": (0.03, 0.03, 0.03)},
-    },
-}  # fmt: skip
-"""Values laid under the user's own."""
 
 
 def over_preset(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -22,6 +22,8 @@ def standard_positions(plan: Plan) -> Float:
 
 def extent(plan: Plan) -> tuple[Float, Float]:
     """Lowest and highest plan coordinates of the standard positions of the parallel strips, m."""
+    if plan.area is not None:
+        return plan.area
     parallel = plan.position_m[np.abs(np.sin(plan.heading_rad)) < 0.5, :2]
     edge = np.array([0.0, 0.5 * plan.spacing_m])
     return parallel.min(axis=0) - edge, parallel.max(axis=0) + edge

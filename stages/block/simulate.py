@@ -28,6 +28,7 @@ from aatri.simulation.assembly import Scene, assembled
 from aatri.simulation.geodetic import Geodetic
 from aatri.simulation.measured import STREAMS, Disturbance
 from aatri.simulation.points import Ground, ground_targets
+from aatri.simulation.presets import PRESETS
 from aatri.simulation.rays import Photography
 from aatri.simulation.terrain import random_surface
 
@@ -35,8 +36,10 @@ from aatri.simulation.terrain import random_surface
 class SimulateOptions(Options):
     """What is simulated. A preset's values lie under those given here."""
 
-    preset: Literal["rc30", "uav"] | None = Field(
-        None, description="rc30: 255 film images, 9 + 2 strips, 1:2500; uav: 200 images of 20 megapixels"
+    preset: Literal["rc30", "uav", "orbit", "oblique", "hover"] | None = Field(
+        None,
+        description="rc30: 255 film images, 9 + 2 strips, 1:2500; uav: 200 images of 20 megapixels; orbit: 36 images "
+        "around a place; oblique: five cameras, 75 images; hover: 36 images over 9 places",
     )
     name: str = Field("simulated", description="name of the block")
     camera: settings.Camera = Field(settings.Camera(), description="camera and lens")
@@ -69,7 +72,7 @@ class SimulateOptions(Options):
         switch = given.get("noise")
         given = {**given, "noise": {"factor": float(switch)}} if isinstance(switch, bool) else given
         preset = given.get("preset")
-        return settings.over_preset(settings.PRESETS.get(preset, {}) if isinstance(preset, str) else {}, given)
+        return settings.over_preset(PRESETS.get(preset, {}) if isinstance(preset, str) else {}, given)
 
 
 @stage(version=1, uses=())

@@ -110,8 +110,9 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         images = images[kept]
     pairs = pairs_of(block, image_points, images)
     made = essential_orientations(
-        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points, reporter=context
-    )
+        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points, patient=False,
+        reporter=context,
+    )  # fmt: skip
     context.progress(len(images), len(images), "models")
     context.log(f"{int(made.found.formed.sum())} of {len(images)} pairs make a model")
     return essential_models(block, image_points, pairs, made)

@@ -29,7 +29,7 @@ CENTRE, POINT = "projection centre", "point"
 LOSS = 2.0
 """Bound of Huber's loss, in standard deviations of a direction."""
 
-PRIOR = 1e3
+PRIOR = 10.0
 """Standard deviation of the start, in extents of the block."""
 
 

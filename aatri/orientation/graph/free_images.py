@@ -103,7 +103,8 @@ def orient_free(
         images[pairs.left] = images[pairs.right] = True
         reporter.log(f"component {k + 1}: {int(images.sum())} images, {int(mine.sum())} pairs carry its scale")
         try:
-            centre = _centres(pairs, scaled.length[mine], rotation, rays, images, start, observed_m, rng)
+            centre, told = _centres(pairs, scaled.length[mine], rotation, rays, images, start, observed_m, rng)
+            notes += [Note("warning", text) for text in told]
             components.append(adjusted_component(rays, images, rotation, centre, image_ids, point_ids, reporter))
         except (ConvergenceError, GeometryError) as failed:
             ids = tuple(np.asarray(image_ids)[images].tolist())
@@ -143,14 +144,20 @@ def _off(rotation: Float, graph: PairGraph, pair: Float) -> Float:
 def _centres(
     pairs: PairGraph, length: Float, rotation: Float, rays: ImagePointRows, images: Bool, start: Start,
     observed_m: Float | None, rng: np.random.Generator | None,
-) -> Float:  # fmt: skip
+) -> tuple[Float, list[str]]:  # fmt: skip
+    """Projection centres of a component, and what there is to say of their start."""
+    known = observed_m is not None and bool(np.isfinite(observed_m[images]).all())
     if start == "random" and rng is not None:
         centre = rng.uniform(-1.0, 1.0, (pairs.images, 3))
-    elif start == "gnss" and observed_m is not None and np.isfinite(observed_m[images]).all():
+    elif start == "gnss" and known and observed_m is not None:
         centre = from_gnss(pairs, rotation, observed_m)
     else:
         centre = from_bases(pairs, length, rotation)
-    return by_directions(rays, rotation, centre, images, anywhere=start == "random")
+    centre, why = by_directions(rays, rotation, centre, images, anywhere=start == "random")
+    notes = [] if not why else [f"projection centres are not adjusted by the directions of rays: {why}"]
+    if start == "gnss" and not known:
+        notes.append("not all of its images have an observed position: a component starts from its bases")
+    return centre, notes
 
 
 def _of_pairs(graph: PairGraph, image_ids: Ids, error: Float, wrong: Bool, triangles: Int) -> list[Note]:

@@ -65,7 +65,9 @@ def from_gnss(pairs: PairGraph, rotation: Float, observed_m: Float) -> Float:
     return np.asarray((observed_m - np.nanmean(observed_m, axis=0)) @ turn.T)
 
 
-def by_directions(rays: ImagePointRows, rotation: Float, centre: Float, images: Bool, *, anywhere: bool) -> Float:
+def by_directions(
+    rays: ImagePointRows, rotation: Float, centre: Float, images: Bool, *, anywhere: bool
+) -> tuple[Float, str]:
     """Projection centres adjusted by the directions of rays; those of other images as they are.
 
     Parameters
@@ -76,10 +78,21 @@ def by_directions(rays: ImagePointRows, rotation: Float, centre: Float, images: 
         What is adjusted.
     anywhere : bool
         The start is none.
+
+    Returns
+    -------
+    centre : (n, 3) float64
+    why : str
+        Why they are left as they were; empty where they are adjusted.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+        If there is no start and no adjustment.
     """
     rows = _well_seen(rays, images)
     if not len(rows):
-        return centre
+        return centre, "no point is seen in two of the images"
     names, point = np.unique(rays.point[rows], return_inverse=True)
     place = np.cumsum(images) - 1
     u = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
@@ -91,13 +104,13 @@ def by_directions(rays: ImagePointRows, rotation: Float, centre: Float, images: 
         found, _ = adjusted_directions(
             direction, place[rays.image[rows]], point, centre[images], xyz, SIGMA_RAD, linear=anywhere
         )
-    except (ConvergenceError, GeometryError):
+    except (ConvergenceError, GeometryError) as error:
         if anywhere:
             raise
-        return centre
+        return centre, error.what
     moved = centre.copy()
     moved[images] = found
-    return moved
+    return moved, ""
 
 
 def _mean(direction: Float, point: Int, n: int) -> Float:

@@ -23,7 +23,7 @@ from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
 from aatri.orientation.relative.dependent import FEWEST
-from aatri.orientation.relative.kernels.consensus import KEPT, consensus
+from aatri.orientation.relative.kernels.consensus import JUDGES, KEPT, consensus
 from aatri.orientation.relative.pair_adjustment import SNOOPED
 from aatri.orientation.relative.pair_loops import Portion, RelativeOrientations, oriented_in_loops
 from aatri.orientation.relative.pairs import one_by_one
@@ -76,7 +76,7 @@ class EssentialOrientations:
 
 def essential_orientations(
     rays: RayPairs, start: Int, *, snooping_limit: float = 4.0, max_iterations: int = 20, min_points: int = 5,
-    max_samples: int = SAMPLES, reporter: Reporter = SILENT,
+    max_samples: int = SAMPLES, patient: bool = True, reporter: Reporter = SILENT,
 ) -> EssentialOrientations:  # fmt: skip
     """Orient the right image of every pair to its left one.
 
@@ -90,6 +90,8 @@ def essential_orientations(
         See `dependent.relative_orientation`.
     max_samples : int
         Most samples of a pair.
+    patient : bool
+        Pairs that the compiled loops cannot orient are tried one by one from several starts.
     reporter : Reporter
         Told how many pairs are done.
     """
@@ -107,7 +109,7 @@ def essential_orientations(
         row = np.repeat(np.arange(len(count)), count)
         share[own] = np.bincount(row[fits], minlength=len(count)) / np.maximum(count, 1)
         samples[own] = drawn
-        limit = np.maximum(LEAST, AS_GOOD * 2.0 * np.sqrt(count) / 9.0)
+        limit = np.maximum(LEAST, AS_GOOD * 2.0 * np.sqrt(np.minimum(count, JUDGES)) / 9.0)
         also = portion.chosen & (costs[:, 1] - np.where(portion.chosen, costs[:, 0], 0.0) <= limit)
         second[own][also] = poses[also, 1]
 
@@ -130,8 +132,10 @@ def essential_orientations(
             for column, value in zip(turned, _turned(mine)):
                 column[pair] = value
             continue
-        if len(rows) < SNOOPED or share[pair] >= FEWEST:
+        if patient and (len(rows) < SNOOPED or share[pair] >= FEWEST):
             one_by_one(found, rays, pair, start, snooping_limit, max_iterations, min_points)
+        elif share[pair] >= FEWEST:
+            found.reasons[pair] = "no adjustment of its points converges: they hardly determine an orientation"
         else:
             found.reasons[pair] = f"only {round(share[pair] * len(rows))} of {len(rows)} points fit one orientation"
     return EssentialOrientations(found, second, *turned, samples)

@@ -29,7 +29,7 @@ from aatri.orientation.relative.kernels.hypotheses import (
 from aatri.orientation.relative.kernels.plane_twin import plane_of, twin
 from aatri.orientation.relative.kernels.sampson import assign
 
-LISTED = 6
+LISTED = 4
 """Hypotheses kept for the end."""
 
 NEAR = 0.15
@@ -37,6 +37,9 @@ NEAR = 0.15
 
 KEPT = 3
 """Orientations returned of a pair, at most."""
+
+JUDGES = 100
+"""Points of a pair that judge hypotheses, at most: evenly taken of all; all are asked in the end which of them fit."""
 
 HOPELESS = 2.0
 """Hypotheses whose cost per point exceeds twice the best one's by more than this are not adjusted."""
@@ -124,10 +127,13 @@ def consensus(first, last, start, chosen, all_rays, most_samples, poses, costs, 
     for p in range(first, last):
         costs[p, :] = np.inf
         samples[p] = 0
-        n = start[p + 1] - start[p]
-        if not chosen[p] or n < 5:
+        everything = start[p + 1] - start[p]
+        if not chosen[p] or everything < 5:
             continue
-        rays = all_rays[start[p] : start[p + 1]]
+        n = min(everything, JUDGES)
+        rays = np.empty((n, 10))
+        for k in range(n):
+            rays[k] = all_rays[start[p] + k * everything // n]
         left, right, v, work = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 9))
         front, active = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
         for k in range(n):
@@ -180,9 +186,14 @@ def consensus(first, last, start, chosen, all_rays, most_samples, poses, costs, 
                 cost = improve(best, rays, pose, v, front, active, work, W)
                 keep(poses[p], costs[p], pose, cost)
         if costs[p, 0] < np.inf:
+            rays, v, front = (
+                all_rays[start[p] : start[p + 1]],
+                np.empty(everything),
+                np.empty(everything, dtype=np.bool_),
+            )
             essential_of(poses[p, 0], best)
             judge(best, rays, np.inf, v)
             mark_front(poses[p, 0], rays, front)
-            bound = FITS * spread(v, left[:, 0].copy())
-            for k in range(n):
+            bound = FITS * spread(v, np.empty(everything))
+            for k in range(everything):
                 fits[start[p] + k] = abs(v[k]) < bound and front[k]
