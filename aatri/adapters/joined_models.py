@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adapters.joint_methods import by_method, reversals
 from aatri.adapters.model_chains import (
     Chain,
     Gap,
@@ -24,6 +25,9 @@ from aatri.orientation.strips.joints import JointTable, scale_transfers
 CHECKED_POINTS = 3
 """With fewer connection points a wrong one cannot be located."""
 
+NO_REJECTION = 1e9
+"""Limit of test statistics that no point exceeds."""
+
 UNSTABLE_SPREAD = 0.2
 """Connection points that cover less of the width of the models make an unstable bridge."""
 
@@ -40,11 +44,15 @@ class JointRules:
         A connection point whose scale is wrong by more standard deviations is rejected.
     scale_jump : float
         A scale factor above this, or below its inverse, is reported.
+    method : {'robust', 'weighted', 'mean', 'connected', 'similarity'}
+        Scales by the weighted mean of the points with or without rejection, by their plain mean, as the models carry
+        them, or with a turn by a similarity.
     """
 
     min_connection_points: int
     snooping_limit: float
     scale_jump: float
+    method: str = "robust"
 
 
 def joined_models(block: Block, models: Models, rules: JointRules) -> tuple[Strips, tuple[Note, ...]]:
@@ -64,12 +72,14 @@ def joined_models(block: Block, models: Models, rules: JointRules) -> tuple[Stri
     table = model_table(models)
     first = np.array([model for run in runs for model in run.models[:-1]], dtype=np.int64)
     second = np.array([model for run in runs for model in run.models[1:]], dtype=np.int64)
-    joints = scale_transfers(table, first, second, snooping_limit=rules.snooping_limit)
+    limit = rules.snooping_limit if rules.method in ("robust", "similarity") else NO_REJECTION
+    joints = by_method(models, table, scale_transfers(table, first, second, snooping_limit=limit), rules.method)
     chains, breaks, notes = _joined(block, models, runs, joints, rules)
     gaps += breaks
     gaps += images_left_alone(block, chains)
     strips = strips_of(block, models, table, joints, chains, gaps)
     notes += [Note("warning", f"{_place(block, gap)}: {gap.reason}") for gap in gaps]
+    notes += reversals(block, models, joints, chains)
     notes.append(Note("note", f"{len(chains)} free strips", tuple(strips.strips.id.tolist())))
     return strips, tuple(notes)
 
@@ -94,6 +104,12 @@ def _joined(
                 needed = rules.min_connection_points
                 reason = f"models {names} share {used[joint]} usable points, {needed} are needed"
                 gaps.append(Gap(run.strip, image, following, reason))
+                chain = Chain(run.strip, [image, following], [model])
+                chains.append(chain)
+                continue
+            if not np.isfinite(joints.scale[joint]):
+                names = f"{models.orientations.id[before]} and {models.orientations.id[model]}"
+                gaps.append(Gap(run.strip, image, following, f"models {names} carry no scale of their connection"))
                 chain = Chain(run.strip, [image, following], [model])
                 chains.append(chain)
                 continue

@@ -81,7 +81,23 @@ def unbroken_runs(block: Block, models: Models) -> tuple[list[Chain], list[Gap]]
             runs.append(run)
             run = Chain(strip, [pair[1]])
         runs.append(run)
-    return [run for run in runs if run.models], gaps
+    return [run for run in runs if run.models] + _runs_without_strip(block, models), gaps
+
+
+def _runs_without_strip(block: Block, models: Models) -> list[Chain]:
+    """Chains of models of images that belong to no strip of the Block, from left to right image."""
+    o, strip = models.orientations, block.images.strip
+    follows = {int(i): k for k, i in enumerate(o.left) if strip[i] < 0 and strip[o.right[k]] < 0}
+    ends = {int(o.right[k]) for k in follows.values()}
+    runs = []
+    for image in sorted(set(follows) - ends):
+        run, at = Chain(-1, [image]), image
+        while at in follows and len(run.models) < len(follows):
+            run.models.append(follows[at])
+            at = int(o.right[follows[at]])
+            run.images.append(at)
+        runs.append(run)
+    return runs
 
 
 def images_left_alone(block: Block, chains: Sequence[Chain]) -> list[Gap]:
@@ -98,9 +114,14 @@ def images_left_alone(block: Block, chains: Sequence[Chain]) -> list[Gap]:
 def free_strip_ids(block: Block, chains: Sequence[Chain]) -> list[str]:
     """The Block's id of the strip, with .1 .2 ... where it is broken."""
     of_strip = [chain.strip for chain in chains]
-    ids = []
+    ids: list[str] = []
+    taken = set(block.strips.id.tolist())
     for k, strip in enumerate(of_strip):
         number = of_strip[: k + 1].count(strip)
+        if strip < 0:
+            name = f"found {number}"
+            ids.append(name if name not in taken else f"{name} by overlap")
+            continue
         ids.append(str(block.strips.id[strip]) + (f".{number}" if of_strip.count(strip) > 1 else ""))
     return ids
 

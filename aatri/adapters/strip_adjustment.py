@@ -9,6 +9,7 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters import strip_tables as tables
 from aatri.adapters import strips as pieces
+from aatri.adapters.strip_statistics import strip_notes
 from aatri.adapters.strip_tables import StripsOnGround
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -19,6 +20,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.polynomials import StripAxes, strip_axes
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
+from aatri.geometry.strip_bases import StripBasis
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import control_of
@@ -98,7 +100,7 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 
 def adjust_strips(
-    block: Block, strips: Strips, initial: Solution, *, degree: int, limit: float, max_sigma0: float
+    block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, limit: float, max_sigma0: float
 ) -> AdjustedStrips:
     """Adjust the strips that `initial` orients.
 
@@ -117,14 +119,22 @@ def adjust_strips(
         pieces.rejected_rows(initial.suspects, "control", control.row),
     ])  # fmt: skip
     result = adjust_strip_polynomials(
-        ground.points, len(block.points), ground.axes, control, names=names, degree=degree, active=began, limit=limit
+        ground.points,
+        len(block.points),
+        ground.axes,
+        control,
+        names=names,
+        degree=int(basis.degree.max()),
+        basis=basis,
+        active=began,
+        limit=limit,
     )
     left = np.setdiff1d(np.arange(len(strips.strips)), ground.strips)
     notes = []
     if len(left):
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
-    notes += fall_notes(result, names.tolist())
+    notes += [*fall_notes(result, names.tolist()), *strip_notes(block, ground, result, names)]
 
     def called(rows: Int) -> list[str]:
         ties, given = rows[rows < len(point)], rows[rows >= len(point)] - len(point)

@@ -13,12 +13,12 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
-from aatri.geometry.polynomials import COUNT, StripAxes
+from aatri.geometry.polynomials import StripAxes
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.strip_polynomials import StripPolynomials, model_name, terms_of
+from aatri.orientation.free_block.strip_polynomials import StripPolynomials
 
 ROLE_NAME = "strip_adjustment"
 
@@ -51,7 +51,7 @@ def transformation_tables(result: StripPolynomials, ground: StripsOnGround, stri
         tables.append(
             pieces.transformation_rows(
                 name,
-                model_name(max(plan, height)),
+                result.basis.model(max(plan, height)),
                 ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad"),
                 [
                     *(axes.origin_m + ground.origin),
@@ -60,18 +60,11 @@ def transformation_tables(result: StripPolynomials, ground: StripsOnGround, stri
                 ],
             )
         )
-        for axis, degree in enumerate((plan, plan, height)):
-            names = tuple(f"{'abc'[axis]}_{term}" for term in terms_of(degree))
-            count = COUNT[degree]
-            tables.append(
-                pieces.transformation_rows(
-                    name,
-                    model_name(degree),
-                    names,
-                    result.coefficients_m[k, axis, :count],
-                    result.sigma_m[k, axis, :count],
-                )
-            )
+        for part, degree in enumerate((plan, height)):
+            mine = np.flatnonzero((result.basis.part == part) & (result.basis.degree <= degree))
+            names = tuple(result.basis.labels[c] for c in mine)
+            values, sigma = result.coefficients_m[k, mine], result.sigma_m[k, mine]
+            tables.append(pieces.transformation_rows(name, result.basis.model(degree), names, values, sigma))
     return assemble.stacked(tables)
 
 

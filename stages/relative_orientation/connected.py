@@ -17,10 +17,10 @@ Source: docs/formulas.md 3.5, errata E08; see aatri.orientation.strips.connected
 
 from __future__ import annotations
 
-from aatri.adapters.image_pairs import neighbouring_images
 from aatri.adapters.pair_connection import connected_pairs
 from aatri.adapters.pair_methods import PairRules
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -51,6 +51,8 @@ def connected(
     """Orient the consecutive images of every strip, each model connected with the one before."""
     check_same_block(block, image_points.images.id, "image_points")
     rules = PairRules(options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0)
-    models, notes = connected_pairs(block, image_points, neighbouring_images(block), rules, context)
+    images, found = strip_pairs(block, image_points)
+    tell(found, context)
+    models, notes = connected_pairs(block, image_points, images, rules, context)
     tell(notes, context)
     return models

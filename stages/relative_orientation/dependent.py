@@ -5,7 +5,8 @@ Every point measured in both images gives one condition, that base and rays are 
     b . (u1 x R u2) = 0,   u = (x, y, -c),
 
 weighted by its standard deviation propagated from the image coordinates. Unknowns are the rotation R of the right
-image and the direction of the base b; the length of the base is 1. Pairs are the consecutive images of each strip.
+image and the direction of the base b; the length of the base is 1. Pairs are the consecutive images of each strip;
+images without strip are put in order by their overlaps.
 No approximate values are needed. Points with a wrong y-parallax are rejected by data snooping and listed as suspects.
 
 The elements phi2, omega2, kappa2, by/bx and bz/bx of the Chinese system stand in the table `elements` with their
@@ -21,9 +22,9 @@ and, for the compiled loop over the pairs, pairs.py.
 
 from __future__ import annotations
 
-from aatri.adapters.image_pairs import neighbouring_images
 from aatri.adapters.pair_methods import PairRules, oriented_pairs
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -61,6 +62,8 @@ def dependent(
     rules = PairRules(
         options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation
     )
-    models, notes = oriented_pairs(block, image_points, neighbouring_images(block), "dependent", rules, context)
+    images, found = strip_pairs(block, image_points)
+    tell(found, context)
+    models, notes = oriented_pairs(block, image_points, images, "dependent", rules, context)
     tell(notes, context)
     return models

@@ -18,9 +18,9 @@ Source: docs/formulas.md 3.3; see aatri/orientation/relative/elements.py, equal_
 
 from __future__ import annotations
 
-from aatri.adapters.image_pairs import neighbouring_images
 from aatri.adapters.pair_methods import PairRules, oriented_pairs
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -58,6 +58,8 @@ def independent(
     rules = PairRules(
         options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation
     )
-    models, notes = oriented_pairs(block, image_points, neighbouring_images(block), "independent", rules, context)
+    images, found = strip_pairs(block, image_points)
+    tell(found, context)
+    models, notes = oriented_pairs(block, image_points, images, "independent", rules, context)
     tell(notes, context)
     return models

@@ -1,6 +1,6 @@
-"""Strip block adjustment with polynomials of second degree, all strips at once.
+"""Strip adjustment with polynomials, of a single strip or all strips of a block at once.
 
-    X = x + G_j (a_j'p, b_j'p, c_j'p),        p = (1, U, V, U^2, U V)
+    X = x + G_j (a_j'p, b_j'p, c_j'p),        p = (1; U, V; U^2, U V; U^3, U^2 V)   of degree 0; 1; 2; 3
 
 x are the points of strip j brought to the ground by the similarity that `initial` implies, U and V plan coordinates in
 the strip's own axes (U along the strip, V across, both in [-1, 1]), G_j turns those axes to the ground. Ground points
@@ -19,6 +19,8 @@ Photogrammetry.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strip_adjustment import adjust_strips, strip_block_solution
 from aatri.adapters.tangent_block import in_tangent_frame
@@ -27,6 +29,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
+from aatri.geometry.strip_bases import strip_basis
 from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -34,14 +37,17 @@ from aatri.plugin import SILENT, Context, Field, Options, stage
 class PolynomialOptions(Options):
     """Options of the strip block adjustment."""
 
-    degree: int = Field(2, ge=0, le=2, description="highest degree; it falls where control and ties determine less")
+    degree: int = Field(2, ge=0, le=3, description="highest degree; it falls where control and ties determine less")
+    across: Literal["linear", "full"] = Field(
+        "linear", description="across the strip: V alone, or V^2 (degree 2), U V^2 and V^3 (degree 3) too"
+    )
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
     max_sigma0: float = Field(
         MAX_SIGMA0, gt=0, description="an error where strips deform by so many times what their length explains"
     )
 
 
-@stage(version=2, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
+@stage(version=3, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
                        "earth_curvature:frame", "undulation"))  # fmt: skip
 def polynomial(
     block: Block,
@@ -58,9 +64,8 @@ def polynomial(
     check_same_block(block, initial.images.id, "initial")
     inside = in_tangent_frame(block, initial)
     block, start = inside.block, inside.initial or initial
-    adjusted = adjust_strips(
-        block, strips, start, degree=options.degree, limit=options.limit, max_sigma0=options.max_sigma0
-    )
+    basis = strip_basis("polynomial", options.degree, full=options.across == "full")
+    adjusted = adjust_strips(block, strips, start, basis, limit=options.limit, max_sigma0=options.max_sigma0)
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, "strip_adjustment/polynomial"
     )

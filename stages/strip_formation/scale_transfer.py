@@ -16,6 +16,8 @@ Source: docs/formulas.md 3.5, 3.6; see aatri/orientation/strips: scale_transfer.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from aatri.adapters.joined_models import JointRules, joined_models
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
@@ -34,10 +36,14 @@ class ScaleTransferOptions(Options):
     snooping_limit: float = Field(
         4.0, gt=0, description="a connection point is rejected if its scale is wrong by more standard deviations"
     )
+    estimator: Literal["robust", "weighted", "mean"] = Field(
+        "robust",
+        description="weighted mean with rejection; weighted mean of all points; plain mean, as of three points",
+    )
     scale_jump: float = Field(2.0, gt=1, description="a scale factor above this, or below its inverse, is reported")
 
 
-@stage(version=1, uses=("images.strip",))
+@stage(version=2, uses=("images.strip",))
 def scale_transfer(
     block: Block,
     models: Models,
@@ -47,7 +53,7 @@ def scale_transfer(
 ) -> Strips:
     """Join the models of every strip."""
     check_same_block(block, models.images.id, "models")
-    rules = JointRules(options.min_connection_points, options.snooping_limit, options.scale_jump)
+    rules = JointRules(options.min_connection_points, options.snooping_limit, options.scale_jump, options.estimator)
     strips, notes = joined_models(block, models, rules)
     tell(notes, context)
     return strips

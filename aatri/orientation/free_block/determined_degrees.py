@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.polynomials import TERMS
-from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 from aatri.orientation.free_block.tied_solution import TiedProblem, reduced_matrix
 
 RANK = 1e-7
@@ -27,10 +26,6 @@ WORST = 2.0
 HELD = 1e-2
 """Standard deviation of control, as a share of that of the strips' points."""
 
-PART = np.repeat([0, 0, 1], 5)
-"""Plan (0) or height (1), per coefficient."""
-
-TERM_DEGREE = np.tile([0, 1, 1, 2, 2], 3)
 PARTS = ("plan", "height")
 
 
@@ -44,12 +39,14 @@ class Fall:
     reason: str
 
 
-def kept_coefficients(degrees: Int) -> Bool:
-    """Coefficients within the degrees, (n_strips, 15), from the degrees of plan and height, (n_strips, 2)."""
-    return np.asarray(degrees[:, PART] >= TERM_DEGREE)
+def kept_coefficients(degrees: Int, basis: StripBasis = SECOND_DEGREE) -> Bool:
+    """Coefficients within the degrees, (n_strips, K), from the degrees of plan and height, (n_strips, 2)."""
+    return np.asarray(degrees[:, basis.part] >= basis.degree)
 
 
-def determined_degrees(problem: TiedProblem[Float], p: Float, use: Bool, highest: Int) -> tuple[Int, list[Fall]]:
+def determined_degrees(
+    problem: TiedProblem[Float], design: Float, use: Bool, highest: Int, basis: StripBasis = SECOND_DEGREE
+) -> tuple[Int, list[Fall]]:
     """Degrees of plan and height of every strip, and what fell.
 
     Parameters
@@ -62,6 +59,7 @@ def determined_degrees(problem: TiedProblem[Float], p: Float, use: Bool, highest
         Observations that count: strip points, then control.
     highest : (n_strips, 2) int
         Degrees of plan and height to begin with.
+    basis : StripBasis
 
     Returns
     -------
@@ -73,10 +71,10 @@ def determined_degrees(problem: TiedProblem[Float], p: Float, use: Bool, highest
     N = _normal_matrix(problem, use)
     for part in (0, 1):
         while (degrees[:, part] >= 0).any():
-            kept = np.flatnonzero(kept_coefficients(degrees) & (part == PART))
-            reasons = _undetermined(N[np.ix_(kept, kept)], kept)
+            kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
+            reasons = _undetermined(N[np.ix_(kept, kept)], kept, basis)
             if not reasons:
-                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, problem.ties.strip, p)
+                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, problem.ties.strip, design)
             if not reasons:
                 break
             for strip, reason in sorted(reasons.items()):
@@ -92,7 +90,7 @@ def _normal_matrix(problem: TiedProblem[Float], use: Bool) -> Float:
     return reduced_matrix(problem, start, use, (np.broadcast_to(np.eye(3), (len(ties.strip), 3, 3)), *held))
 
 
-def _undetermined(N: Float, kept: Int) -> dict[int, str]:
+def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
     """Strips in the null vectors of the unit-diagonal normal matrix, with what is open."""
     diagonal = np.diag(N)
     empty = diagonal <= 1e-12 * diagonal.max(initial=1.0)
@@ -103,13 +101,13 @@ def _undetermined(N: Float, kept: Int) -> dict[int, str]:
     values, vectors = np.linalg.eigh(unit)
     missing = values < RANK
     weight = (vectors[:, missing] ** 2).sum(1)
-    strip, coefficient = np.divmod(kept, COEFFICIENTS)
+    strip, coefficient = np.divmod(kept, basis.size)
     involved = np.bincount(strip, weight)
     reasons = {}
     for k in np.flatnonzero(involved > 0.1 * max(involved.max(), 1e-9)):
         mine = np.flatnonzero(strip == k)
         largest = mine[np.argsort(-weight[mine], kind="stable")][:4]
-        named = [f"{'abc'[c // 5]}_{TERMS[c % 5]}" for c in coefficient[largest[weight[largest] > 0.05]]]
+        named = [basis.labels[c] for c in coefficient[largest[weight[largest] > 0.05]]]
         reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
     return reasons
 
@@ -123,20 +121,19 @@ def _above_rank(unit: Float) -> bool:
     return True
 
 
-def _extrapolating(N: Float, kept: Int, part: int, point_strip: Int, p: Float) -> dict[int, str]:
+def _extrapolating(N: Float, kept: Int, part: int, point_strip: Int, design: Float) -> dict[int, str]:
     """Strips whose corrections would be far less precise than a single point."""
     scale = np.sqrt(np.diag(N))
     Q = np.linalg.inv(N / np.outer(scale, scale)) / np.outer(scale, scale)
-    strip, coefficient = np.divmod(kept, COEFFICIENTS)
+    strip, coefficient = np.divmod(kept, design.shape[2])
     factor = np.zeros(int(strip.max()) + 1)
     for k in np.unique(strip):
         mine = strip == k
-        terms = p[point_strip == k]
         # The axes are orthogonal, so that the variances along them add up to those on the ground.
-        axis, term = np.divmod(coefficient[mine], 5)
-        moment = np.where(axis[:, None] == axis, (terms.T @ terms)[np.ix_(term, term)], 0.0)
-        spread = float((Q[np.ix_(mine, mine)] * moment).sum()) / max(len(terms), 1)
-        factor[k] = np.sqrt(spread / (2 - part)) if len(terms) else np.inf
+        rows = design[point_strip == k][:, :, coefficient[mine]]
+        flat = rows.reshape(-1, rows.shape[2])
+        spread = float((Q[np.ix_(mine, mine)] * (flat.T @ flat)).sum()) / max(len(rows), 1)
+        factor[k] = np.sqrt(spread / (2 - part)) if len(rows) else np.inf
     # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
     lower = (factor > WORST / 2) & (factor.max() > WORST)
     return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}

@@ -1,8 +1,9 @@
-"""Points of strips that go to the ground by polynomials in the strip's own axes.
+"""Points of strips that go to the ground by polynomials, or other functions, in the strip's own axes.
 
     x_o = x + G_j (a_j'p, b_j'p, c_j'p),     dx_o / d(a, b, c) = G_j (x) p',     p = (1, U, V, U^2, U V)
 
-x are the points brought to the ground approximately; x_o is linear in the 15 coefficients a, b, c of dU, dV, dW.
+x are the points brought to the ground approximately; x_o is linear in the coefficients a, b, c of dU, dV, dW
+(`geometry.strip_bases`; the usual ones, second degree with 15 coefficients, have a compiled lane).
 """
 
 from __future__ import annotations
@@ -15,19 +16,18 @@ import numpy as np
 from aatri.adjustment.records import Bind, Fill, Weigh
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.geometry.polynomials import TERMS, StripAxes, polynomial_rows
+from aatri.geometry.polynomials import StripAxes, polynomial_rows
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.kernels import ties as kernels
 from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties
 
-COEFFICIENTS = 15
-LABELS = tuple(f"{axis}_{term}" for axis in "abc" for term in TERMS)
-
 
 def polynomial_ties(
-    points: StripPoints, axes: Sequence[StripAxes], *, names: Sequence[str] | Text, n_points: int, free: Bool
-) -> Ties[Float]:
-    """Ties by polynomials; the state is the coefficients, (n_strips, 15).
+    points: StripPoints, axes: Sequence[StripAxes], *, names: Sequence[str] | Text, n_points: int, free: Bool,
+    basis: StripBasis = SECOND_DEGREE,
+) -> Ties[Float]:  # fmt: skip
+    """Ties by polynomials; the state is the coefficients, (n_strips, K).
 
     Parameters
     ----------
@@ -36,20 +36,20 @@ def polynomial_ties(
     axes : (n_strips,) sequence of StripAxes
     names : (n_strips,) sequence of str
     n_points : int
-    free : (n_strips, 15) bool
+    free : (n_strips, K) bool
         Coefficients that are estimated.
+    basis : StripBasis
     """
     strip, point = points.strip.astype(np.int32), points.point.astype(np.int32)
-    p, G = terms_of_points(points, axes), np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))
+    G = np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))
+    D = G[strip] @ design_of_points(points, axes, basis)
+    p = terms_of_points(points, axes)
 
     def on_ground(state: Float, rows: Int) -> Float:
-        k = strip[rows]
-        along = np.einsum("njt,nt->nj", state[k].reshape(-1, 3, 5), p[rows])
-        return np.asarray(points.xyz[rows] + np.einsum("nij,nj->ni", G[k], along))
+        return np.asarray(points.xyz[rows] + (D[rows] @ state[strip[rows]][:, :, None])[:, :, 0])
 
     def derivatives(_state: Float, rows: Int) -> Float:
-        J = G[strip[rows]][:, :, :, None] * p[rows][:, None, None, :]
-        return J.reshape(len(rows), 3, COEFFICIENTS)
+        return np.asarray(D[rows])
 
     def compiled(order: Int, base_m: Float) -> Weigh:
         k, q, terms = strip[order], point[order], np.ascontiguousarray(p[order])
@@ -73,13 +73,26 @@ def polynomial_ties(
     def spectrum(_state: Float) -> tuple[Float, Float]:
         return eigen()
 
-    unknowns = Unknowns(STRIP, free, LABELS, list(map(str, names)), add_step)
-    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, None, compiled)
+    unknowns = Unknowns(STRIP, free, basis.labels, list(map(str, names)), add_step)
+    lane = compiled if basis.labels == SECOND_DEGREE.labels else None
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, None, lane)
 
 
 def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:
     """The terms 1, U, V, UU, UV of every strip point, (n, 5)."""
+    local, _ = in_axes(points, axes)
+    return polynomial_rows(local[:, 0], local[:, 1])
+
+
+def design_of_points(points: StripPoints, axes: Sequence[StripAxes], basis: StripBasis) -> Float:
+    """Derivatives of the deformations of every strip point, in its strip's axes, by the coefficients, (n, 3, K)."""
+    local, half = in_axes(points, axes)
+    return basis.rows(local[:, 0], local[:, 1], half[:, 1] / half[:, 0])
+
+
+def in_axes(points: StripPoints, axes: Sequence[StripAxes]) -> tuple[Float, Float]:
+    """u and v of every strip point, (n, 2), and the half ranges of its strip, (n, 2), m."""
     origin, half = np.stack([a.origin_m for a in axes]), np.stack([a.half_range_m for a in axes])
     G, strip = np.stack([a.ground_from_axes for a in axes]), points.strip
     local = np.einsum("nji,nj->ni", G[strip], points.xyz - origin[strip])[:, :2] / half[strip]
-    return polynomial_rows(local[:, 0], local[:, 1])
+    return local, half[strip]

@@ -1,4 +1,4 @@
-"""Strip block adjustment with polynomials: all strips to the ground at once, each with its own deformation.
+"""Strip block adjustment: all strips to the ground at once, each with its own deformation, polynomial or conformal.
 
 A point of strip j, oriented approximately to x, is corrected by a polynomial in the strip's own axes,
 
@@ -18,12 +18,13 @@ import numpy as np
 
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.geometry.polynomials import COUNT, TERMS, StripAxes
+from aatri.geometry.polynomials import StripAxes
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
-from aatri.orientation.free_block.polynomial_ties import COEFFICIENTS, polynomial_ties, terms_of_points
+from aatri.orientation.free_block.polynomial_ties import design_of_points, polynomial_ties
 from aatri.orientation.free_block.tie_records import GivenPoints
 from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_indexed
 from aatri.orientation.free_block.tied_solution import TiedProblem, tied_problem
@@ -40,8 +41,9 @@ class StripPolynomials:
     degree : (n_strips, 2) int
         Of plan and height; -1 without correction.
     falls : tuple of Fall
-    coefficients_m, sigma_m : (n_strips, 3, 5) float64, m
-        Of dU, dV, dW; sigma NaN where not estimated.
+    basis : StripBasis
+    coefficients_m, sigma_m : (n_strips, K) float64, m
+        In the order of the basis; sigma NaN where not estimated.
     corrected_m : (n, 3) float64, m
         Strip points with their corrections.
     point_m : (n_points, 3) float64, m
@@ -52,6 +54,7 @@ class StripPolynomials:
 
     degree: Int
     falls: tuple[Fall, ...]
+    basis: StripBasis
     coefficients_m: Float
     sigma_m: Float
     corrected_m: Float
@@ -67,6 +70,7 @@ def adjust_strip_polynomials(
     *,
     names: Sequence[str] | Text | None = None,
     degree: int = 2,
+    basis: StripBasis = SECOND_DEGREE,
     active: Bool | None = None,
     limit: float = LIMIT,
 ) -> StripPolynomials:
@@ -83,7 +87,8 @@ def adjust_strip_polynomials(
     names : (n_strips,) sequence of str, optional
         Of the strips, for messages.
     degree : int
-        Highest degree, 0 to 2.
+        Highest degree, 0 to that of the basis.
+    basis : StripBasis
     active : (n + n_control,) bool, optional
         Observations to begin with; the others are tested for re-admission.
     limit : float
@@ -93,25 +98,27 @@ def adjust_strip_polynomials(
     degrees, falls = np.full((len(axes), 2), degree), []
     given = GivenPoints("control", control.point, control.xyz_m, control.covariance_m2, control.given)
     strip_names = [str(k) for k in range(len(axes))] if names is None else names
-    start = np.zeros((len(axes), COEFFICIENTS))
-    ties = polynomial_ties(points, axes, names=strip_names, n_points=n_points, free=np.ones(start.shape, dtype=bool))
+    start = np.zeros((len(axes), basis.size))
+    free = np.ones(start.shape, dtype=bool)
+    ties = polynomial_ties(points, axes, names=strip_names, n_points=n_points, free=free, basis=basis)
     whole = tied_problem(ties, [given], start, "strip block adjustment")
-    p = terms_of_points(points, axes)
+    design = design_of_points(points, axes, basis)
     while True:
-        degrees, fell = determined_degrees(whole, p, use, degrees)
+        degrees, fell = determined_degrees(whole, design, use, degrees, basis)
         falls += fell
-        free = kept_coefficients(degrees)
+        free = kept_coefficients(degrees, basis)
         tied = adjust_indexed(whole if free.all() else _with_free(whole, free), start, Snooping(limit), active=use)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
-        if not lost or not determined_degrees(whole, p, tied.active, degrees)[1]:
+        if not lost or not determined_degrees(whole, design, tied.active, degrees, basis)[1]:
             break
         use = tied.active
     return StripPolynomials(
         degree=degrees,
         falls=tuple(falls),
-        coefficients_m=tied.state.reshape(-1, 3, 5),
-        sigma_m=np.where(free, tied.sigma, np.nan).reshape(-1, 3, 5),
+        basis=basis,
+        coefficients_m=tied.state,
+        sigma_m=np.where(free, tied.sigma, np.nan),
         corrected_m=ties.on_ground(tied.state, ties.rows),
         point_m=tied.mean_m,
         tied=tied,
@@ -132,16 +139,22 @@ def fall_notes(result: StripPolynomials, names: Sequence[str]) -> list[Note]:
             falls = [fall for fall in result.falls if fall.strip == strip and fall.part == part]
             if falls:
                 reasons = "; ".join(f"degree {fall.degree + 1}: {fall.reason}" for fall in falls)
-                model = model_name(int(result.degree[strip, column]))
+                model = result.basis.model(int(result.degree[strip, column]))
                 notes.append(Note("warning", f"strip {name}, {part}: {model}, as {reasons}"))
     return notes
 
 
-def model_name(degree: int) -> str:
-    """`polynomial_2` ...; `similarity` without correction."""
-    return f"polynomial_{degree}" if degree >= 0 else "similarity"
+def textbook_counts(result: StripPolynomials, points: StripPoints, control: Control) -> tuple[int, int]:
+    """Equations and coefficients as textbooks count them, without the ground points.
 
-
-def terms_of(degree: int) -> tuple[str, ...]:
-    """Names of the terms of a degree."""
-    return TERMS[: COUNT[degree]]
+    A coordinate that is known gives every strip that holds its point an equation, one that is not gives an equation
+    between every two neighbours of the k strips: k - 1. The difference is the redundancy all the same.
+    """
+    n = int(max(points.point.max(initial=0), control.point.max(initial=0))) + 1
+    used = result.tied.active[: len(points.point)]
+    strips = np.bincount(points.point[used], minlength=n)
+    known = np.zeros((n, 3), dtype=bool)
+    of_control = result.tied.active[len(points.point) :]
+    np.logical_or.at(known, control.point[of_control], control.given[of_control])
+    equations = np.where(known, strips[:, None], np.maximum(strips[:, None] - 1, 0)).sum()
+    return int(equations), int(kept_coefficients(result.degree, result.basis).sum())

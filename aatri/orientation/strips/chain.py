@@ -70,12 +70,12 @@ def form_strips(
     count = np.array([len(chain) for chain, _ in chains], dtype=np.int64)
     order = np.array([k for chain, _ in chains for k in chain], dtype=np.int64)
     used = np.array([k for _, chain in chains for k in chain], dtype=np.int64)
-    position, rotation, scale = _followed(models, joints, count, order, used)
+    position, rotation, of_model, scale = _followed(models, joints, count, order, used)
     strip_of_model = np.repeat(np.arange(len(chains)), count)
     in_model = np.arange(len(order)) + strip_of_model  # each strip has one image more than models
     place, (strip, m, R, X0) = np.zeros(len(models.base), dtype=np.int64), _nowhere(len(models.base))
     place[order], strip[order], m[order] = np.arange(len(order)), strip_of_model, scale
-    R[order], X0[order] = rotation[in_model], position[in_model]
+    R[order], X0[order] = of_model, position[in_model]
     of_row = models.of_row()
     placed = X0[of_row] + m[of_row][:, None] * (R[of_row] @ models.xyz[:, :, None])[:, :, 0]
     use = strip[of_row] >= 0
@@ -96,24 +96,27 @@ def _nowhere(n: int) -> tuple[Int, Float, Float, Float]:
 
 def _followed(
     models: ModelTable, joints: JointTable, count: Int, order: Int, used: Int
-) -> tuple[Float, Float, Float]:  # fmt: skip
-    """Projection centres and rotations of all images, scales of all models; all strips one model farther at a time."""
+) -> tuple[Float, Float, Float, Float]:  # fmt: skip
+    """Projection centres and rotations of images, rotations and scales of models; one model farther at a time."""
     n = len(count)
     first_image, first_model = np.cumsum(count + 1) - count - 1, np.cumsum(count) - count
     first_joint = first_model - np.arange(n)
     position, rotation = np.zeros((int(count.sum()) + n, 3)), np.zeros((int(count.sum()) + n, 3, 3))
     rotation[first_image] = np.eye(3)
-    scale = np.ones(len(order))
+    scale, of_model = np.ones(len(order)), np.zeros((len(order), 3, 3))
     for k in range(int(count.max(initial=0))):
         on = np.flatnonzero(count > k)
         image, place = first_image[on] + k, first_model[on] + k
         model = order[place]
-        if k > 0:
-            scale[place] = scale[place - 1] * joints.scale[used[first_joint[on] + k - 1]]
         R = rotation[image]
+        if k > 0:
+            joint = used[first_joint[on] + k - 1]
+            scale[place] = scale[place - 1] * joints.scale[joint]
+            R = R if joints.turn is None else R @ joints.turn[joint]
+        of_model[place] = R
         position[image + 1] = position[image] + scale[place][:, None] * (R @ models.base[model][:, :, None])[:, :, 0]
         rotation[image + 1] = R @ models.left_from_right[model]
-    return position, rotation, scale
+    return position, rotation, of_model, scale
 
 
 def _means(strip: Int, point: Int, x: Float, covariance: Float) -> tuple[Int, Int, Float, Float, Int]:

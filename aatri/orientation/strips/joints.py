@@ -73,6 +73,8 @@ class JointTable:
         Rows of the common points among the points of the models.
     active : (n,) bool
     log_scale, size, size_sigma, test : (n,) float64
+    turn : (j, 3, 3) float64 or None
+        Rotation of the second model against the common image, where the points and not the image connect the models.
     """
 
     first: Int
@@ -88,6 +90,7 @@ class JointTable:
     size: Float
     size_sigma: Float
     test: Float
+    turn: Float | None = None
 
     def used(self) -> Int:
         """Points used at each joint, (j,)."""

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from aatri.geometry.polynomials import correction_design, strip_axes
+from aatri.geometry.strip_bases import strip_basis
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.strip_polynomials import adjust_strip_polynomials
+from aatri.orientation.free_block.strip_polynomials import adjust_strip_polynomials, textbook_counts
 
 RNG = np.random.default_rng(21)
 
@@ -133,3 +134,56 @@ def test_a_point_known_in_one_strip_only_is_corrected_with_its_strip():
     single = points.take(points.strip == 0)
     found = adjust_strip_polynomials(single, len(truth), axes[:1], _control(truth, np.arange(0, len(truth), 9)))
     np.testing.assert_allclose(found.corrected_m, truth[single.point], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("form", "degree", "full"),
+    [("conformal", 2, False), ("conformal", 3, False), ("polynomial", 3, False), ("polynomial", 3, True)],
+)
+def test_a_deformation_of_every_form_is_recovered_with_enough_control(form, degree, full):
+    basis = strip_basis(form, degree, full=full)
+    truth, straight, axes = _block(bend_m=0.0)
+    rng = np.random.default_rng(3)
+    bent = straight.xyz.copy()
+    for k, ax in enumerate(axes):
+        mine = straight.strip == k
+        c = rng.normal(0, 0.3, basis.size)
+        for _ in range(60):
+            local = ((bent[mine] - ax.origin_m) @ ax.ground_from_axes)[:, :2] / ax.half_range_m
+            ratio = np.full(len(local), ax.half_range_m[1] / ax.half_range_m[0])
+            bent[mine] = straight.xyz[mine] - basis.rows(local[:, 0], local[:, 1], ratio) @ c @ ax.ground_from_axes.T
+    points = StripPoints(straight.strip, straight.point, bent, straight.covariance)
+    found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 7)),
+                                     degree=degree, basis=basis)  # fmt: skip
+    assert (found.degree == degree).all()
+    assert np.abs(found.point_m - truth).max() < 1e-8
+
+
+def _lecture():
+    """Three strips of five images: 5 columns and 7 rows of points, of which 10 are known and 2 in height."""
+    x, y = np.meshgrid(np.arange(5) * 200.0, np.arange(7) * 100.0, indexing="ij")
+    truth = np.column_stack([x.ravel(), y.ravel(), RNG.uniform(0, 20, 35)])
+    row = np.tile(np.arange(7), 5)
+    column = np.repeat(np.arange(5), 7)
+    sets = [np.flatnonzero((row >= 2 * k) & (row <= 2 * k + 2)) for k in range(3)]
+    centres = [
+        np.column_stack([np.arange(5) * 200.0, np.full(5, 200.0 * k + 100), np.full(5, 400.0)]) for k in range(3)
+    ]
+    axes = [strip_axes(truth[s], c) for s, c in zip(sets, centres)]
+    points = StripPoints(np.repeat(np.arange(3), 15), np.concatenate(sets), truth[np.concatenate(sets)],
+                         np.tile(np.diag([1e-4, 1e-4, 4e-4]), (45, 1, 1)))  # fmt: skip
+    full = (np.isin(row, [0, 6]) & np.isin(column, [0, 2, 4])) | (np.isin(row, [2, 4]) & np.isin(column, [0, 4]))
+    height = np.isin(row, [2, 4]) & (column == 2)
+    rows = np.flatnonzero(full | height)
+    given = np.where(full[rows][:, None], True, [False, False, True])
+    return truth, points, axes, _as_control(rows, truth[rows], 0.01, given)
+
+
+@pytest.mark.parametrize(("form", "coefficients"), [("polynomial", 45), ("conformal", 33)])
+def test_counts_of_the_lecture_notes(form, coefficients):
+    """62 equations; 45 coefficients leave 17 redundant, 33 conformal ones 29."""
+    truth, points, axes, control = _lecture()
+    found = adjust_strip_polynomials(points, len(truth), axes, control, basis=strip_basis(form, 2))
+    assert textbook_counts(found, points, control) == (62, coefficients)
+    assert found.tied.observations - found.tied.unknowns == 62 - coefficients
+    assert np.abs(found.point_m - truth).max() < 1e-8
