@@ -97,7 +97,7 @@ def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Simil
         ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
         held = np.zeros(int(points.point.max()) + 1, dtype=bool)
         held[bodies[a].point] = True
-        near = np.unique(member[points.strip[held[points.point]]]).tolist()
+        near = np.flatnonzero(np.bincount(member[points.strip[held[points.point]]])).tolist()
         ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near if label != a])
 
 

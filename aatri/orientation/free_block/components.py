@@ -145,28 +145,34 @@ def _plausible(xyz: Float, variance: Float, point: Int) -> Bool:
     A point is compared with the median over its strips; of two that disagree the less precise is set aside. What was
     set aside too much is re-admitted by its test.
     """
+    count = np.bincount(point)
     order = np.argsort(point, kind="stable")
-    median = np.stack([_medians(point[order], column[order]) for column in xyz.T], axis=1)
+    median = np.stack([_medians(point[order], column[order], count) for column in xyz.T], axis=1)
     distance = np.linalg.norm(xyz - median[point], axis=1)
-    shared = np.bincount(point)[point] > 1
+    shared = count[point] > 1
     if not shared.any():
         return np.ones(len(point), dtype=bool)
     least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(xyz).max()))
     gross = shared & (distance > least)
-    pair = np.bincount(point)[point] == 2
+    pair = count[point] == 2
     precise = np.lexsort((variance, point))
     first = np.zeros(len(point), dtype=bool)
     first[precise[np.diff(point[precise], prepend=-1) > 0]] = True
     return np.asarray(~(gross & ~(pair & first)))
 
 
-def _medians(point: Int, value: Float) -> Float:
-    """Median of the values of each point; points ascending."""
-    order = np.lexsort((value, point))
-    start = np.flatnonzero(np.diff(point, prepend=-1))
-    count = np.diff([*start, len(point)])
-    ranked = value[order]
-    return np.asarray(0.5 * (ranked[start + (count - 1) // 2] + ranked[start + count // 2]))
+def _medians(point: Int, value: Float, count: Int) -> Float:
+    """Median of the values of each point; points ascending, each `count` times, at least once."""
+    start = np.cumsum(count) - count
+    total, least, most = (f.reduceat(value, start) for f in (np.add, np.minimum, np.maximum))
+    found = np.where(count > 2, total - least - most, total / count)
+    many = np.flatnonzero((count > 3)[point])  # few points lie in more than three strips
+    if len(many):
+        ranked = value[many][np.lexsort((value[many], point[many]))]
+        of = count[count > 3]
+        first = np.cumsum(of) - of
+        found[count > 3] = 0.5 * (ranked[first + (of - 1) // 2] + ranked[first + of // 2])
+    return found
 
 
 def _reasons(

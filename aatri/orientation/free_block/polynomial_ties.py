@@ -20,7 +20,7 @@ from aatri.geometry.polynomials import StripAxes, polynomial_rows
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.kernels import ties as kernels
-from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties
+from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties, spectrum_of
 
 
 def polynomial_ties(
@@ -67,8 +67,7 @@ def polynomial_ties(
 
     @cache
     def eigen() -> tuple[Float, Float]:
-        values, vectors = np.linalg.eigh(points.covariance)
-        return np.maximum(values, 0.0), vectors
+        return spectrum_of(points.covariance)
 
     def spectrum(_state: Float) -> tuple[Float, Float]:
         return eigen()

@@ -19,7 +19,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.similarity import Similarity
 from aatri.orientation.free_block.kernels import ties as kernels
-from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties
+from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties, spectrum_of
 
 LABELS = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z", "scale")
 
@@ -95,8 +95,7 @@ def similarity_ties(
         Lever arms, along the strip's axes.
     """
     strip, point = strip.astype(np.int32), point.astype(np.int32)
-    values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, 0.0)
+    values, vectors = spectrum_of(covariance)
 
     def arms(state: Similarities, rows: Int) -> tuple[Float, Float]:
         """s R x, and the same with R b."""

@@ -24,6 +24,7 @@ from aatri.adjustment.small_matrices import inverse_cholesky
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.coordinates import value_records
+from aatri.orientation.free_block.kernels.eigen import eigen
 
 S = TypeVar("S")
 
@@ -124,6 +125,13 @@ def given_records(given: GivenPoints, base_m: Float) -> Records:
     point = given.point.astype(np.int32)
     unit = np.broadcast_to(np.eye(3), given.covariance_m2.shape)  # weighted later, see `given_whitener`
     return value_records(given.kind, POINT, point, given.xyz_m - base_m[point], unit, given.given)
+
+
+def spectrum_of(covariance: Float) -> tuple[Float, Float]:
+    """Eigenvalues (n, 3), none negative, and eigenvectors by columns (n, 3, 3) of covariances (n, 3, 3)."""
+    values, vectors = np.empty(covariance.shape[:2]), np.empty(covariance.shape)
+    eigen(0, len(values), np.ascontiguousarray(covariance, dtype=np.float64), values, vectors)
+    return np.maximum(values, 0.0), vectors
 
 
 def tie_whitener(eigenvalues: Float, eigenvectors: Float, tau_m: float) -> Float:

@@ -7,7 +7,9 @@ import pytest
 
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form, transform
+from aatri.orientation.free_block.components import _medians
 from aatri.orientation.free_block.kernels.robust_similarity import robust_similarities
+from aatri.orientation.free_block.tie_records import spectrum_of
 
 
 def _pair(rng, n, wrong):
@@ -40,3 +42,25 @@ def test_points_that_are_mirrored_are_not_fitted_by_a_mirrored_rotation():
     robust_similarities(np.array([0, 30]), x, X * (1, 1, -1), 50, shift, scale, rotation, distance)
     assert np.linalg.det(rotation[0]) == pytest.approx(1.0)
     assert distance.max() > 1.0
+
+
+def test_eigenvalues_and_vectors_are_those_of_numpy_also_of_singular_and_equal_ones():
+    rng = np.random.default_rng(7)
+    half = rng.normal(size=(300, 3, 3)) * np.array([1e-4, 1.0, 30.0])
+    C = half @ half.swapaxes(1, 2)
+    C[0], C[1], C[2], C[3] = 0.0, 2.5 * np.eye(3), np.ones((3, 3)), np.diag([3.0, 0.0, 1e-20])
+    values, vectors = spectrum_of(C)
+    scale = np.linalg.norm(C, axis=(1, 2))[:, None]
+    assert (np.abs(np.sort(values, axis=1) - np.linalg.eigvalsh(C)) <= 1e-14 * scale).all()
+    np.testing.assert_allclose(vectors.swapaxes(1, 2) @ vectors, np.tile(np.eye(3), (300, 1, 1)), atol=1e-14)
+    again = (vectors * values[:, None]) @ vectors.swapaxes(1, 2)
+    assert (np.abs(again - C) <= 1e-13 * scale[:, None]).all()
+
+
+def test_medians_of_points_in_any_number_of_strips():
+    rng = np.random.default_rng(8)
+    count = np.array([1, 2, 3, 4, 1, 7, 2, 5])
+    point = np.repeat(np.arange(8), count)
+    value = rng.normal(size=len(point))
+    wanted = [np.median(value[point == p]) for p in range(8)]
+    np.testing.assert_allclose(_medians(point, value, count), wanted, rtol=1e-13)
