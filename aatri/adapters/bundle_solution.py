@@ -27,7 +27,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.observations.poses import CAMERA
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, without_absent
 
 
 def bundle_solution(
@@ -36,7 +36,7 @@ def bundle_solution(
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted
-    result = result_out_of(given.given.frame if given.given else None, result)
+    result = without_absent(result_out_of(given.given.frame if given.given else None, result))
     per_image, per_point, rms_sigma_um = _image_points(given, result)
     state = adjusted.state
     return Solution(

@@ -36,6 +36,7 @@ from aatri.adjustment.settings import Settings
 from aatri.adjustment.stepping.linearity import LINEAR, after_step
 from aatri.adjustment.stepping.robust import down_weighted, settled, with_curvature
 from aatri.adjustment.stepping.runaways import steadied
+from aatri.adjustment.stiff import stiffened
 from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
 from aatri.adjustment.structure.weights import taking_no_part
@@ -81,12 +82,15 @@ def adjust_large(
     ConvergenceError
         If the iteration does not converge; the message names the worst records.
     """
+    stiff = stiffened(unknowns, records, constraints, start)
+    if stiff.records:
+        records, constraints = (*records, *stiff.records), ()
     stated = Problem(tuple(unknowns), tuple(records), tuple(constraints))
     settings = replace(settings or Settings(), **changed)
     max_iterations, tolerance = settings.max_iterations, settings.tolerance
     problem = indexed(stated, settings, support(unknowns, records, constraints, start))
     problem = within_limit(problem, reporter)
-    notes = _without_observations(problem)
+    notes = [*_without_observations(problem), *stiff.notes()]
     factored = factorise_constrained(problem, start)
     refuse_unusable(IterationState(problem, dict(start), factored))
     if not factored.factor.whole:
@@ -111,7 +115,9 @@ def adjust_large(
                 continue
             bent, cost = after_step(problem, here.state, trial, found)
             if bent <= LINEAR:
+                stiff.refuse_violated(trial)
                 done = _finished(problem, trial, cost, tuple(history), (*notes, *hardly))
+                done = replace(done, observations=done.observations - stiff.count)
                 return replace(done, factored=factored) if linear else done
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration == max_iterations:

@@ -21,6 +21,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
 from aatri.frames.expanded import Expanded
 from aatri.frames.tangent import TangentFrame
+from aatri.observations.correlated import joined
 from aatri.observations.observed import NEARLY_EXACT, Given, Holds, Observed, named
 from aatri.observations.poses import POINT
 
@@ -32,7 +33,7 @@ KIND = "control"
 PARTS = (("plan", (0, 1)), ("height", (2,)))
 """Components of control that are measured apart."""
 
-USES = ("ground_points.xyz_m", "ground_points.covariance_m2")
+USES = ("ground_points.xyz_m", "ground_points.covariance_m2", "ground_point_covariances")
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,16 @@ def control_of(block: Block) -> Control:
 
 def control(given: Given) -> tuple[Observed, ...]:
     """Control points of the block."""
+    observed = _control(given)
+    c = given.block.ground_point_covariances
+    if not len(c) or not observed:
+        return observed
+    scalars = [3 * o.row[:, None] + np.arange(3) for o in observed]
+    return joined(observed, 3 * c.row_a + c.axis_a, 3 * c.row_b + c.axis_b, np.asarray(c.value), scalars)
+
+
+def _control(given: Given) -> tuple[Observed, ...]:
+    """Control points, each by itself."""
     found = control_of(given.block)
     if given.frame is None:
         return observed_control(found, given.origin_m, given.block.points.id[found.point])

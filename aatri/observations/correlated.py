@@ -61,6 +61,11 @@ def joined(observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Flo
             raise InputError(f"covariances between observations of different kinds: {', '.join(sorted(kinds))}",
                              where=", ".join(observed[i].label(r) for i, r in members[:4]),
                              remedy="give covariances within one kind of observation")  # fmt: skip
+        for i, r in members:
+            holds = observed[i].holds
+            if holds is not None and holds.scalar[r].any():
+                raise InputError("a coordinate is exact, others of the same point are correlated with other points",
+                                 where=observed[i].label(r), remedy="give it a small standard deviation")  # fmt: skip
         builds[_build(observed, members)].append(members)
     value = {(min(a, b), max(a, b)): c for a, b, c in zip(row_a.tolist(), row_b.tolist(), covariance.tolist())}
     alone = [np.ones(len(o), dtype=bool) for o in observed]

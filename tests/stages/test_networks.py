@@ -131,3 +131,47 @@ def test_a_network_without_datum_is_refused_and_free_with_inner_constraints(tmp_
     for k in range(5):
         block_of = Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         np.testing.assert_allclose(free.points.covariance_m2[k], block_of, atol=1e-6 * np.abs(Q).max())
+
+
+def test_control_of_a_network_enters_with_its_full_covariance(tmp_path: Path) -> None:
+    """Two heights as control, correlated by 0.8, and a third levelled from both: against the dense solution."""
+    (tmp_path / "block.yaml").write_text(HEAD)
+    points = ["P,,,100.000,,,0.010,Z:control", "Q,,,101.000,,,0.020,Z:control", "R,,,100,,,,approximate"]
+    (tmp_path / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *points]) + "\n")
+    rows = ["height_difference,P,R,0.530,0.005", "height_difference,R,Q,0.500,0.005"]
+    (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *rows]) + "\n")
+    covariances = "table,row_a,row_b,value,coord_a,coord_b\nground_points,P,Q,0.00016,Z,Z\n"
+    (tmp_path / "covariances.csv").write_text(covariances)
+    solution = bundle(tables(options=TablesOptions(path=tmp_path)), options=BundleOptions(tolerance=1e-8))
+    A = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 1], [0, 1, -1]])
+    C = np.diag([1e-4, 4e-4, 25e-6, 25e-6])
+    C[0, 1] = C[1, 0] = 1.6e-4
+    W = np.linalg.inv(C)
+    Q = np.linalg.inv(A.T @ W @ A)
+    x = Q @ A.T @ W @ np.array([100.0, 101.0, 0.53, 0.5])
+    np.testing.assert_allclose(solution.points.xyz_m[:, 2], x, atol=1e-9)
+    np.testing.assert_allclose(solution.points.covariance_m2[:, 2, 2], np.diag(Q), rtol=1e-6)
+    assert np.isnan(solution.points.xyz_m[:, :2]).all()
+    assert solution.redundancy == 1
+
+
+def test_many_exact_distances_are_those_of_multipliers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8))
+    monkeypatch.setattr("aatri.adjustment.stiff.MOST_BY_MULTIPLIERS", 0)
+    stiff = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8))
+    np.testing.assert_allclose(stiff.points.xyz_m, few.points.xyz_m, atol=1e-8)
+    scale = np.abs(few.points.covariance_m2).max()
+    np.testing.assert_allclose(stiff.points.covariance_m2 / scale, few.points.covariance_m2 / scale, atol=1e-5)
+    assert (stiff.redundancy, stiff.observations) == (few.redundancy, few.observations)
+    assert stiff.sigma0 == pytest.approx(few.sigma0, rel=1e-5)
+
+
+def test_exact_distances_that_contradict_each_other_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aatri.adjustment.stiff.MOST_BY_MULTIPLIERS", 0)
+    _network(tmp_path, exact="DE")
+    path = tmp_path / "relative_control.yaml"
+    path.write_text(path.read_text() + "- {type: distance, points: [E, D], value: 72.5, exact: true}\n")
+    with pytest.raises(GeometryError, match="exact conditions contradict each other: relative_distance"):
+        bundle(tables(options=TablesOptions(path=tmp_path)), options=BundleOptions(max_sigma0=1e9))

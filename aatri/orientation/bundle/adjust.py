@@ -156,14 +156,12 @@ def _result(
             groups[name][some] = values[some]
         found = _of_observations(given, part, marginal.records)
     poses: Poses = adjusted.state[POSE]
-    if POINT in groups:
-        groups[POINT] = np.where(part.absent[:, :, None] | part.absent[:, None, :], np.nan, groups[POINT])
     return BundleResult(
         Poses(
             np.where(image[:, None], poses.position_m + given.origin_m, np.nan),
             np.where(image[:, None, None], poses.ground_from_image, np.nan),
         ),
-        np.where(point[:, None] & ~part.absent, adjusted.state[POINT] + given.origin_m, np.nan),
+        np.where(point[:, None], adjusted.state[POINT] + given.origin_m, np.nan),
         groups,
         tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in given.parameters),
         tuple(_observations(o, part.rows[i], found.get(i)) for i, o in enumerate(given.observed)),
@@ -172,6 +170,7 @@ def _result(
         adjusted,
         notes,
         free,
+        part.absent,
     )
 
 

@@ -78,6 +78,8 @@ class BundleResult:
     notes : tuple of Note
     free : FreeDatum, optional
         Where the datum is free.
+    absent : (n_points, 3) bool, optional
+        Coordinates that no observation can see: values of the start, no results.
     """
 
     poses: Poses
@@ -90,6 +92,7 @@ class BundleResult:
     adjusted: Adjusted
     notes: tuple[Note, ...] = ()
     free: FreeDatum | None = None
+    absent: Bool | None = None
 
     @property
     def pose_covariance(self) -> Float:
@@ -106,6 +109,15 @@ class BundleResult:
         """Image points that determine the result."""
         rays = [o.used for o in self.observations if POSE in _groups(o) and POINT in _groups(o)]
         return rays[0] if rays else np.zeros(0, dtype=bool)
+
+
+def without_absent(result: BundleResult) -> BundleResult:
+    """The result, NaN where a coordinate of a point is none of its unknowns."""
+    if result.absent is None or not result.absent.any():
+        return result
+    unknown = result.absent[:, :, None] | result.absent[:, None, :]
+    covariances = {**result.covariances, POINT: np.where(unknown, np.nan, result.covariances[POINT])}
+    return replace(result, xyz_m=np.where(result.absent, np.nan, result.xyz_m), covariances=covariances)
 
 
 def _groups(observations: AdjustedObservations) -> set[str]:
