@@ -13,7 +13,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints, Interior
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
@@ -115,7 +115,7 @@ def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed
 
 def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:
     """What earlier stages have rejected, by kind and row of its table."""
-    rows = np.flatnonzero((suspects.verdict == "rejected") & (suspects.row >= 0))
+    rows = np.flatnonzero(staying_out(suspects) & (suspects.row >= 0))
     return set(zip(suspects.kind[rows].tolist(), suspects.row[rows].tolist()))
 
 

@@ -11,7 +11,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import GroundPoints, ImageOrientations, Residuals, SolvedCameras
-from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError
 from aatri.geometry.vectors import finite_rows
 from aatri.tables.schema import Table, columns_of
@@ -118,6 +118,6 @@ def stacked(tables: Sequence[T]) -> T:
 def rejected_rows(suspects: Suspects, image_points: ImagePoints) -> Bool:
     """Measurements that an earlier stage has rejected, (n,) bool by row of the measurements."""
     rejected = np.zeros(len(image_points.measurements), dtype=bool)
-    chosen = (suspects.kind == "image_point") & (suspects.verdict == "rejected") & (suspects.row >= 0)
+    chosen = (suspects.kind == "image_point") & staying_out(suspects) & (suspects.row >= 0)
     rejected[suspects.row[chosen]] = True
     return rejected

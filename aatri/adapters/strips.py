@@ -13,7 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
-from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
@@ -75,7 +75,7 @@ def tested(
 
 def rejected_before(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
     """Which observations, by the ids of image (or strip) and point, an earlier stage has rejected: (n,) bool."""
-    rows = np.flatnonzero((suspects.kind == kind) & (suspects.verdict == "rejected"))
+    rows = np.flatnonzero((suspects.kind == kind) & staying_out(suspects))
     if not len(rows):
         return np.zeros(len(image), dtype=bool)
     known = set(zip(suspects.image[rows].tolist(), suspects.point[rows].tolist()))
@@ -84,7 +84,7 @@ def rejected_before(suspects: Suspects, kind: str, image: Text, point: Text) -> 
 
 def rejected_rows(suspects: Suspects, kind: str, row: Int) -> Bool:
     """Which observations of a kind, by their rows in the Block, an earlier stage has rejected: (n,) bool."""
-    rejected = suspects.row[(suspects.kind == kind) & (suspects.verdict == "rejected")]
+    rejected = suspects.row[(suspects.kind == kind) & staying_out(suspects)]
     return np.asarray(np.isin(row, rejected[rejected >= 0]))
 
 

@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.artifacts.suspects import Suspects
-from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders import tests_of
+from aatri.arrays import Int, Text
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.orientation.bundle.blunders.search import tests_of
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round
 
 
 def with_gross_errors(result: BundleResult, suspects: Suspects, limit: float) -> Suspects:
@@ -43,16 +44,17 @@ def with_gross_errors(result: BundleResult, suspects: Suspects, limit: float) ->
     return assemble.stacked([suspects, new])
 
 
-def after(suspects: Suspects, given: BundleInput, result: BundleResult) -> Suspects:
+def after(suspects: Suspects, done: Round) -> Suspects:
     """The suspects after an adjustment: those of earlier stages with their verdict, and what it rejected itself."""
+    given, result = done.given, done.result
     state = result.adjusted.state
     parts, before = [], set(zip(suspects.kind.tolist(), suspects.row.tolist()))
     out = {(o.kind, int(r)) for o in given.observed if o.rejected is not None for r in o.row[o.rejected]}
     known = [pair in out for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
     tested = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
-    back = tested & ~np.array(known, dtype=bool) & (suspects.verdict == "rejected")
+    back = tested & ~np.array(known, dtype=bool) & staying_out(suspects)
     verdict = np.where(back, "readmitted", suspects.verdict)
-    for found in result.observations:
+    for i, found in enumerate(result.observations):
         o = found.observed
         rows = np.flatnonzero(o.rejected) if o.rejected is not None and not o.components else np.zeros(0, dtype=int)
         rows = rows[[(o.kind, int(r)) not in before for r in o.row[rows]]] if len(rows) else rows
@@ -76,7 +78,15 @@ def after(suspects: Suspects, given: BundleInput, result: BundleResult) -> Suspe
                 unit=np.full(n, o.unit),
                 sigma=np.where(w > 0, size / np.where(w > 0, w, 1.0), np.nan),
                 test=w,
-                verdict=np.full(n, "rejected"),
+                verdict=_verdicts(done, i, rows),
             )
         )
     return assemble.stacked([replace(suspects, verdict=verdict), *parts])
+
+
+def _verdicts(done: Round, place: int, rows: Int) -> Text:
+    """Rejected, undecidable or swapped."""
+    swapped = [r for swap in done.swapped if swap.place == place for r in (swap.first, swap.second)]
+    undecided = done.undecided[place][rows] if done.undecided else np.zeros(len(rows), dtype=bool)
+    verdict = np.where(undecided, "undecidable", "rejected")
+    return np.where(np.isin(rows, swapped), "swapped", verdict)

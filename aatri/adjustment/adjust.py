@@ -46,6 +46,9 @@ from aatri.errors import ConvergenceError
 from aatri.notes import Note
 from aatri.progress import SILENT, Reporter, tell_iteration
 
+ROUGH = 0.1
+"""Tolerance from which on a robust solution only selects: reweighted least squares may end it."""
+
 
 def adjust_large(
     unknowns: Sequence[Unknowns],
@@ -106,7 +109,11 @@ def adjust_large(
         history.append(Step(factored.cost, here.decrement, factored.damping))
         tell_iteration(reporter, iteration, factored.cost, redundancy, here.decrement, here.damping.value)
         trial = steadied(problem, retract_state(problem.unknowns, here.state, found), veto)
-        if factored.damping == 0.0 and (linear or here.decrement <= tolerance) and settled(problem, here.state):
+        if (
+            factored.damping == 0.0
+            and (linear or here.decrement <= tolerance)
+            and (tolerance >= ROUGH or settled(problem, here.state))
+        ):
             weak, hardly = weak_blocks_of(problem, factored)
             if weak:
                 problem, factored, more = without_weak_blocks(problem, here.state, weak)

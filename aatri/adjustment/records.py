@@ -161,6 +161,24 @@ def predicted(records: Records, state: State, rows: Int) -> tuple[Float, tuple[F
     return _times(records.whitener[rows], *records.evaluate(state, rows))
 
 
+CHUNK = 20_000
+"""Records evaluated at a time where only their residuals are wanted."""
+
+
+def whitened_residuals(records: Records, state: State, rows: Int) -> Float:
+    """`predicted` without the Jacobians, (n, m), by the compiled lane where there is one."""
+    if records.compiled is None or len(rows) < CHUNK:
+        return predicted(records, state, rows)[0]
+    fill = records.compiled(rows)(np.ascontiguousarray(records.whitener[rows]))(state)
+    v = np.empty((len(rows), records.rows))
+    some = records.evaluate(state, rows[:1])[1]
+    jacobians = tuple(np.empty((CHUNK, *J.shape[1:])) for J in some)
+    for first in range(0, len(rows), CHUNK):
+        last = min(first + CHUNK, len(rows))
+        fill(first, last, v[first:last], tuple(J[: last - first] for J in jacobians))
+    return v
+
+
 def _times(whitener: Float, v: Float, jacobians: tuple[Float, ...]) -> tuple[Float, tuple[Float, ...]]:
     with np.errstate(invalid="ignore", over="ignore"):  # of records that are not active; else refused by the cost
         if whitener.ndim == 2:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aatri.arrays import Float, Int, Text
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Table, column
 
 
@@ -24,4 +26,17 @@ class Suspects(Table):
     unit: Text = column("str", doc="unit of size and sigma")
     sigma: Float = column("f8", doc="standard deviation of the size", optional=True)
     test: Float = column("f8", doc="test statistic, in standard deviations", optional=True)
-    verdict: Text = column("str", doc="rejected, readmitted or kept")
+    verdict: Text = column(
+        "str",
+        doc="left out: rejected, undecidable (it or another of its point so called), swapped (with another of its "
+        "image or kind so called); used: readmitted, kept",
+    )
+
+
+LEFT_OUT = ("rejected", "undecidable", "swapped")
+"""Verdicts with which an observation stays out."""
+
+
+def staying_out(suspects: Suspects) -> Bool:
+    """Which of the suspects stay out, (n,)."""
+    return np.isin(suspects.verdict, LEFT_OUT)

@@ -19,6 +19,7 @@ from aatri.adjustment.statistics.global_test import global_test
 from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from aatri.ids import shown
 from aatri.report.numbers import metres, number
 from aatri.report.run_view import RunView, StageView
@@ -101,7 +102,7 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
     title = "Suspects"
     if stage is None or solution is None:
         return Light(title, NONE, "no solution")
-    rejected = solution.suspects.verdict == "rejected"
+    rejected = staying_out(solution.suspects)
     others = int((~rejected).sum())
     own = rejected & np.isin(solution.suspects.kind, np.unique(solution.residuals.kind))
     words = f"{stage.name}: {_by_kind(solution, own)} rejected"

@@ -40,5 +40,6 @@ def with_variance_components(
     groups = variance_groups(block, done.given, options.groups)
     found, given, result = variance_components(done.given, done.result, adjust, groups)
     notes = (*done.notes, *variance_notes(found, applied=options.apply))
-    done = Round(given, result, notes) if options.apply else replace(done, notes=notes)
+    done = replace(done, given=given, result=result) if options.apply else done
+    done = replace(done, notes=notes)
     return done, variance_table(found, applied=options.apply)

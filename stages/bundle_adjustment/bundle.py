@@ -13,9 +13,9 @@ correction K(x, y) p added to the measurement, per camera, session or image. `ca
 same cameras (a test field), gives the parameters of its set as observations here, with their covariance. Camera models
 whose parameters the block leaves open (`sigmas`) are adjusted as such.
 
-`huber`: image points beyond so many standard deviations are down-weighted by Huber's loss. The solution is then not one
-of least squares: it has neither sigma0 nor standard deviations. `huber_rejects` lists what is farther off as rejected,
-for the bundle of least squares that follows.
+Gross errors (`blunders`): least squares; where a |w| is above the limit, once more with robust weights, and data
+snooping from there, at observations, points and images of all kinds together; what fits in the end comes back. `robust`
+alone weights down and rejects nothing: such a solution has neither sigma0 nor standard deviations.
 
 Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
 resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
@@ -25,6 +25,7 @@ Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Self
 
@@ -49,29 +50,25 @@ from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds import with_kinds
 from aatri.observations.positions import uses_positions
+from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput, start_of
-from aatri.orientation.bundle.blunders import Method, Rule, search
+from aatri.orientation.bundle.blunders.robust import How, robustly
+from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.notes import down_weighted, left_out, misfit, remarks
+from aatri.orientation.bundle.notes import left_out, misfit, remarks
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, without_covariances
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
+from ._blunders import GONE, Blunders
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
 from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
 
-
-class Blunders(Options):
-    """The search for gross errors."""
-
-    method: Method = Field(
-        "none", description="robust_snooping: data snooping from a robust adjustment; data_snooping: from least squares"
-    )
-    limit: float = Field(4.0, gt=1, description="|w| above which an observation is rejected")
-    max_share: float = Field(0.05, gt=0, le=0.5, description="largest share of a kind that is rejected")
+COARSE = 5.0
+"""Bound of the Newton decrement of the adjustments on the way to gross errors."""
 
 
 @with_kinds
@@ -108,17 +105,8 @@ class BundleOptions(Options):
         None,
         description="standard deviations of groups of observations from their residuals: a mapping with groups, apply",
     )
-    huber: float | None = Field(
-        None, gt=0, description="Huber's loss: image points beyond this many standard deviations are down-weighted"
-    )
-    huber_rejects: float | None = Field(
-        None,
-        gt=0,
-        description="with huber: image points beyond this many standard deviations are left to the next bundle"
-        " as rejected",
-    )
     blunders: Blunders = Field(
-        Blunders(), description="search for gross errors: a method, or a mapping with method, limit, max_share"
+        Blunders(), description="search for gross errors: a method, or a mapping with method, limit, max_share ..."
     )
     ordering: Ordering = Field(
         "auto",
@@ -142,20 +130,25 @@ class BundleOptions(Options):
     def _method_by_name(cls, value: object) -> object:
         return {"method": value} if isinstance(value, str) else value
 
+    @model_validator(mode="before")
+    @classmethod
+    def _gone(cls, value: object) -> object:
+        given = value if isinstance(value, Mapping) else {}
+        for name, remedy in GONE.items():
+            if name in given:
+                raise ValueError(remedy)
+        return value
+
     @model_validator(mode="after")
     def _no_statistics_of_weights(self) -> Self:
-        if self.huber_rejects is not None and self.huber is None:
-            raise ValueError("huber_rejects goes with huber")
         if self.datum_over != "points" and self.datum != "free":
             raise ValueError("datum_over goes with datum: free")
         removes = self.self_calibration is not None and self.self_calibration.remove
-        if self.huber is not None and self.blunders.method != "none":
-            raise ValueError("blunders are searched by least squares in the end: leave out huber")
-        if self.huber is not None and (self.reliability or removes or self.variance_components):
+        if self.blunders.method == "robust" and (self.reliability or removes or self.variance_components):
             wanted = "self_calibration.remove" if removes else "variance_components"
             wanted = "reliability" if self.reliability else wanted
             raise ValueError(
-                f"huber gives no statistics: {wanted} needs a bundle without it, `from: initial` of this one"
+                f"blunders: robust gives no statistics: {wanted} needs least squares, as robust_snooping ends with"
             )
         return self
 
@@ -194,37 +187,44 @@ def bundle(
         tell(remarks(given, start_of(given), before=True), context)
     done = _in_rounds(given, options, context)
     done, components = with_variance_components(
-        block, done, lambda block: _adjusted(block, options, context), options.variance_components
+        block, done, lambda block: _adjusted(block, options, context, How()), options.variance_components
     )
-    given, result, suspects = done.given, done.result, after(suspects, done.given, done.result)
+    given, suspects = done.given, after(suspects, done)
+    wanted = options.standard_deviations or options.reliability
+    result = done.result if wanted else without_covariances(done.result)
     tell(remarks(given, result.adjusted.state, before=False), context)
-    notes = [*left_out(given, result), *down_weighted(result, options.huber), *misfit(result, options.max_sigma0)]
+    notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
     tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result)], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
-    if options.huber_rejects is not None:
-        suspects = with_gross_errors(result, suspects, options.huber_rejects)
+    if options.blunders.method == "robust":
+        suspects = with_gross_errors(result, suspects, options.blunders.limit)
     made = bundle_solution(block, given, result, suspects, tables, calibrated, orderings, tests=options.reliability)
     made = replace(made, variance_components=components)
     return with_datum(block, made, options.datum, options.datum_over)
 
 
 def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> Round:
-    def adjust(block: BundleInput, bound: float | None = None) -> BundleResult:
-        return _adjusted(block, options, context, bound)
+    rule = options.blunders.rule()
 
-    if options.blunders.method == "none":
+    def adjust(block: BundleInput, how: How = How()) -> BundleResult:
+        return _adjusted(block, options, context, how)
+
+    if rule.method == "none":
         done = with_readmission(given, adjust)
+    elif rule.method == "robust":
+        done = robustly(given, adjust, rule)
     else:
-        done = search(given, adjust, Rule(options.blunders.method, options.blunders.limit, options.blunders.max_share))
+        done = search(given, adjust, rule, options.tolerance)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
     return done
 
 
-def _adjusted(given: BundleInput, options: BundleOptions, context: Context, bound: float | None = None) -> BundleResult:
+def _adjusted(given: BundleInput, options: BundleOptions, context: Context, how: How) -> BundleResult:
+    adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
     try:
-        return adjust_bundle_from_afar(given, _settings(options, bound), reporter=context)
+        return adjust(given, _settings(options, how), reporter=context)
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names)
@@ -233,7 +233,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context, boun
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 
 
-def _settings(options: BundleOptions, bound: float | None) -> BundleSettings:
+def _settings(options: BundleOptions, how: How) -> BundleSettings:
     return BundleSettings(
         options.datum,
         options.datum_over,
@@ -241,11 +241,11 @@ def _settings(options: BundleOptions, bound: float | None) -> BundleSettings:
         or options.reliability
         or options.variance_components is not None
         or options.blunders.method != "none",
-        options.huber if bound is None else bound,
-        bound is not None,
+        how.huber,
+        how.weights,
         Settings(
             max_iterations=options.max_iterations,
-            tolerance=options.tolerance,
+            tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
             ordering=options.ordering,
             reproducible=options.reproducible,
             memory_gb=options.memory_gb,

@@ -28,7 +28,7 @@ def chain(request: pytest.FixtureRequest) -> Chain:
 
 def _adjusted(chain: Chain, told: Told | None = None, **options: object) -> Solution:
     """With film corrections of every image, and a set of parameters in the border."""
-    chosen = BundleOptions(interior_unknowns=True, self_calibration="ebner12", **options)  # type: ignore[arg-type]
+    chosen = BundleOptions(interior_unknowns=True, self_calibration="ebner12", blunders="none", **options)  # type: ignore[arg-type]
     # none rejected: which of them fit the block again depends on standard deviations
     initial = replace(chain.strip_block, suspects=Suspects.empty())
     return bundle(chain.block, chain.refined, initial, options=chosen, context=told or Told())

@@ -91,7 +91,7 @@ def test_an_exact_distance_holds_and_counts_in_the_redundancy(tmp_path: Path) ->
 
 def test_a_loss_of_all_observations_leaves_what_is_exact_alone(tmp_path: Path) -> None:
     given = bundle_input(_network(tmp_path, exact="DE"), None, None, BundleOptions())
-    result = adjust_bundle(given, BundleSettings(huber=1.0, loss_on_all=True))
+    result = adjust_bundle(given, BundleSettings(huber=1.0))
     problem = result.adjusted.problem
     assert problem.constraints
     assert all(r.loss is None for r in problem.constraints)

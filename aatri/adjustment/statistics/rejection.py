@@ -29,7 +29,7 @@ class Snooping:
     Attributes
     ----------
     limit : float
-        Test statistic above which a record is rejected, and below which a rejected one is taken back.
+        Test statistic above which a record is rejected.
     neighbourhood : tuple of str
         Groups of unknowns: at most one rejection per block and round.
     share : (str, float)
@@ -38,6 +38,8 @@ class Snooping:
         Least test of a rejection, as a share of the largest.
     most : float
         Most rejections of a round, as a share of all records; at least one.
+    back : float, optional
+        Test statistic below which a rejected record is taken back; default: the limit.
     """
 
     limit: float
@@ -45,6 +47,7 @@ class Snooping:
     share: tuple[str, float] = ("strip", 0.15)
     clear: float = 0.5
     most: float = 0.01
+    back: float | None = None
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,7 @@ def clearest(rule: Snooping, pool: Pool, test: Float, active: Bool, controlled: 
 
 def fitting(rule: Snooping, test: Float, active: Bool) -> Bool:
     """Rejected records whose prediction fits after all, (n,) bool."""
-    return np.asarray(~active & (test < rule.limit))
+    return np.asarray(~active & (test < (rule.limit if rule.back is None else rule.back)))
 
 
 def stranded(pool: Pool, test: Float, active: Bool) -> Bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -65,7 +66,10 @@ class Searched(Generic[A]):
     above: Bool
 
 
-def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snooping, pool: Pool) -> Searched[A]:
+def search(
+    solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snooping, pool: Pool,
+    found: Callable[[A, Bool], Bool] | None = None,
+) -> Searched[A]:  # fmt: skip
     """Search for gross errors.
 
     Parameters
@@ -76,7 +80,11 @@ def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snoo
         Records to begin with; the others are tested for re-admission.
     rule, pool
         See `rejection`.
+    found : callable, optional
+        (adjustment, active records) -> what is to be rejected next; default: `rejection.clearest`.
     """
+    if found is None:
+        found = partial(_clearest, rule, pool)
     use, readmitted = active.copy(), np.zeros(len(active), dtype=bool)
     tau, robust, rounds, settled = 0.0, True, 1, False
     solved = solve(None, use, tau)
@@ -84,7 +92,7 @@ def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snoo
         new = solved.added_sigma(robust=robust)
         if abs(new - tau) > SETTLED * max(new, tau):
             tau = new
-        elif (wrong := clearest(rule, pool, solved.test, use, solved.controlled)).any():
+        elif (wrong := found(solved, use)).any():
             use = use & ~wrong
         elif robust and new > 0:
             robust = False
@@ -98,3 +106,7 @@ def search(solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snoo
         rounds += 1
     above = use & (solved.test > rule.limit)
     return Searched(solved, use, tau, rounds, settled, above)
+
+
+def _clearest(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:
+    return clearest(rule, pool, solved.test, use, solved.controlled)

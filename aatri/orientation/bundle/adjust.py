@@ -77,6 +77,8 @@ def adjust_bundle(
     adjusted = adjusted_from(start)
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
+    if settings.weights:
+        adjusted = _weighted_down(adjusted, settings.weights)
     covariances, notes = settings.covariances and not adjusted.down_weighted, list(adjusted.notes)
     if covariances and not adjusted.has_factor:
         needed = forecast(adjusted.problem)
@@ -90,6 +92,12 @@ _WITHOUT_FACTOR = (
     "no standard deviations: exact covariances need the factor of the normal equations, and this block was solved by "
     "conjugate gradients, without it; `solver: direct` gives them, in {:.2g} GB of memory and {:.2g} GB on disk"
 )
+
+
+def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:
+    """Least squares with other weights than those a priori has no sigma0."""
+    count = sum(int((w < 1).sum()) for w in weights)
+    return replace(adjusted, down_weighted=count, sigma0=float("nan")) if count else adjusted
 
 
 def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
@@ -120,12 +128,15 @@ def _records(given: BundleInput, part: Participants, settings: BundleSettings) -
     """Observations and constraints of what takes part."""
     records: list[Records] = []
     constraints: list[Records] = []
-    for o, rows in zip(given.observed, part.rows):
+    for i, (o, rows) in enumerate(zip(given.observed, part.rows)):
         if not len(rows):
             continue
         named = replace(o.records, label=o.label)
+        if settings.weights:
+            root = np.sqrt(settings.weights[i])
+            named = replace(named, whitener=named.whitener * root.reshape(-1, *[1] * (named.whitener.ndim - 1)))
         chosen = named if len(rows) == len(o) else named.take(rows)
-        if settings.huber is not None and (_is_ray(chosen) or (settings.loss_on_all and not (o.components or o.exact))):
+        if settings.huber is not None and not (o.components or o.exact):
             chosen = replace(chosen, loss=Huber(settings.huber))
         (constraints if o.exact else records).append(chosen)
     return records, constraints

@@ -53,21 +53,16 @@ def _unused(found: AdjustedObservations, given: BundleInput) -> list[Note]:
     return [Note("warning", f"{o.kind}: {len(rows)} of {len(o)} are not used, what they touch is left out", ids)]
 
 
-def down_weighted(result: BundleResult, huber: float | None) -> list[Note]:
-    """How many image points lie beyond the bound of Huber's loss."""
-    count, used = result.adjusted.down_weighted, int(result.ray_used.sum())
-    notes = []
-    if huber is not None:
-        text = f"{count} of {used} image points beyond {huber:g} standard deviations are down-weighted"
-        notes.append(Note("note", text))
+def down_weighted(result: BundleResult, weighting: str, bound: float) -> list[Note]:
+    """How many observations a robust adjustment has weighted down, and what it cannot give."""
+    count, used = result.adjusted.down_weighted, sum(int(o.used.sum()) for o in result.observations)
+    notes = [Note("note", f"{count} of {used} observations are weighted down ({weighting}, bound {bound:g} sigma)")]
     if count:
-        notes.append(
-            Note(
-                "warning",
-                "not a least-squares solution: it has neither sigma0 nor standard deviations; "
-                "a bundle without `huber` that starts from this one gives them",
-            )
+        text = (
+            "not a least-squares solution: it has neither sigma0 nor standard deviations; a bundle with "
+            "`blunders: robust_snooping` or `none` that starts from this one gives them"
         )
+        notes.append(Note("warning", text))
     return notes
 
 

@@ -124,6 +124,17 @@ def _groups(observations: AdjustedObservations) -> set[str]:
     return {group for group, _ in observations.observed.records.touches}
 
 
+def without_covariances(result: BundleResult) -> BundleResult:
+    """The same without what was not asked for."""
+    groups = {name: np.full_like(values, np.nan) for name, values in result.covariances.items()}
+    return replace(
+        result,
+        covariances=groups,
+        parameters=tuple(replace(p, covariance=groups[p.given.group]) for p in result.parameters),
+        observations=tuple(replace(o, covariance=np.full_like(o.covariance, np.nan)) for o in result.observations),
+    )
+
+
 def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
     """The block with its adjusted values as start, also those of the unknowns that kinds of observations bring."""
     state = result.adjusted.state

@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.arrays import Bool
 from aatri.errors import ResourceError, SpecError
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.swaps import Swap
 from aatri.orientation.bundle.parameter_notes import without_idle
 from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import BundleResult, from_result
@@ -31,11 +33,17 @@ class Round:
         What is rejected is not active in it.
     result : BundleResult
     notes : tuple of Note
+    undecided : tuple of (n,) bool
+        Of all observations, kind by kind: left out though only some are wrong, and nothing tells which.
+    swapped : tuple of Swap
+        Numbers to exchange.
     """
 
     given: BundleInput
     result: BundleResult
     notes: tuple[Note, ...] = ()
+    undecided: tuple[Bool, ...] = ()
+    swapped: tuple[Swap, ...] = ()
 
 
 def with_readmission(given: BundleInput, adjust: Adjust) -> Round:
@@ -93,4 +101,4 @@ def without_idle_parameters(
     if parameters is None:
         return before
     reduced = rebuilt(before.given, parameters)
-    return Round(reduced, adjust(reduced), (*before.notes, *notes))
+    return replace(before, given=reduced, result=adjust(reduced), notes=(*before.notes, *notes))

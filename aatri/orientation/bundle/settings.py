@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from aatri.adjustment.settings import Settings
+from aatri.arrays import Float
 
 Datum = Literal["given", "minimal", "free"]
 DatumOver = Literal["points", "images", "marked"]
@@ -26,9 +27,10 @@ class BundleSettings:
     covariances : bool
         There are none where observations are down-weighted.
     huber : float, optional
-        Bound of Huber's loss of the image points, in their standard deviations; see `aatri.adjustment.loss`.
-    loss_on_all : bool
-        The loss is that of all kinds of observations but priors; what is exact has none.
+        Bound of Huber's loss of all kinds but priors, in standard deviations; what is exact has none. See
+        `aatri.adjustment.loss`.
+    weights : tuple of (n,) float64
+        Weights of all observations, kind by kind; empty: 1.
     solution : Settings
         How the normal equations are solved.
     """
@@ -37,5 +39,5 @@ class BundleSettings:
     datum_over: DatumOver = "points"
     covariances: bool = True
     huber: float | None = None
-    loss_on_all: bool = False
+    weights: tuple[Float, ...] = ()
     solution: Settings = field(default_factory=Settings)

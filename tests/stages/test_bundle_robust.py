@@ -42,13 +42,14 @@ def _error(chain: Chain, solution: Solution) -> float:
     return float(np.sqrt(((solution.images.position_m - chain.bundle.images.position_m) ** 2).mean()))
 
 
-def test_gross_errors_do_little_harm(chain: Chain, disturbed: ImagePoints) -> None:
+@pytest.mark.parametrize("weights", ["huber", "danish", "igg3", "li_posterior", "cauchy"])
+def test_gross_errors_do_little_harm(chain: Chain, disturbed: ImagePoints, weights: str) -> None:
     told = Told()
-    options = BundleOptions(huber=1.5, max_iterations=60)
+    options = BundleOptions(blunders={"method": "robust", "weights": weights}, max_iterations=60)
     robust = bundle(chain.block, disturbed, chain.strip_block, options=options, context=told)
-    squares = bundle(chain.block, disturbed, chain.strip_block)
+    squares = bundle(chain.block, disturbed, chain.strip_block, options=BundleOptions(blunders="none"))
     assert _error(chain, robust) < 0.25 * _error(chain, squares)
-    assert any("down-weighted" in text for text in told.lines)
+    assert any("weighted down" in text for text in told.lines)
     assert any("not a least-squares solution" in text for text in told.warnings)
     assert np.isnan(robust.sigma0)
     assert np.isnan(robust.sigma0_um)
@@ -58,13 +59,13 @@ def test_gross_errors_do_little_harm(chain: Chain, disturbed: ImagePoints) -> No
 
 
 def test_weights_select_and_least_squares_gives_the_statistics(chain: Chain, disturbed: ImagePoints) -> None:
-    options = BundleOptions(huber=1.5, huber_rejects=5.0, max_iterations=60)
+    options = BundleOptions(blunders={"method": "robust", "bound": 1.5, "limit": 5.0}, max_iterations=60)
     robust = bundle(chain.block, disturbed, chain.strip_block, options=options)
     rejected = robust.suspects.row[(robust.suspects.stage == "bundle_adjustment") & (robust.suspects.row >= 0)]
     wrong = np.flatnonzero((disturbed.measurements.xy_mm != chain.refined.measurements.xy_mm).any(axis=1))
     assert len(np.intersect1d(rejected, wrong)) >= 0.9 * len(wrong)
     assert len(np.setdiff1d(rejected, wrong)) <= 0.1 * len(wrong)
-    final = bundle(chain.block, disturbed, robust)
+    final = bundle(chain.block, disturbed, robust, options=BundleOptions(blunders="none"))
     assert final.sigma0 == pytest.approx(chain.bundle.sigma0, rel=0.1)
     assert np.isfinite(final.images.covariance).all()
     sigma = np.sqrt(np.einsum("nii->ni", chain.bundle.images.covariance)[:, :3])
@@ -73,27 +74,36 @@ def test_weights_select_and_least_squares_gives_the_statistics(chain: Chain, dis
 
 def test_a_bound_beyond_all_residuals_leaves_the_least_squares_solution(chain: Chain) -> None:
     told = Told()
-    wide = bundle(chain.block, chain.refined, chain.strip_block, options=BundleOptions(huber=1e6), context=told)
-    assert (wide.images.position_m == chain.bundle.images.position_m).all()
+    squares = bundle(chain.block, chain.refined, chain.strip_block, options=BundleOptions(blunders="none"))
+    wide_open = BundleOptions(blunders={"method": "robust", "bound": 1e6})
+    wide = bundle(chain.block, chain.refined, chain.strip_block, options=wide_open, context=told)
+    assert (wide.images.position_m == squares.images.position_m).all()
     assert np.isfinite(wide.points.covariance_m2).any()
-    np.testing.assert_array_equal(wide.points.covariance_m2, chain.bundle.points.covariance_m2)
-    assert wide.sigma0 == chain.bundle.sigma0
+    np.testing.assert_array_equal(wide.points.covariance_m2, squares.points.covariance_m2)
+    assert wide.sigma0 == squares.sigma0
     assert any(text.startswith("0 of ") for text in told.lines)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0])
 def test_the_bound_is_positive(value: float) -> None:
     with pytest.raises(ValidationError, match="greater than 0"):
-        BundleOptions(huber=value)
+        BundleOptions(blunders={"method": "robust", "bound": value})
 
 
-def test_rejecting_goes_with_the_loss() -> None:
-    with pytest.raises(ValidationError, match="goes with huber"):
-        BundleOptions(huber_rejects=5.0)
+@pytest.mark.parametrize(("gone", "instead"), [("huber", "bound: K"), ("huber_rejects", "limit: L")])
+def test_options_there_were_say_what_to_write_instead(gone: str, instead: str) -> None:
+    with pytest.raises(ValidationError, match=instead):
+        BundleOptions.model_validate({gone: 5.0})
+
+
+@pytest.mark.parametrize("given", [{"weights": "danish"}, {"bound": 2.0}, {"limit": 5.0}, {"tau": True}])
+def test_what_has_no_effect_is_refused(given: dict[str, object]) -> None:
+    with pytest.raises(ValidationError, match="method none"):
+        BundleOptions(blunders={"method": "none", **given})
 
 
 def test_what_needs_statistics_is_refused() -> None:
-    with pytest.raises(ValidationError, match="reliability needs a bundle without it"):
-        BundleOptions(huber=1.5, reliability=True)
-    with pytest.raises(ValidationError, match="remove needs a bundle without it"):
-        BundleOptions.model_validate({"huber": 1.5, "self_calibration": {"set": "ebner12", "remove": True}})
+    with pytest.raises(ValidationError, match="reliability needs least squares"):
+        BundleOptions(blunders="robust", reliability=True)
+    with pytest.raises(ValidationError, match="remove needs least squares"):
+        BundleOptions.model_validate({"blunders": "robust", "self_calibration": {"set": "ebner12", "remove": True}})

@@ -1,0 +1,167 @@
+"""Which of the records of a block are wrong, and whether that can be told: the least that has to go.
+
+A block (a ground point) is determined by its own records (rays, control), everything else held. With whitened residuals
+v_i and Jacobians B_i of the records kept,
+
+    x = -N^-1 sum B_i'v_i,  N = sum B_i'B_i,    e_i = v_i + B_i x,    R_i = I - B_i N^-1 B_i',    w = e / sqrt(diag R)
+
+they agree if no |w| is above the limit. Where they do not, the fewest records are sought without which the others
+agree: one, two, else the one that makes the others agree best, and again. What is demanded exact (`firm`) goes only
+where else two would have to. By likelihood the best choice leaves the
+least e'e. Another choice that agrees too, and costs no more than `SEPARABLE` above it, cannot be told from it: the
+records of both are named, and nobody is blamed. Correlation 1 of two tests, as of the two rays of a point, is the case
+where both cost the same; on one line of flight an error along it belongs to any of three rays.
+
+Source: Foerstner 1983, Reliability and discernability of extended Gauss-Markov models; docs/formulas.md 7.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+
+SEPARABLE = 10.83
+"""Difference of e'e below which two explanations cannot be told apart: chi-square of one degree at 0.1 %."""
+
+CONTROLLED = 1e-3
+"""Components with a smaller redundancy number are not tested."""
+
+Choice = tuple[tuple[int, ...], Bool]
+"""Records to leave out, and the blocks where they may be, (n,)."""
+
+MOST_FOR_PAIRS = 14
+"""Records of a block up to which pairs of wrong ones are tried."""
+
+
+@dataclass(frozen=True)
+class BlockRecords:
+    """The records of some blocks, padded to the same number.
+
+    Attributes
+    ----------
+    v : (n, k, m) float64
+        Whitened residuals; zero where there is no component.
+    B : (n, k, m, 3) float64
+        Their derivatives by the block.
+    present : (n, k) bool
+    firm : (n, k) bool
+        Demanded exact: to leave it out counts as two.
+    """
+
+    v: Float
+    B: Float
+    present: Bool
+    firm: Bool
+
+    def of(self, blocks: Int | Bool) -> BlockRecords:
+        """Some of the blocks."""
+        return BlockRecords(self.v[blocks], self.B[blocks], self.present[blocks], self.firm[blocks])
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What is wrong in each block.
+
+    Attributes
+    ----------
+    out : (n, k) bool
+        Records to leave out.
+    undecided : (n, k) bool
+        Those of them of which only some are wrong, and nothing tells which.
+    step : (n, 3) float64
+        What the others move the block by.
+    gain : (n,) float64
+        Fall of e'e by leaving them out.
+    """
+
+    out: Bool
+    undecided: Bool
+    step: Float
+    gain: Float
+
+
+def explain(records: BlockRecords, limit: float, suspected: Bool) -> Explanation:
+    """Find what is wrong in each block.
+
+    Parameters
+    ----------
+    records : BlockRecords
+    limit : float
+    suspected : (n,) bool
+        Blocks in which at least one record is wrong, as a stricter test has shown.
+    """
+    n, k = records.present.shape
+    cost_before, largest, _ = _agreement(records, records.present)
+    keep, undecided = records.present.copy(), np.zeros((n, k), dtype=bool)
+    todo = np.flatnonzero(suspected | (largest > limit))
+    while len(todo):
+        some, kept = records.of(todo), keep[todo]
+        out, unclear = _least(some, kept, limit, [((j,), kept[:, j] & ~some.firm[:, j]) for j in range(k)])
+        missing = np.flatnonzero(~out.any(axis=1))
+        if len(missing):
+            few, left = some.of(missing), kept[missing]
+            free = left & ~few.firm & (left.sum(axis=1) <= MOST_FOR_PAIRS)[:, None]
+            choices: list[Choice] = [((i, j), free[:, i] & free[:, j]) for i, j in combinations(range(k), 2)]
+            choices += [((j,), left[:, j] & few.firm[:, j]) for j in range(k)]
+            out[missing], unclear[missing] = _least(few, left, limit, choices)
+        keep[todo] &= ~out
+        undecided[todo] |= unclear
+        open_ = np.flatnonzero(~out.any(axis=1) & ((kept & ~some.firm).sum(axis=1) > 1))
+        if len(open_):
+            keep[todo[open_], np.argmin(_without_each(some.of(open_), kept[open_]), axis=1)] = False
+        todo = todo[open_]
+    cost, _, step = _agreement(records, keep)
+    return Explanation(records.present & ~keep, undecided, step, cost_before - cost)
+
+
+def _least(records: BlockRecords, kept: Bool, limit: float, choices: Sequence[Choice]) -> tuple[Bool, Bool]:
+    """What to leave out where one of the choices is enough, and what of it is undecided; (n, k) each."""
+    n, k = kept.shape
+    cost = np.full((n, len(choices)), np.inf)
+    for j, (choice, may) in enumerate(choices):
+        there = np.flatnonzero(may)
+        if len(there):
+            less = kept[there].copy()
+            less[:, choice] = False
+            value, largest, _ = _agreement(records.of(there), less)
+            cost[there, j] = np.where(largest <= limit, value, np.inf)
+    near = np.isfinite(cost) & (cost <= cost.min(axis=1, initial=np.inf)[:, None] + SEPARABLE)
+    member = np.zeros((len(choices), k), dtype=bool)
+    for j, (choice, _) in enumerate(choices):
+        member[j, choice] = True
+    named = (near[:, :, None] & member).any(axis=1)
+    surely = np.where(near[:, :, None], member, True).all(axis=1)
+    return named, named & ~surely
+
+
+def _without_each(records: BlockRecords, kept: Bool) -> Float:
+    """e'e of the others, without each record in turn, (n, k); infinite where it is firm or not kept."""
+    cost = np.full(kept.shape, np.inf)
+    for j in range(kept.shape[1]):
+        there = np.flatnonzero(kept[:, j] & ~records.firm[:, j])
+        if len(there):
+            less = kept[there].copy()
+            less[:, j] = False
+            cost[there, j], _, _ = _agreement(records.of(there), less)
+    return cost
+
+
+def _agreement(records: BlockRecords, kept: Bool) -> tuple[Float, Float, Float]:
+    """e'e (n,), largest |w| (n,) and x (n, 3) of the records kept."""
+    B = np.where(kept[:, :, None, None], records.B, 0.0)
+    v = np.where(kept[:, :, None], records.v, 0.0)
+    N = np.einsum("nkmi,nkmj->nij", B, B)
+    size = np.einsum("nii->n", N)
+    inverse = np.linalg.pinv(N / np.where(size > 0, size, 1.0)[:, None, None], rcond=1e-11, hermitian=True)
+    inverse /= np.where(size > 0, size, 1.0)[:, None, None]
+    x = -np.einsum("nij,nkmj,nkm->ni", inverse, B, v)
+    e = v + np.einsum("nkmi,ni->nkm", B, x)
+    r = 1.0 - np.einsum("nkmi,nij,nkmj->nkm", B, inverse, B)
+    tested = kept[:, :, None] & (r > CONTROLLED)
+    w = np.where(tested, np.abs(e) / np.sqrt(np.where(tested, r, 1.0)), 0.0)
+    return np.einsum("nkm,nkm->n", e, e), w.max(axis=(1, 2), initial=0.0), x

@@ -1,0 +1,73 @@
+"""All records of a block in one row, kind after kind, as the rules of the search see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Int
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT
+from aatri.orientation.bundle.block import BundleInput
+
+
+@dataclass(frozen=True)
+class AllRecords:
+    """All records, kind after kind.
+
+    Attributes
+    ----------
+    observed : tuple of Observed
+        With nothing rejected.
+    first : (kinds + 1,) int64
+        Where each kind begins.
+    native : (n,) bool
+        What is measured and may be rejected: neither a prior nor a condition.
+    at_points : (n,) bool
+        Records that touch one point, so that the others of the point can judge them.
+    point : (n,) int64
+        That point; -1 none.
+    """
+
+    observed: tuple[Observed, ...]
+    first: Int
+    native: Bool
+    at_points: Bool
+    point: Int
+
+    @classmethod
+    def of(cls, given: BundleInput) -> AllRecords:
+        """The records of a block."""
+        observed = tuple(o.again() for o in given.observed)
+        native, point = [], []
+        for o in observed:
+            own = not (o.components or o.exact)
+            touched = [block for group, block in o.records.touches if group == POINT]
+            native.append(o.records.active & own)
+            one = len(touched) == 1 and own
+            point.append(touched[0].astype(np.int64) if one else np.full(len(o), -1, dtype=np.int64))
+        nothing = np.zeros(0, dtype=np.int64)
+        points = np.concatenate([nothing, *point])
+        first = np.cumsum([0, *(len(o) for o in observed)])
+        return cls(observed, first, np.concatenate([nothing == 1, *native]), points >= 0, points)
+
+    @property
+    def parts(self) -> list[slice]:
+        """Where the records of each kind are."""
+        return [slice(int(a), int(b)) for a, b in zip(self.first[:-1], self.first[1:])]
+
+    def split(self, values: Bool) -> tuple[Bool, ...]:
+        """Values of all records, kind by kind."""
+        return tuple(values[part] for part in self.parts)
+
+    def rejected_in(self, given: BundleInput) -> Bool:
+        """What earlier stages have rejected, (n,)."""
+        parts = [np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected for o in given.observed]
+        return np.concatenate([np.zeros(0, dtype=bool), *parts])
+
+    def without(self, observed: Sequence[Observed], active: Bool) -> tuple[Observed, ...]:
+        """Observations less those that are not active."""
+        out = self.split(self.native & ~active)
+        return tuple(o.again().without(r) for o, r in zip(observed, out))

@@ -1,0 +1,170 @@
+"""What is wrong at ground points: the records of each point against each other, all other unknowns held.
+
+Rays, control coordinates, and whatever else touches one point alone take part, also what is rejected: it gets another
+hearing. Exact coordinates are firm: they give way where else two records would have to. The point is moved
+to where the others see it, and everything is looked at again, for the image of a point far off is not linear in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from aatri.adjustment.records import predicted
+from aatri.adjustment.statistics.attribution import BlockRecords, Explanation, explain
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT
+
+PASSES = 3
+
+FIRM = 1e-3
+"""Standard deviation of an exact coordinate at its point, over that which the rays give it."""
+
+
+@dataclass(frozen=True)
+class Members:
+    """Records at some points: place of their observations, row, slot in the padded arrays.
+
+    Attributes
+    ----------
+    points : (n,) int64
+    place, row, block, slot : (r,) int64
+        `block` counts the points.
+    """
+
+    points: Int
+    place: Int
+    row: Int
+    block: Int
+    slot: Int
+
+    def of(self, found: Bool) -> Bool:
+        """From padded (n, k) to the records, (r,)."""
+        return np.asarray(found[self.block, self.slot])
+
+
+@dataclass(frozen=True)
+class AtPoints:
+    """What is wrong at some points.
+
+    Attributes
+    ----------
+    members : Members
+    out, undecided : (r,) bool
+        Of the members.
+    gain : (r,) float64
+        Of the member's point.
+    xyz_m : (n, 3) float64, m, reduced
+    """
+
+    members: Members
+    out: Bool
+    undecided: Bool
+    gain: Float
+    xyz_m: Float
+
+
+def explained(
+    observed: tuple[Observed, ...], native: tuple[Bool, ...], state: State, points: Int, suspected: Bool, limit: float
+) -> AtPoints:
+    """Find what is wrong at some points.
+
+    Parameters
+    ----------
+    observed : tuple of Observed
+        With nothing rejected.
+    native : tuple of (n,) bool
+        Rows that may be used: measured, and what else they touch is known.
+    points : (n,) int64
+        Blocks of POINT, ascending, with a start.
+    suspected : (n,) bool
+        At least one record is wrong there.
+    limit : float
+    """
+    members = members_of(observed, native, points, len(state[POINT]))
+    here: dict[str, Any] = dict(state)
+    before: Bool | None = None
+    for _ in range(PASSES):
+        records = _at(observed, here, members)
+        found = explain(records, limit, suspected)
+        here[POINT] = _moved(here[POINT], points, found)
+        if before is not None and (before == found.out).all():
+            break
+        before = found.out
+    return AtPoints(
+        members, members.of(found.out), members.of(found.undecided), found.gain[members.block], here[POINT][points]
+    )
+
+
+def members_of(observed: tuple[Observed, ...], native: tuple[Bool, ...], points: Int, n_points: int) -> Members:
+    """All records that touch one of the points and no other."""
+    block_of = np.full(n_points, -1, dtype=np.int64)
+    block_of[points] = np.arange(len(points))
+    places, rows, blocks = [], [], []
+    for i, (o, use) in enumerate(zip(observed, native)):
+        touched = [block for group, block in o.records.touches if group == POINT]
+        if len(touched) != 1 or o.components or o.exact:
+            continue
+        some = np.flatnonzero(use & (block_of[touched[0]] >= 0))
+        places.append(np.full(len(some), i, dtype=np.int64))
+        rows.append(some)
+        blocks.append(block_of[touched[0][some]])
+    place, row, block = (np.concatenate([np.zeros(0, dtype=np.int64), *parts]) for parts in (places, rows, blocks))
+    order = np.argsort(block, kind="stable")
+    place, row, block = place[order], row[order], block[order]
+    first = np.searchsorted(block, block)
+    return Members(points, place, row, block, np.arange(len(block)) - first)
+
+
+def _at(observed: tuple[Observed, ...], state: State, members: Members) -> BlockRecords:
+    """Whitened residuals and derivatives of the members, padded."""
+    n, k = len(members.points), int(members.slot.max(initial=-1)) + 1
+    m = max((observed[i].records.rows for i in np.unique(members.place)), default=1)
+    v, B = np.zeros((n, k, m)), np.zeros((n, k, m, 3))
+    present = np.zeros((n, k), dtype=bool)
+    present[members.block, members.slot] = True
+    exact, demanded = [], np.zeros((n, k), dtype=bool)
+    for i in np.unique(members.place):
+        o, some = observed[i], np.flatnonzero(members.place == i)
+        residual, jacobians = predicted(o.records, state, members.row[some])
+        at = [group for group, _ in o.records.touches].index(POINT)
+        block, slot = members.block[some], members.slot[some]
+        v[block, slot, : o.records.rows], B[block, slot, : o.records.rows] = residual, jacobians[at]
+        if o.holds is not None and o.holds.group == POINT:
+            exact.append((o, some))
+    precision = np.sqrt(np.einsum("nkmi,nkmi->n", B, B))
+    for o, some in exact:
+        assert o.holds is not None
+        rows, block, slot = members.row[some], members.block[some], members.slot[some]
+        held, firm = o.holds.scalar[rows], np.where(precision[block] > 0, precision[block], 1.0)[:, None] / FIRM
+        off = state[POINT][members.points[block]] - o.holds.value[rows]
+        v[block, slot, :3] = np.where(held, off * firm, v[block, slot, :3])
+        demanded[block, slot] = held.any(axis=1)
+        B[block, slot, :3] = np.where(held[:, :, None], np.eye(3) * firm[:, :, None], B[block, slot, :3])
+    return BlockRecords(np.nan_to_num(v), np.nan_to_num(B), present, demanded)
+
+
+def _moved(xyz_m: Float, points: Int, found: Explanation) -> Float:
+    moved = np.array(xyz_m)
+    moved[points] += np.where(np.isfinite(found.step), found.step, 0.0)
+    return moved
+
+
+def with_start(xyz_m: Float, points: Int) -> Int:
+    """Those of the points whose coordinates are known."""
+    return points[finite_rows(xyz_m[points])]
+
+
+def without(observed: tuple[Observed, ...], rejected: list[Bool]) -> tuple[Observed, ...]:
+    """The observations as they were taken from their tables, less what is rejected."""
+    return tuple(o.again().without(r) for o, r in zip(observed, rejected))
+
+
+def as_taken(observed: tuple[Observed, ...]) -> tuple[Observed, ...]:
+    """The observations with nothing rejected."""
+    return tuple(replace(o.again(), start=o.start) for o in observed)

@@ -1,0 +1,107 @@
+"""A robust adjustment of a block: every kind of observation counts by its weight function; priors and exact ones fully.
+
+Huber's loss, of the length of a record's whitened residual, is minimised by itself (`aatri.adjustment.loss`). With the
+other weight functions, of the record's largest component, which have several minima, it is the start; then each
+adjustment takes the weights of the residuals before, until they stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.records import predicted
+from aatri.adjustment.statistics.weight_functions import weights
+from aatri.arrays import Float
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.notes import down_weighted
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+from aatri.orientation.bundle.rounds import Round, with_readmission
+
+ROUNDS = 40
+
+STAYS = 0.01
+"""Largest change of a weight, as a share of it, that counts no more."""
+
+CONTROLLED = 1e-3
+"""Least redundancy number a residual is standardised by."""
+
+
+@dataclass(frozen=True)
+class How:
+    """One adjustment on the way.
+
+    Attributes
+    ----------
+    huber : float, optional
+        Bound of Huber's loss of all kinds.
+    weights : tuple of (n,) float64
+        Of all records, kind by kind; empty: 1.
+    coarse : bool
+        It need not converge to the end.
+    """
+
+    huber: float | None = None
+    weights: tuple[Float, ...] = ()
+    coarse: bool = False
+
+
+Adjust = Callable[[BundleInput, How], BundleResult]
+
+
+def robustly(given: BundleInput, adjust: Adjust, rule: Rule) -> Round:
+    """A robust adjustment for its own sake: nothing is rejected, and there are no statistics."""
+    squares = adjust(given, How(coarse=True)) if rule.weights == "li_posterior" else None
+    start = given if squares is None else from_result(given, squares)
+    done = with_readmission(start, lambda block: robust(block, adjust, rule, squares, coarse=False))
+    return replace(done, notes=(*done.notes, *down_weighted(done.result, rule.weights, rule.k)))
+
+
+def robust(
+    given: BundleInput, adjust: Adjust, rule: Rule, squares: BundleResult | None, *, coarse: bool
+) -> BundleResult:
+    """Adjust robustly.
+
+    Parameters
+    ----------
+    given : BundleInput
+    adjust : callable
+    rule : Rule
+    squares : BundleResult or None
+        The adjustment by least squares with its covariances, for the redundancy numbers that Li's function asks for;
+        without it they count as 1.
+    coarse : bool
+        It need not converge to the end.
+    """
+    if rule.weights == "huber":
+        return adjust(given, How(huber=rule.k, coarse=coarse))
+    result = adjust(given, How(huber=rule.k, coarse=True))
+    before: tuple[Float, ...] = ()
+    for _ in range(ROUNDS):
+        now = tuple(_weights(o, result, rule, squares, i) for i, o in enumerate(result.observations))
+        settled = bool(before) and all(
+            (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(now, before)
+        )
+        result = adjust(from_result(given, result), How(weights=now, coarse=coarse or not settled))
+        if settled:
+            break
+        before = now
+    return result
+
+
+def _weights(
+    found: AdjustedObservations, result: BundleResult, rule: Rule, squares: BundleResult | None, i: int
+) -> Float:
+    o, rows = found.observed, np.flatnonzero(found.used)
+    weight = np.ones(len(o))
+    if not (o.components or o.exact or not len(rows)):
+        v = np.where(o.records.observed_components()[rows], predicted(o.records, result.adjusted.state, rows)[0], 0.0)
+        size = np.abs(v).max(axis=1)
+        if rule.weights == "li_posterior" and squares is not None:
+            r = 1.0 - np.einsum("nii->ni", squares.observations[i].covariance[rows])
+            size = np.abs(v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))).max(axis=1)
+        weight[rows] = weights(rule.weights, size, rule.k)
+    return weight

@@ -1,0 +1,249 @@
+"""The search for gross errors in a bundle: robust start, data snooping, re-admission; every kind takes part.
+
+1. Adjust by least squares. Where no |w| is above the limit, that is the result.
+2. Else adjust once more, robustly: gross errors smear in least squares, hardly in a robust adjustment. With its poses,
+   held, each point with something above the limit, or rejected by an earlier stage, gets a hearing (`points`): the
+   fewest records are left out without which the others agree. Of other kinds what is above the limit goes.
+3. Adjust by least squares without it; of what is above the limit the clearest goes, by the same hearing at points; then
+   what fits the block after all comes back (`adjustment.statistics.search`); until nothing changes.
+
+Records that nothing tells apart are both left out, and nobody is blamed (`adjustment.statistics.attribution`). No more
+than `max_share` of a kind is rejected: where more disagrees the model is wrong, not the data.
+
+Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.statistics import search as statistics
+from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of
+from aatri.adjustment.statistics.tau import tau_limit
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.notes import Note
+from aatri.observations.poses import POINT
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
+from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
+from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.swaps import swaps
+from aatri.orientation.bundle.blunders.told import findings
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+from aatri.orientation.bundle.rounds import Round, with_readmission
+
+WELL_CONTROLLED = 1e-3
+"""Components with a smaller redundancy number are not tested: what controls them could not be told apart."""
+
+UNTESTED = (
+    "gross errors were not searched for: no observation has a test, for nothing controls it, or the block was solved "
+    "without standard deviations"
+)
+
+BACK = 3.29
+"""|w| below which what was rejected comes back: below the limit, or what lies there would go to and fro."""
+
+HARMLESS = 2.0
+"""Tests up to this many limits smear so little that no robust adjustment is needed."""
+
+CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
+"""Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A block adjusted without some of its records, and the tests of all of them."""
+
+    given: BundleInput
+    result: BundleResult
+    active: Bool
+    rule: Rule
+
+    @cached_property
+    def test(self) -> Float:
+        """Largest |w| of each record over the limit's unit, kind after kind; predicted where not active."""
+        state, unit = self.result.adjusted.state, 1.0
+        if self.rule.tau:
+            critical = tau_limit(self.rule.limit, self.result.adjusted.redundancy)
+            unit = self.result.adjusted.sigma0 * critical / self.rule.limit
+        return np.concatenate([tests_of(o, state) for o in self.result.observations]) / unit
+
+    @property
+    def controlled(self) -> Bool:
+        """All that has a test is controlled well enough."""
+        return np.ones(len(self.active), dtype=bool)
+
+    def added_sigma(self, *, robust: bool) -> float:  # noqa: ARG002
+        """A bundle adds nothing to its standard deviations."""
+        return 0.0
+
+
+def search(given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e-3) -> Round:
+    """Adjust a block and leave out its gross errors.
+
+    Parameters
+    ----------
+    given : BundleInput
+        What earlier stages have rejected is not active, and may come back.
+    adjust : callable
+    rule : Rule
+    tolerance : float
+        Bound of the Newton decrement of the result.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+        If the block cannot be adjusted, robustly neither.
+    """
+    return _Search(given, adjust, rule, tolerance).run()
+
+
+class _Search:
+    """What the steps of a search share."""
+
+    def __init__(self, given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float) -> None:
+        self.given, self.adjust, self.rule, self.tolerance = given, adjust, rule, tolerance
+        self.all = AllRecords.of(given)
+        observed = [o.records for o in self.all.observed]
+        self.snooping = Snooping(
+            rule.limit, (POINT,), ("", rule.max_share), CLEAR[rule.method], 1.0, min(BACK, rule.limit)
+        )
+        pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
+        self.pool: Pool = replace(pool, counted=self.all.native)
+        self.undecided = np.zeros(len(self.all.native), dtype=bool)
+        self.hearings = np.zeros(len(given.point_ids), dtype=np.int64)
+
+    def run(self) -> Round:
+        """Search."""
+        active = self.all.native & ~self.all.rejected_in(self.given)
+        first, failure = self._first(active)
+        if first is not None and not np.isfinite(first.test).any():
+            plain = with_readmission(self.given, lambda block: self.adjust(block, How()))
+            return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))
+        start: Tried | None = first
+        if self.rule.method == "robust_snooping" and (first is None or self._harmful(first, active)):
+            active, start = self._from_robust(active, first), None
+        elif first is None and failure is not None:
+            raise failure
+        found = statistics.search(
+            lambda before, use, _: self._solve(before or start, use), active, self.snooping, self.pool, self._found
+        )
+        tried, use = found.solved, found.active
+        gone = self.all.native & ~use
+        undecided = gone & (self.undecided | self._lost(tried.result, gone))
+        swapped = swaps(tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
+        notes = findings(tried.given, self.all, tried.test, use, undecided, swapped, self.rule)
+        return Round(tried.given, tried.result, tuple(notes), self.all.split(undecided), tuple(swapped))
+
+    def _lost(self, result: BundleResult, gone: Bool) -> Bool:
+        """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
+        point = np.maximum(self.all.point, 0)
+        there = gone & self.all.at_points & ~result.point_adjusted[point]
+        return there & (np.bincount(point[there], minlength=len(result.point_adjusted))[point] > 1)
+
+    def _first(self, active: Bool) -> tuple[Tried | None, Exception | None]:
+        """Least squares with everything; None where that fails."""
+        try:
+            return Tried(self.given, self.adjust(self.given, How(coarse=True)), active, self.rule), None
+        except (ConvergenceError, GeometryError) as error:
+            return None, error
+
+    def _harmful(self, tried: Tried, active: Bool) -> bool:
+        return bool((active & (tried.test > HARMLESS * self.rule.limit)).any())
+
+    def _from_robust(self, active: Bool, first: Tried | None) -> Bool:
+        """What is active after a robust adjustment; the block starts from there."""
+        squares = None if first is None else first.result
+        given = self.given if squares is None else from_result(self.given, squares)
+        result = robust(given, self.adjust, self.rule, squares, coarse=True)
+        state = result.adjusted.state
+        tests = [
+            tests_of(replace(o, covariance=_known(o, squares, i)), state) for i, o in enumerate(result.observations)
+        ]
+        above = active & (np.concatenate(tests) > self.rule.limit)
+        self.given = from_result(given, result)
+        alone = above & ~self.all.at_points
+        points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
+        out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, move=True)
+        rejected = self._within_share(active & (out | alone), active, np.concatenate(tests))
+        return (active | (self.all.native & self._of(points) & ~out)) & ~rejected
+
+    def _of(self, points: Int) -> Bool:
+        return self.all.at_points & np.isin(self.all.point, points)
+
+    def _solve(self, before: Tried | None, use: Bool) -> Tried:
+        if before is not None and (use == before.active).all() and self._converged(before.result):
+            return before
+        given = self.given if before is None else from_result(self.given, before.result)
+        given = replace(given, observed=self.all.without(given.observed, use))
+        return Tried(given, self.adjust(given, How()), use, self.rule)
+
+    def _converged(self, result: BundleResult) -> bool:
+        return result.adjusted.history[-1].decrement <= self.tolerance
+
+    def _found(self, tried: Tried, use: Bool) -> Bool:
+        """The clearest gross errors, at points by a hearing of all records of the point."""
+        picked = clearest(self.snooping, self.pool, tried.test, use, tried.controlled)
+        at = picked & self.all.at_points
+        points = np.unique(self.all.point[at])
+        points = points[self.hearings[points] < 3]
+        out = self._heard(tried.result.adjusted.state, points, np.ones(len(points), dtype=bool), use, move=False) & use
+        blamed = picked & ~self._of(points[np.isin(points, self.all.point[out])])
+        return self._within_share(out | blamed, use, tried.test)
+
+    def _heard(self, state: State, points: Int, suspected: Bool, active: Bool, *, move: bool) -> Bool:
+        """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
+        known = np.isin(points, with_start(state[POINT], points))
+        points, suspected = points[known], suspected[known]
+        wrong = np.zeros(len(active), dtype=bool)
+        if not len(points):
+            return wrong
+        self.hearings[points] += 1
+        native = self.all.split(self.all.native if move else active)
+        found: AtPoints = explained(self.all.observed, native, state, points, suspected, self.rule.limit)
+        rows = self.all.first[found.members.place] + found.members.row
+        wrong[rows[found.out]] = True
+        self.undecided[rows] = found.undecided
+        if move:
+            xyz = self.given.xyz_m.copy()
+            xyz[points] = found.xyz_m
+            self.given = replace(self.given, xyz_m=xyz)
+        return wrong
+
+    def _within_share(self, wrong: Bool, active: Bool, test: Float) -> Bool:
+        """Of what is wrong as much as may be rejected of each kind, the clearest first."""
+        kept = wrong.copy()
+        for part in self.all.parts:
+            some = np.flatnonzero(wrong[part]) + part.start
+            native = self.all.native[part]
+            room = int(np.ceil(self.rule.max_share * native.sum())) - int((native & ~active[part]).sum())
+            if len(some) > max(room, 0):
+                order = np.argsort(-np.nan_to_num(test[some]), kind="stable")
+                kept[some[order[max(room, 0) :]]] = False
+        return kept
+
+
+def tests_of(found: AdjustedObservations, state: State) -> Float:
+    """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
+    records, rows = found.observed.records, found.rows
+    test = np.full(len(found.observed), np.nan)
+    if len(rows) and not (found.observed.exact or found.observed.components):
+        v = whitened_residuals(records, state, rows)
+        sign = np.where(records.active[rows], -1.0, 1.0)[:, None]
+        r = 1.0 + sign * np.einsum("nii->ni", found.covariance[rows])
+        tested = records.observed_components()[rows] & (r > WELL_CONTROLLED)
+        w = np.where(tested, np.abs(v) / np.sqrt(np.where(tested, r, 1.0)), -1.0).max(axis=1)
+        test[rows] = np.where(w >= 0, w, np.nan)
+    return test
+
+
+def _known(found: AdjustedObservations, squares: BundleResult | None, i: int) -> Float:
+    """Covariances of the adjusted values as least squares has them; zero where it failed."""
+    return np.zeros_like(found.covariance) if squares is None else squares.observations[i].covariance

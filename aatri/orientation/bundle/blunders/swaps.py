@@ -1,0 +1,133 @@
+"""Swapped numbers: two image points of an image, or two points of control, that fit each other's place.
+
+Two image points a, b of one image are swapped if each is where the block expects the other,
+
+    p_a = x_a + v_a,    |p_a - x_b|, |p_b - x_a| within the limit of their standard deviations.
+
+A point of two rays alone predicts nothing once both are left out: then the ray of the other image tells, which must
+meet the exchanged one. The standardised parallax of rays d1, d2 over the base b is t / sigma_t, t = b . (d1 x d2). Two
+control points a, b are swapped if the block finds a at the coordinates of b, and b at those of a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+
+MOST_IN_AN_IMAGE = 200
+"""Rejected image points of an image up to which pairs are tried: with more the image itself is wrong."""
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Two observations with each other's number: place of their observations, rows."""
+
+    place: int
+    first: int
+    second: int
+
+
+def swaps(result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ...], limit: float) -> list[Swap]:
+    """Swapped numbers among what was rejected.
+
+    Parameters
+    ----------
+    result : BundleResult
+    rays : ImagePointRows, optional
+        The image points.
+    out : tuple of (n,) bool
+        Rejected, kind by kind.
+    limit : float
+        In standard deviations.
+    """
+    found: list[Swap] = []
+    for i, o in enumerate(result.observations):
+        groups = {group for group, _ in o.observed.records.touches}
+        if not out[i].any():
+            continue
+        if rays is not None and {POSE, POINT} <= groups and len(o.observed) == len(rays.image):
+            found += [Swap(i, a, b) for a, b in _of_rays(result, o, rays, out[i], limit)]
+        elif groups == {POINT} and o.observed.records.rows == 3:
+            found += [Swap(i, a, b) for a, b in _of_coordinates(result, o, out[i], limit)]
+    return found
+
+
+def _of_rays(
+    result: BundleResult, o: AdjustedObservations, rays: ImagePointRows, out: Bool, limit: float
+) -> Iterator[tuple[int, int]]:
+    rows = np.flatnonzero(out & result.image_adjusted[rays.image])
+    expected, sigma = _expected(result, o, rays, rows)
+    at = {int(r): k for k, r in enumerate(rows)}
+    of_point: dict[int, list[int]] = {}
+    for r in rows.tolist():
+        of_point.setdefault(int(rays.point[r]), []).append(r)
+
+    def fits(a: int, b: int) -> bool:
+        """The point of a is where b was measured, as far as the other rays of a's point can tell."""
+        k = at[a]
+        if np.isfinite(expected[k]).all():
+            s = np.sqrt(sigma[k] ** 2 + rays.sigma_mm[b] ** 2)
+            return bool((np.abs(expected[k] - rays.xy_mm[b]) <= limit * s).all())
+        others = [r for r in of_point[int(rays.point[a])] if r != a]
+        return bool(others) and all(abs(_parallax(result, rays, b, r)) <= limit for r in others)
+
+    order = np.argsort(rays.image[rows], kind="stable")
+    for some in np.split(rows[order], np.flatnonzero(np.diff(rays.image[rows][order])) + 1):
+        taken: set[int] = set()
+        for a, b in combinations(some.tolist(), 2) if len(some) <= MOST_IN_AN_IMAGE else ():
+            if a not in taken and b not in taken and fits(a, b) and fits(b, a):
+                taken |= {a, b}
+                yield a, b
+
+
+def _expected(result: BundleResult, o: AdjustedObservations, rays: ImagePointRows, rows: Int) -> tuple[Float, Float]:
+    """Where the block expects rejected image points, and standard deviations, (k, 2) mm; NaN where it does not."""
+    records, state = o.observed.records, result.adjusted.state
+    place, sigma = np.full((len(rows), 2), np.nan), np.full((len(rows), 2), np.nan)
+    known = np.isfinite(o.covariance[rows]).all(axis=(1, 2)) & np.isin(rows, o.rows)
+    some = rows[known]
+    if len(some):
+        place[known] = rays.xy_mm[some] + records.evaluate(state, some)[0]
+        sigma[known] = records.sigmas()[some] * np.sqrt(np.einsum("nii->ni", o.covariance[some]))
+    return place, sigma
+
+
+def _parallax(result: BundleResult, rays: ImagePointRows, a: int, b: int) -> float:
+    """Standardised parallax of two rays of different images."""
+    base = result.poses.position_m[rays.image[b]] - result.poses.position_m[rays.image[a]]
+    R = [result.poses.ground_from_image[rays.image[r]] for r in (a, b)]
+    d = [R[k] @ np.array([*rays.xy_mm[r], -rays.c_mm[r]]) for k, r in enumerate((a, b))]
+    by = [*(base @ np.cross(R[0][:, c], d[1]) for c in (0, 1)), *(base @ np.cross(d[0], R[1][:, c]) for c in (0, 1))]
+    sigma = np.linalg.norm(np.array(by) * np.concatenate([rays.sigma_mm[a], rays.sigma_mm[b]]))
+    return float(base @ np.cross(d[0], d[1]) / sigma) if sigma > 0 else float("inf")
+
+
+def _of_coordinates(
+    result: BundleResult, o: AdjustedObservations, out: Bool, limit: float
+) -> Iterator[tuple[int, int]]:
+    records, state = o.observed.records, result.adjusted.state
+    rows = np.flatnonzero(out & np.isin(np.arange(len(out)), o.rows))
+    rows = rows[np.isfinite(o.covariance[rows]).all(axis=(1, 2))]
+    if len(rows) < 2:
+        return
+    point = dict(records.touches)[POINT][rows]
+    seen = state[POINT][point]
+    given = seen - records.evaluate(state, rows)[0]
+    used = records.observed_components()[rows]
+    sigma = np.nan_to_num(records.sigmas()[rows])
+    spread = sigma * np.sqrt(1.0 + np.einsum("nii->ni", o.covariance[rows]))
+    for a, b in combinations(range(len(rows)), 2):
+        both = used[a] & used[b]
+        s = np.sqrt(spread[a] ** 2 + spread[b] ** 2)
+        far = np.abs(given[a] - given[b])[both] > limit * s[both]
+        near = [np.abs(seen[k] - given[m])[both] <= limit * s[both] for k, m in ((a, b), (b, a))]
+        if both.any() and far.any() and near[0].all() and near[1].all():
+            yield int(rows[a]), int(rows[b])

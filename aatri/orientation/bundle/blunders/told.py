@@ -1,0 +1,88 @@
+"""What the search for gross errors has to say: at observations, points, images and control."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float
+from aatri.notes import Note
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.swaps import Swap
+
+WHOLE_SHARE, WHOLE_LEAST = 0.3, 5
+"""An image is named itself where so many of its image points are rejected; a point where half of its rays are."""
+
+
+def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:
+    """What some observations are called: image/point, or the one there is."""
+    image, point = observed.names(np.flatnonzero(rows))
+    return tuple("/".join(x for x in pair if x) for pair in zip(image.tolist(), point.tolist()))
+
+
+def findings(
+    given: BundleInput, records: AllRecords, test: Float, active: Bool, undecided: Bool, swapped: list[Swap], rule: Rule
+) -> list[Note]:
+    """Notes on what was rejected, why, and on what could not be.
+
+    Parameters
+    ----------
+    given : BundleInput
+    records : AllRecords
+    test : (n,) float64
+    active : (n,) bool
+    undecided : (n,) bool
+        Left out though only some of them are wrong.
+    swapped : list of Swap
+    rule : Rule
+    """
+    notes = []
+    gone = records.native & ~active
+    for part, o in zip(records.parts, records.observed):
+        out, doubtful = gone[part] & ~undecided[part], gone[part] & undecided[part]
+        if out.any():
+            text = f"{o.kind}: {int(out.sum())} of {len(o)} rejected as gross errors"
+            notes.append(Note("warning", text, labels(o, out)))
+        if doubtful.any():
+            text = f"{o.kind}: {int(doubtful.sum())} of {len(o)} left out, some are wrong and nothing tells which"
+            notes.append(Note("warning", text, labels(o, doubtful)))
+        left = active[part] & (test[part] > rule.limit)
+        if left.any():
+            text = (
+                f"{o.kind}: {int(left.sum())} of {len(o)} are beyond {rule.limit:g} sigma and stay, for no more than "
+                f"{rule.max_share:.0%} of a kind is rejected: where more disagrees the model is wrong, not the data"
+            )
+            notes.append(Note("warning", text, labels(o, left)))
+    for swap in swapped:
+        o = records.observed[swap.place]
+        rows = np.isin(np.arange(len(o)), [swap.first, swap.second])
+        notes.append(Note("warning", f"{o.kind}: these two fit if their numbers are exchanged", labels(o, rows)))
+    notes += _whole(given, records, gone)
+    return notes
+
+
+def _whole(given: BundleInput, records: AllRecords, gone: Bool) -> list[Note]:
+    """Images and points most of whose observations are rejected."""
+    notes = []
+    for group, ids, share, what in (
+        (POSE, given.image_ids, WHOLE_SHARE, "images of which {} and more of the image points are rejected: their "
+         "number, interior orientation or camera may be wrong"),
+        (POINT, given.point_ids, 0.5, "points half of whose rays and more are rejected: more than one object may "
+         "carry the number"),
+    ):  # fmt: skip
+        total, out = np.zeros(len(ids)), np.zeros(len(ids))
+        for part, o in zip(records.parts, records.observed):
+            touched = dict(o.records.touches)
+            if POSE in touched and POINT in touched:
+                native = records.native[part]
+                total += np.bincount(touched[group][native], minlength=len(ids))
+                out += np.bincount(touched[group][native & gone[part]], minlength=len(ids))
+        least = WHOLE_LEAST if group == POSE else 3
+        whole = (out >= least) & (out >= share * total)
+        if whole.any():
+            named = tuple(np.asarray(ids)[whole].tolist())
+            notes.append(Note("warning", what.format(f"{share:.0%}"), named))
+    return notes

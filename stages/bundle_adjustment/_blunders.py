@@ -1,0 +1,48 @@
+"""Options of the search for gross errors."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import model_validator
+
+from aatri.adjustment.statistics.weight_functions import Weighting
+from aatri.orientation.bundle.blunders.rule import Method, Rule
+from aatri.plugin import Field, Options
+
+GONE = {
+    "huber": "`huber: K` is now `blunders: {method: robust, weights: huber, bound: K}`",
+    "huber_rejects": "`huber_rejects: L` is now `blunders: {method: robust, limit: L}`; `robust_snooping`, the "
+    "default, needs no second bundle",
+}
+"""Options there were, and what to write instead."""
+
+
+class Blunders(Options):
+    """The search for gross errors."""
+
+    method: Method = Field(
+        "robust_snooping",
+        description="robust_snooping: data snooping from a robust adjustment; data_snooping: from least squares; "
+        "robust: weighted down, not rejected, and without statistics; none",
+    )
+    weights: Weighting = Field("huber", description="weight function of the robust adjustment")
+    bound: float | None = Field(
+        None, gt=0, description="bound of the weight function, in standard deviations; default: that of the function"
+    )
+    limit: float = Field(4.0, gt=1, description="|w| above which an observation is rejected; with robust: named")
+    tau: bool = Field(False, description="tests standardised by sigma0 of the adjustment (Pope), not a priori")
+    max_share: float = Field(0.05, gt=0, le=0.5, description="largest share of a kind that is rejected")
+
+    @model_validator(mode="after")
+    def _of_robust(self) -> Self:
+        given = self.model_fields_set
+        if self.method in ("data_snooping", "none") and given & {"weights", "bound"}:
+            raise ValueError(f"weights and bound are those of a robust adjustment: method {self.method} has none")
+        if self.method == "none" and given & {"limit", "tau", "max_share"}:
+            raise ValueError("limit, tau and max_share are those of a search: method none has none")
+        return self
+
+    def rule(self) -> Rule:
+        """The same as the methods take it."""
+        return Rule(self.method, self.weights, self.bound, self.limit, self.tau, self.max_share)
