@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.arrays import Int, Text
+from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.orientation.bundle.blunders.search import tests_of
 from aatri.orientation.bundle.result import BundleResult
@@ -56,7 +56,10 @@ def after(suspects: Suspects, done: Round) -> Suspects:
     verdict = np.where(back, "readmitted", suspects.verdict)
     for i, found in enumerate(result.observations):
         o = found.observed
-        rows = np.flatnonzero(o.rejected) if o.rejected is not None and not o.components else np.zeros(0, dtype=int)
+        if o.components:
+            continue
+        told = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
+        rows = np.flatnonzero(told | _kept(done, i))
         rows = rows[[(o.kind, int(r)) not in before for r in o.row[rows]]] if len(rows) else rows
         if not len(rows):
             continue
@@ -88,5 +91,9 @@ def _verdicts(done: Round, place: int, rows: Int) -> Text:
     """Rejected, undecidable or swapped."""
     swapped = [r for swap in done.swapped if swap.place == place for r in (swap.first, swap.second)]
     undecided = done.undecided[place][rows] if done.undecided else np.zeros(len(rows), dtype=bool)
-    verdict = np.where(undecided, "undecidable", "rejected")
+    verdict = np.where(undecided, "undecidable", np.where(_kept(done, place)[rows], "kept", "rejected"))
     return np.where(np.isin(rows, swapped), "swapped", verdict)
+
+
+def _kept(done: Round, place: int) -> Bool:
+    return done.above[place] if done.above else np.zeros(len(done.result.observations[place].observed), dtype=bool)

@@ -35,6 +35,8 @@ class Round:
     notes : tuple of Note
     undecided : tuple of (n,) bool
         Of all observations, kind by kind: left out though only some are wrong, and nothing tells which.
+    above : tuple of (n,) bool
+        Used, though their test is above the limit.
     swapped : tuple of Swap
         Numbers to exchange.
     """
@@ -43,6 +45,7 @@ class Round:
     result: BundleResult
     notes: tuple[Note, ...] = ()
     undecided: tuple[Bool, ...] = ()
+    above: tuple[Bool, ...] = ()
     swapped: tuple[Swap, ...] = ()
 
 

@@ -35,7 +35,7 @@ from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_s
 from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.swaps import swaps
-from aatri.orientation.bundle.blunders.told import findings
+from aatri.orientation.bundle.blunders.told import Found, findings
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, with_readmission
 
@@ -50,8 +50,14 @@ UNTESTED = (
 BACK = 3.29
 """|w| below which what was rejected comes back: below the limit, or what lies there would go to and fro."""
 
+DOUBT = 1.5
+"""Records that nothing tells apart are left out where a test is beyond so many limits; else they stay, and are named:
+the harm is small, and one of them, of a control point perhaps, is as good as the others."""
+
 HARMLESS = 2.0
 """Tests up to this many limits smear so little that no robust adjustment is needed."""
+
+MOST_HEARINGS = 3
 
 CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
 """Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
@@ -119,6 +125,7 @@ class _Search:
         self.pool: Pool = replace(pool, counted=self.all.native)
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
         self.hearings = np.zeros(len(given.point_ids), dtype=np.int64)
+        self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
 
     def run(self) -> Round:
         """Search."""
@@ -139,8 +146,11 @@ class _Search:
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | self._lost(tried.result, gone))
         swapped = swaps(tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
-        notes = findings(tried.given, self.all, tried.test, use, undecided, swapped, self.rule)
-        return Round(tried.given, tried.result, tuple(notes), self.all.split(undecided), tuple(swapped))
+        doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
+        above = use & (tried.test > self.rule.limit)
+        notes = findings(tried.given, self.all, Found(use, undecided, above, doubtful, tuple(swapped)), self.rule)
+        split = self.all.split
+        return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), tuple(swapped))
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
@@ -171,7 +181,7 @@ class _Search:
         self.given = from_result(given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, move=True)
+        out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
         rejected = self._within_share(active & (out | alone), active, np.concatenate(tests))
         return (active | (self.all.native & self._of(points) & ~out)) & ~rejected
 
@@ -193,12 +203,14 @@ class _Search:
         picked = clearest(self.snooping, self.pool, tried.test, use, tried.controlled)
         at = picked & self.all.at_points
         points = np.unique(self.all.point[at])
-        points = points[self.hearings[points] < 3]
-        out = self._heard(tried.result.adjusted.state, points, np.ones(len(points), dtype=bool), use, move=False) & use
-        blamed = picked & ~self._of(points[np.isin(points, self.all.point[out])])
+        points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
+        state, suspected = tried.result.adjusted.state, np.ones(len(points), dtype=bool)
+        out = self._heard(state, points, suspected, use, tried.test, move=False) & use
+        heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
+        blamed = picked & ~(heard & self.all.at_points)
         return self._within_share(out | blamed, use, tried.test)
 
-    def _heard(self, state: State, points: Int, suspected: Bool, active: Bool, *, move: bool) -> Bool:
+    def _heard(self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, *, move: bool) -> Bool:
         """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
         known = np.isin(points, with_start(state[POINT], points))
         points, suspected = points[known], suspected[known]
@@ -209,8 +221,15 @@ class _Search:
         native = self.all.split(self.all.native if move else active)
         found: AtPoints = explained(self.all.observed, native, state, points, suspected, self.rule.limit)
         rows = self.all.first[found.members.place] + found.members.row
-        wrong[rows[found.out]] = True
-        self.undecided[rows] = found.undecided
+        largest = np.zeros(len(points))
+        np.maximum.at(largest, found.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])
+        unclear = np.zeros(len(points), dtype=bool)
+        unclear[found.members.block[found.undecided]] = True
+        doubt = unclear & (largest <= DOUBT * self.rule.limit)
+        self.doubtful[points] = doubt
+        surely = ~doubt[found.members.block]
+        wrong[rows[found.out & surely]] = True
+        self.undecided[rows] = found.undecided & surely
         if move:
             xyz = self.given.xyz_m.copy()
             xyz[points] = found.xyz_m

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
@@ -23,40 +25,52 @@ def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:
     return tuple("/".join(x for x in pair if x) for pair in zip(image.tolist(), point.tolist()))
 
 
-def findings(
-    given: BundleInput, records: AllRecords, test: Float, active: Bool, undecided: Bool, swapped: list[Swap], rule: Rule
-) -> list[Note]:
-    """Notes on what was rejected, why, and on what could not be.
+@dataclass(frozen=True)
+class Found:
+    """What a search has come to, over all records.
 
-    Parameters
+    Attributes
     ----------
-    given : BundleInput
-    records : AllRecords
-    test : (n,) float64
     active : (n,) bool
     undecided : (n,) bool
         Left out though only some of them are wrong.
-    swapped : list of Swap
-    rule : Rule
+    above : (n,) bool
+        Active with a test above the limit.
+    doubtful : (n,) bool
+        At points where nothing tells what is wrong, and it is small: nothing is left out.
+    swapped : tuple of Swap
     """
+
+    active: Bool
+    undecided: Bool
+    above: Bool
+    doubtful: Bool
+    swapped: tuple[Swap, ...]
+
+
+def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) -> list[Note]:
+    """Notes on what was rejected, why, and on what could not be."""
     notes = []
-    gone = records.native & ~active
+    gone = records.native & ~found.active
+    said = (
+        (gone & ~found.undecided, "rejected as gross errors"),
+        (gone & found.undecided, "left out: some of them are wrong, and nothing tells which"),
+        (
+            found.above & found.doubtful,
+            f"beyond {rule.limit:g} sigma and kept: nothing tells which of the point's is wrong",
+        ),
+        (
+            found.above & ~found.doubtful,
+            f"beyond {rule.limit:g} sigma and kept, for no more than {rule.max_share:.0%} of a kind is rejected: "
+            "where more disagrees the model is wrong, not the data",
+        ),
+    )
     for part, o in zip(records.parts, records.observed):
-        out, doubtful = gone[part] & ~undecided[part], gone[part] & undecided[part]
-        if out.any():
-            text = f"{o.kind}: {int(out.sum())} of {len(o)} rejected as gross errors"
-            notes.append(Note("warning", text, labels(o, out)))
-        if doubtful.any():
-            text = f"{o.kind}: {int(doubtful.sum())} of {len(o)} left out, some are wrong and nothing tells which"
-            notes.append(Note("warning", text, labels(o, doubtful)))
-        left = active[part] & (test[part] > rule.limit)
-        if left.any():
-            text = (
-                f"{o.kind}: {int(left.sum())} of {len(o)} are beyond {rule.limit:g} sigma and stay, for no more than "
-                f"{rule.max_share:.0%} of a kind is rejected: where more disagrees the model is wrong, not the data"
-            )
-            notes.append(Note("warning", text, labels(o, left)))
-    for swap in swapped:
+        for which, what in said:
+            if which[part].any():
+                text = f"{o.kind}: {int(which[part].sum())} of {len(o)} {what}"
+                notes.append(Note("warning", text, labels(o, which[part])))
+    for swap in found.swapped:
         o = records.observed[swap.place]
         rows = np.isin(np.arange(len(o)), [swap.first, swap.second])
         notes.append(Note("warning", f"{o.kind}: these two fit if their numbers are exchanged", labels(o, rows)))
