@@ -8,7 +8,9 @@ combination of unknowns. With the covariance Q and the diagonal N_ii of A'A befo
 
 The directions that can do so are the leading eigenvectors u of D Q D, D = diag(sqrt(N_ii)), found by some steps of
 subspace iteration with the factor: two solves for all columns together. Q_ii N_ii >= sum of lambda u_i^2, and nearly
-equal where it is large. A block by itself is found by its own 3x3 matrix.
+equal where it is large. A block by itself is found by its own 3x3 matrix. Most problems are far from all this, which
+one solve tells: with random orthonormal columns X the largest eigenvalue is at most |D Q D X| / |u'X|, and |u'X|^2 is
+less than `UNLIKELY` of its mean once in 1e15 times.
 
 A direction within one block (a single image, a single point) says that this block is weak: it is set aside. Any other
 is a weakness of the whole: it is refused, and the combination named. A tenth of the limits is worth a warning.
@@ -42,6 +44,8 @@ COLUMNS = 8
 STEPS = 2
 """Multiplications by the covariance: the first brings out what is open by orders of magnitude."""
 
+UNLIKELY = 1e-4
+
 ALONE = 0.98
 """Share of a direction within one vertex from which on it is that vertex's own."""
 
@@ -74,8 +78,10 @@ def conditioning(problem: IndexedProblem, factored: Factored) -> Conditioning:
     open_: list[str] = []
     nearly: list[str] = []
     with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
-        values, U = _leading(problem, factored)
-    limit, bare = _limits(problem), np.where(factored.diagonal > 0, factored.diagonal, 1.0)
+        limit, bare = _limits(problem), np.where(factored.diagonal > 0, factored.diagonal, 1.0)
+        # the largest eigenvalue with which nothing is open, nor nearly so
+        harmless = min(WARNED * OPEN, WARNED**2 * float((bare * limit**2).min(initial=np.inf)))
+        values, U = _leading(problem, factored, harmless)
     vertex_of = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
     for value, u in zip(values, U.T):
         own = value * u**2
@@ -118,16 +124,18 @@ def notes_of(found: Conditioning) -> tuple[Note, ...]:
     return tuple(Note("warning", f"hardly determined by the observations: {text}") for text in found.nearly)
 
 
-def _leading(problem: IndexedProblem, factored: Factored) -> tuple[Float, Float]:
-    """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D."""
+def _leading(problem: IndexedProblem, factored: Factored, harmless: float) -> tuple[Float, Float]:
+    """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D; none where all eigenvalues are below `harmless`."""
     used = ~problem.layout.held & (factored.diagonal > 0)
     scale = np.where(used, np.sqrt(np.where(used, factored.diagonal, 0.0)), 0.0)[:, None]
     count = min(COLUMNS, int(used.sum()))
     if not count:
         return np.zeros(0), np.zeros((len(used), 0))
     X = np.linalg.qr(np.random.default_rng(0).normal(size=(len(used), count)) * used[:, None])[0]
-    for _ in range(STEPS):
+    for step in range(STEPS):
         Y = scale * solve_columns(problem, factored, scale * X)
+        if step == 0 and np.linalg.norm(Y) * np.sqrt(used.sum() / (count * UNLIKELY)) < harmless:
+            return np.zeros(0), np.zeros((len(used), 0))
         values, rotation = np.linalg.eigh(X.T @ Y)
         U = X @ rotation
         X = np.linalg.qr(Y)[0]
@@ -138,7 +146,7 @@ def _limits(problem: IndexedProblem) -> Float:
     """Standard deviation beyond which a kept unknown counts as open, (n_kept,)."""
     limit = np.full(problem.layout.n_kept, np.inf)
     for u in problem.unknowns:
-        if u.implausible is not None:
+        if u.implausible is not None and (problem.layout.vertex[u.name] >= 0).any():
             columns = problem.layout.columns(u.name, u.size)
             limit[columns[columns >= 0]] = np.broadcast_to(u.implausible, columns.shape)[columns >= 0]
     return limit
