@@ -115,7 +115,8 @@ def example_block(example: str = "film", *, shuffle_seed: int | None = None) -> 
 def _simulated(example: str) -> Block:
     card = find_stages().card("block/simulate")
     assert card.options is not None
-    options = card.options.model_validate({**_BLOCK, "name": example, "camera": _CAMERAS[example]})
+    imu = {"observed": example == "digital"}
+    options = card.options.model_validate({**_BLOCK, "name": example, "camera": _CAMERAS[example], "imu": imu})
     block = card.function(options=options, rng=np.random.default_rng(1))
     assert isinstance(block, Block)
     return block

@@ -22,11 +22,12 @@ BORESIGHT = np.array([0.3, -0.2, 1.0])
 
 def flown(seed: int, options: dict[str, Any] | None = None, **imu: Any) -> Block:
     """Ten images with positions and attitudes, four control points."""
-    return made(
-        seed, 1000.0, camera=CAMERA | {"mounting_deg": 90},
-        noise={"image_um": 2.0, "control_m": (0.01, 0.01, 0.01), "gnss_m": (0.02, 0.02, 0.03)},
-        imu={"observed": True, "boresight_deg": tuple(BORESIGHT)} | imu, **(options or {}),
-    )  # fmt: skip
+    chosen = {
+        "camera": CAMERA | {"mounting_deg": 90},
+        "noise": {"image_um": 2.0, "control_m": (0.01, 0.01, 0.01), "gnss_m": (0.02, 0.02, 0.03)},
+        "imu": {"observed": True, "boresight_deg": tuple(BORESIGHT)} | imu,
+    } | (options or {})  # fmt: skip
+    return made(seed, 1000.0, **chosen)
 
 
 def start_of(block: Block, off_rad: float = 1e-4) -> Solution:

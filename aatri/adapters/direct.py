@@ -1,0 +1,158 @@
+"""Direct georeferencing of a block: orientations from positions and attitudes, points by intersection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adapters import solution as assemble
+from aatri.adapters.adjustment_frame import frame_of, geodesy_of
+from aatri.adapters.tangent_block import InTangentFrame
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import GeometryError
+from aatri.frames.tangent import TangentFrame
+from aatri.geometry.rotations import exp_rotation, skew
+from aatri.geometry.uncertain_intersection import UncertainIntersection, intersect_uncertain
+from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
+from aatri.observations.attitudes import attitudes_of
+from aatri.observations.image_points import rays_of
+from aatri.observations.observed import Given
+from aatri.observations.poses import POSE, Poses
+
+METHOD = "absolute_orientation/direct"
+
+
+@dataclass(frozen=True)
+class DirectPoses:
+    """Orientations in the frame of the adjustment, with covariances; NaN where not given."""
+
+    position_m: Float
+    ground_from_image: Float
+    covariance: Float
+
+
+def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Solution, tuple[Note, ...]]:
+    """The Solution, and what there is to say of it.
+
+    Raises
+    ------
+    GeometryError
+        If no image has both an observed position and observed attitudes.
+    """
+    frame = frame_of(block)
+    poses = _poses(block, frame)
+    oriented = finite_rows(poses.position_m)
+    if not oriented.any():
+        raise GeometryError(
+            "no image has both an observed position and observed angles",
+            where=f"block {block.name}",
+            remedy="give X, Y, Z, a1, a2, a3 and their standard deviations in exterior.csv, use: observed",
+        )
+    found = _intersected(block, image_points, poses)
+    solution = _solution(block, image_points, poses, found)
+    return InTangentFrame(block, None, frame, False).back(solution), _notes(block, oriented)
+
+
+def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
+    """X0 = X_antenna - R a and R = R_obs exp([b]x), with d = turns of the angles and of the boresight."""
+    n, e = len(block.images), block.exterior
+    position, rotation, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((n, 6, 6), np.nan)
+    given = Given(block, None, np.zeros(3), {POSE: Poses(np.full((n, 3), np.nan), rotation)}, frame=frame,
+                  geodesy=geodesy_of(block, frame))  # fmt: skip
+    rows = attitudes_of(given)
+    usable = (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
+    row, image, camera = rows.row[usable], rows.image[usable], rows.camera[usable]
+    antenna, D = given.placed(e.position_m[row])
+    inverse = np.linalg.inv(D)
+    C_antenna = inverse @ e.position_covariance_m2[row] @ inverse.swapaxes(1, 2)
+    R = rows.axes[usable] @ rows.observed[usable] @ exp_rotation(block.cameras.boresight_rad[camera])
+    G = rows.axes[usable] @ rows.turning[usable]
+    C_turn = G @ ((rows.sigma_rad[usable] ** 2)[:, :, None] * np.eye(3)) @ G.swapaxes(1, 2)
+    boresight = (_boresight_sigma(block)[camera] ** 2)[:, :, None] * np.eye(3)
+    C_turn = C_turn + R @ boresight @ R.swapaxes(1, 2)
+    arm = np.where((e.refers_to[row] == ANTENNA)[:, None], block.cameras.lever_arm_m[camera], 0.0)
+    away = np.einsum("nij,nj->ni", R, arm)
+    K = skew(away)
+    position[image], rotation[image] = antenna - away, R
+    cross = K @ C_turn
+    covariance[image] = np.block([[C_antenna + cross @ K.swapaxes(1, 2), cross], [cross.swapaxes(1, 2), C_turn]])
+    return DirectPoses(position, rotation, covariance)
+
+
+def _boresight_sigma(block: Block) -> Float:
+    """Standard deviations of the boresights, rad; of free ones, which nothing here determines, 0."""
+    sigma = np.zeros((len(block.cameras), 3))
+    p = block.camera_parameters
+    for k, axis in enumerate("xyz"):
+        mine = (p.name == f"boresight.{axis}") & ~p.free
+        sigma[p.camera[mine], k] = np.nan_to_num(p.sigma[mine])
+    return sigma
+
+
+def _intersected(block: Block, image_points: ImagePoints | None, poses: DirectPoses) -> UncertainIntersection | None:
+    if image_points is None:
+        return None
+    rays = rays_of(block, image_points)
+    return intersect_uncertain(rays.xy_mm, rays.sigma_mm, rays.c_mm, rays.image, rays.point, rays.active,
+                               poses.position_m, poses.ground_from_image, poses.covariance, len(block.points))  # fmt: skip
+
+
+def _solution(
+    block: Block, image_points: ImagePoints | None, poses: DirectPoses, found: UncertainIntersection | None
+) -> Solution:
+    n_points = len(block.points)
+    counts: Int = np.zeros(len(block.images), dtype=np.int64)
+    residuals = Residuals.empty()
+    xyz, covariance = np.full((n_points, 3), np.nan), None
+    rays: Int = np.zeros(n_points, dtype=np.int64)
+    observations = unknowns = 0
+    sigma0 = sigma0_um = float("nan")
+    if found is not None and image_points is not None:
+        m, used = image_points.measurements, found.used
+        counts = np.bincount(m.image[used], minlength=len(block.images))
+        xyz, covariance, rays = found.xyz_m, found.covariance_m2, found.rays
+        rows = np.flatnonzero(used)
+        names = block.images.id[m.image[rows]], block.points.id[m.point[rows]]
+        residuals = assemble.residuals("image_point", rows, *names, found.residual_mm[rows], found.sigma_mm[rows])
+        observations, unknowns = 2 * len(rows), 3 * int((rays > 0).sum())
+        if observations > unknowns:
+            sigma0 = float(np.sqrt((found.whitened[used] ** 2).sum() / (observations - unknowns)))
+            sigma0_um = 1e3 * sigma0 * float(np.sqrt((found.sigma_mm[used] ** 2).mean()))
+    return Solution(
+        method=METHOD,
+        observations=observations,
+        unknowns=unknowns,
+        redundancy=observations - unknowns,
+        sigma0=sigma0,
+        sigma0_um=sigma0_um,
+        iterations=1,
+        images=assemble.oriented_images(block, poses.position_m, poses.ground_from_image, counts, poses.covariance),
+        points=assemble.ground_points(block, xyz, rays, covariance),
+        cameras=assemble.solved_cameras(block),
+        transformations=StripTransformations.empty(),
+        parameters=Parameters.empty(),
+        residuals=residuals,
+        history=Iterations.empty(),
+        suspects=Suspects.empty(),
+    )
+
+
+def _notes(block: Block, oriented: Bool) -> tuple[Note, ...]:
+    notes = []
+    lacking = block.images.active & ~oriented
+    if lacking.any():
+        text = f"not oriented, without observed position or angles ({int(lacking.sum())} of {len(oriented)} images)"
+        notes.append(Note("warning", text, tuple(block.images.id[lacking].tolist())))
+    p = block.camera_parameters
+    free = p.free & np.char.startswith(np.asarray(p.name, dtype=np.str_), "boresight")
+    if free.any():
+        cameras = tuple(np.unique(block.cameras.id[p.camera[free]]).tolist())
+        text = "boresight is free, but nothing here determines it: taken as given; calibrate it by a bundle first"
+        notes.append(Note("warning", text, cameras))
+    return tuple(notes)

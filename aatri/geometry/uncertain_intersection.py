@@ -1,0 +1,137 @@
+"""Space intersection from images whose orientations are uncertain: every point for itself, by least squares.
+
+    v = x(X) - x_observed,    C_v = sigma^2 I + A Q A'    of a ray: its own errors, and those of its pose
+    N = sum J' C_v^-1 J,      dX = -N^-1 sum J' C_v^-1 v,    C_X = N^-1
+
+A = dx/dpose, J = dx/dX, Q the covariance of the pose. Poses of different images are taken as independent; points then
+tell nothing of poses, and each has the covariance that its own images give it.
+
+Source: Kraus, Photogrammetry; docs/formulas.md 3.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.collinearity import collinearity
+from aatri.geometry.intersection import intersect_rays
+from aatri.geometry.vectors import finite_rows
+
+MOST_ITERATIONS = 20
+SETTLED = 1e-6
+"""Of the standard deviation: a smaller step ends the iteration."""
+
+OPEN = 1e-12
+"""Eigenvalues of N below this share of the largest leave a point open."""
+
+
+@dataclass(frozen=True)
+class UncertainIntersection:
+    """Intersected points.
+
+    Attributes
+    ----------
+    xyz_m : (n, 3) float64, m
+        NaN where fewer than two images see the point, or its rays are parallel.
+    covariance_m2 : (n, 3, 3) float64, m^2
+    rays : (n,) int
+        Rays used.
+    whitened : (m, 2) float64
+        Residuals of all rays over their standard deviations, whitened by C_v; NaN where not used.
+    residual_mm, sigma_mm : (m, 2) float64, mm
+        Residuals and their standard deviations from C_v.
+    used : (m,) bool
+    """
+
+    xyz_m: Float
+    covariance_m2: Float
+    rays: Int
+    whitened: Float
+    residual_mm: Float
+    sigma_mm: Float
+    used: Bool
+
+
+def intersect_uncertain(
+    xy_mm: Float, sigma_mm: Float, c_mm: Float, image: Int, point: Int, active: Bool, position_m: Float,
+    ground_from_image: Float, covariance: Float, n_points: int,
+) -> UncertainIntersection:  # fmt: skip
+    """Intersect points from poses with covariances.
+
+    Parameters
+    ----------
+    xy_mm, sigma_mm : (m, 2) float64, mm, from the principal point
+    c_mm : (m,) float64, mm
+    image, point : (m,) int
+    active : (m,) bool
+    position_m, ground_from_image : (n_images, 3), (n_images, 3, 3) float64
+        NaN where not oriented.
+    covariance : (n_images, 6, 6) float64, m and rad
+        Of X0 and the rotation d, R <- exp([d]x) R.
+    n_points : int
+    """
+    oriented = finite_rows(position_m) & finite_rows(ground_from_image) & np.isfinite(covariance).all(axis=(1, 2))
+    use = np.flatnonzero(active & oriented[image] & finite_rows(xy_mm))
+    counts = np.bincount(point[use], minlength=n_points)
+    use = use[counts[point[use]] >= 2]
+    i, p = image[use], point[use]
+    direction = np.einsum("nij,nj->ni", ground_from_image[i], np.column_stack([xy_mm[use], -c_mm[use]]))
+    xyz = intersect_rays(position_m[i], direction, p, n_points)
+    use = use[np.isfinite(xyz[point[use]]).all(axis=1)]
+    i, p = image[use], point[use]
+    N = np.zeros((n_points, 3, 3))
+    for _ in range(MOST_ITERATIONS):
+        v, J, W = _linearised(xy_mm, sigma_mm, c_mm, use, i, xyz[p], position_m, ground_from_image, covariance)
+        N = _summed(J.swapaxes(1, 2) @ W @ J, p, n_points)
+        right = _summed(np.einsum("nji,njk,nk->ni", J, W, v), p, n_points)
+        solvable = _determined(N)
+        step = np.zeros((n_points, 3))
+        step[solvable] = -np.linalg.solve(N[solvable], right[solvable][:, :, None])[:, :, 0]
+        xyz = np.where(solvable[:, None], xyz + step, np.nan)
+        if np.sqrt(np.einsum("ni,nij,nj->n", step, N, step).max(initial=0.0)) < SETTLED:
+            break
+    known = finite_rows(xyz)
+    covariance_m2 = np.full((n_points, 3, 3), np.nan)
+    covariance_m2[known] = np.linalg.inv(N[known])
+    return _with_residuals(xy_mm, sigma_mm, c_mm, use[known[p]], image, point, xyz, covariance_m2, position_m,
+                           ground_from_image, covariance)  # fmt: skip
+
+
+def _linearised(
+    xy_mm: Float, sigma_mm: Float, c_mm: Float, use: Int, image: Int, xyz: Float, position_m: Float,
+    ground_from_image: Float, covariance: Float,
+) -> tuple[Float, Float, Float]:  # fmt: skip
+    found, A, J = collinearity(position_m[image], ground_from_image[image], xyz, c_mm[use])
+    C = A @ covariance[image] @ A.swapaxes(1, 2) + (sigma_mm[use] ** 2)[:, :, None] * np.eye(2)
+    return found - xy_mm[use], J, np.asarray(np.linalg.inv(C), dtype=np.float64)
+
+
+def _determined(N: Float) -> Bool:
+    values = np.linalg.eigvalsh(N)
+    return np.asarray((values[:, 2] > 0) & (values[:, 0] > OPEN * values[:, 2]))
+
+
+def _summed(values: Float, point: Int, n_points: int) -> Float:
+    found = np.zeros((n_points, *values.shape[1:]))
+    np.add.at(found, point, values)
+    return found
+
+
+def _with_residuals(
+    xy_mm: Float, sigma_mm: Float, c_mm: Float, use: Int, image: Int, point: Int, xyz: Float, covariance_m2: Float,
+    position_m: Float, ground_from_image: Float, covariance: Float,
+) -> UncertainIntersection:  # fmt: skip
+    m = len(xy_mm)
+    whitened, residual, sigma = (np.full((m, 2), np.nan) for _ in range(3))
+    v, _, W = _linearised(xy_mm, sigma_mm, c_mm, use, image[use], xyz[point[use]], position_m, ground_from_image,
+                             covariance)  # fmt: skip
+    residual[use] = v
+    whitened[use] = np.einsum("nji,nj->ni", np.linalg.cholesky(W), v)
+    sigma[use] = np.sqrt(np.einsum("nii->ni", np.linalg.inv(W)))
+    used = np.zeros(m, dtype=bool)
+    used[use] = True
+    rays = np.bincount(point[use], minlength=len(xyz))
+    return UncertainIntersection(xyz, covariance_m2, rays, whitened, residual, sigma, used)

@@ -1,0 +1,68 @@
+"""Direct georeferencing: as exact as its observations, as accurate as theory says, and nothing without them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.errors import GeometryError
+from aatri.stages.absolute_orientation.direct import direct
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.film_blocks import Told
+from tests.stages.geodetic_blocks import figures
+from tests.stages.test_attitudes import flown
+
+ARM = (0.2, -0.1, 0.4)
+
+
+@pytest.mark.parametrize("system", ["omega-phi-kappa", "roll-pitch-heading"])
+def test_without_errors_orientations_and_points_are_the_true_ones(system: str) -> None:
+    block = flown(1, {"noise": False, "gnss": {"lever_arm_m": ARM}}, rotation=system)
+    solution = direct(block, calibrated(block))
+    found = figures(block, solution)
+    assert found["truth_position_rmse_x_m"] < 1e-7
+    assert found["truth_rotation_rmse_rad"] < 1e-7  # axes of the antenna's place for those of the centre: 0.16 urad/m
+    assert found["truth_rmse_z_m"] < 1e-4  # difference quotients of the simulation's axes
+
+
+@pytest.mark.slow
+def test_check_points_are_as_accurate_as_theory_says() -> None:
+    over, nees, sigma0 = [], [], []
+    for seed in range(1, 11):
+        block = flown(seed, {"gnss": {"lever_arm_m": ARM}})
+        solution = direct(block, calibrated(block))
+        found = figures(block, solution)
+        over.append([found[f"check_rmse_{a}_m"] ** 2 / found[f"check_theory_rmse_{a}_m"] ** 2 for a in "xyz"])
+        nees.append(found["truth_nees"])
+        sigma0.append(solution.sigma0)
+    assert 0.6 < np.mean(over) < 1.5  # 10 blocks of 4 check points, which share poses
+    assert 0.75 < np.mean(nees) < 1.25
+    assert 0.9 < np.mean(sigma0) < 1.1
+
+
+def test_orientations_alone_need_no_image_points() -> None:
+    block = flown(1)
+    solution = direct(block)
+    assert solution.images.oriented.all()
+    assert np.isnan(solution.points.xyz_m).all()
+    assert (np.einsum("nii->ni", solution.images.covariance) > 0).all()
+
+
+def test_an_image_without_angles_is_named_and_a_block_without_any_refused() -> None:
+    block, heard = flown(1), Told()
+    e = block.exterior
+    use = e.angle_use.copy()
+    use[3] = 0
+    solution = direct(replace(block, exterior=replace(e, angle_use=use)), context=heard)
+    assert solution.images.oriented.sum() == len(block.images) - 1
+    assert any(str(block.images.id[3]) in text for text in heard.warnings)
+    with pytest.raises(GeometryError, match="observed angles"):
+        direct(replace(block, exterior=replace(e, angle_use=0 * use)))
+
+
+def test_a_free_boresight_is_told() -> None:
+    heard = Told()
+    direct(flown(1, boresight="free"), context=heard)
+    assert any("boresight is free" in text for text in heard.warnings)
