@@ -23,6 +23,7 @@ from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
+from aatri.observations.rigs import poses_by_rigs
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
@@ -58,6 +59,7 @@ def bundle_input(
     origin = origin_of(poses, xyz)
     poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
     rays = rays_of(block, image_points) if image_points is not None else None
+    poses = poses_by_rigs(block, poses)
     if rays is not None:
         poses, xyz = complete_start(rays, poses, xyz)
         if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():

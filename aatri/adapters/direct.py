@@ -98,9 +98,9 @@ def _boresight_sigma(block: Block) -> Float:
 def _intersected(block: Block, image_points: ImagePoints | None, poses: DirectPoses) -> UncertainIntersection | None:
     if image_points is None:
         return None
-    rays = rays_of(block, image_points)
+    rays, n = rays_of(block, image_points), len(block.points)
     return intersect_uncertain(rays.xy_mm, rays.sigma_mm, rays.c_mm, rays.image, rays.point, rays.active,
-                               poses.position_m, poses.ground_from_image, poses.covariance, len(block.points))  # fmt: skip
+                               poses.position_m, poses.ground_from_image, poses.covariance, n)  # fmt: skip
 
 
 def _solution(

@@ -42,6 +42,8 @@ from aatri.observations.relative.planes import USES as OF_PLANES
 from aatri.observations.relative.planes import planes
 from aatri.observations.relative.round_shapes import USES as OF_ROUND_SHAPES
 from aatri.observations.relative.round_shapes import round_shapes
+from aatri.observations.rigs import USES as OF_RIGS
+from aatri.observations.rigs import RigOptions, rigs
 from aatri.options import Options
 
 
@@ -83,6 +85,7 @@ KINDS = (
     Kind(positions, PositionOptions, uses=OF_POSITIONS),
     Kind(drift, PositionOptions, under="positions", uses=OF_DRIFT),
     Kind(attitudes, AttitudeOptions, uses=OF_ATTITUDES),
+    Kind(rigs, RigOptions, uses=OF_RIGS),
     Kind(distances, DistanceOptions, uses=OF_DISTANCES),
     Kind(directions, uses=OF_DIRECTIONS),
     Kind(zenith_angles, ZenithOptions, uses=OF_ZENITH_ANGLES),

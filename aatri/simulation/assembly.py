@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
-from aatri.simulation import film, measured
+from aatri.simulation import film, measured, rig
 from aatri.simulation.attitudes import observed_attitudes
 from aatri.simulation.flight import Plan
 from aatri.simulation.measured import Disturbance, no_source, rows, texts
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
-from aatri.simulation.settings import BROWN, Camera, Film, Gnss, Imu
+from aatri.simulation.settings import BROWN, Camera, Film, Gnss, Imu, RigMember
 from aatri.units import EARTH_RADIUS_M, LENGTH_MM
 
 
@@ -33,6 +33,8 @@ class Scene:
     plan: Plan
     photography: Photography
     points: GroundTargets
+    member: Text
+    rig: dict[str, RigMember]
 
     def in_block_frame(self, local_m: Float) -> Float:
         """Coordinates of the Block from local (E, N, h)."""
@@ -74,6 +76,8 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: D
             -camera.mounting_deg % 360,
             scene.photography.convergence_rad()[of_image], disturbance,
         )  # fmt: skip
+    at_frame = np.flatnonzero(np.isin(scene.member[of_image][exterior.image], ("", rig.FRAME)))
+    gross_position, gross_attitude = (_of_rows(g, at_frame) for g in (gross_position, gross_attitude))
     return b.Block(
         name=scene.name,
         rotation=imu.rotation,
@@ -88,12 +92,13 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: D
             vertical=texts(""),
         ),
         **_camera_tables(camera, marks, gnss, imu),
-        **_images(plan, of_image),
+        **_images(plan, of_image, scene.member),
         fiducial_points=fiducial_points,
         points=b.Points(id=np.array(points.id)[of_point]),
         image_points=image_points,
         ground_points=ground,
-        exterior=exterior,
+        exterior=exterior.take(at_frame),
+        rig_members=rig.rig_table(scene.rig),
         **_not_simulated(),
         true_images=true_images,
         true_points=b.TruePoints(point=rows(np.arange(len(xyz))), xyz_m=xyz[of_point]),
@@ -125,7 +130,6 @@ def whole(table: b.Exterior, images: int) -> b.Exterior:
 def _not_simulated() -> dict[str, Any]:
     return {
         "files": b.Files.empty(),
-        "rig_members": b.RigMembers.empty(),
         "ground_point_covariances": b.GroundPointCovariances.empty(),
         "geodetic": b.Geodetic.empty(),
         "geodetic_covariances": b.GeodeticCovariances.empty(),
@@ -189,8 +193,9 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]], gnss: 
     }
 
 
-def _images(plan: Plan, of_image: Int) -> dict[str, Any]:
+def _images(plan: Plan, of_image: Int, member: Text) -> dict[str, Any]:
     n = len(of_image)
+    mounted = member[of_image]
     strips, strip = np.unique(np.array(plan.strip), return_inverse=True)
     text = texts("", times=n)
     return {
@@ -203,8 +208,8 @@ def _images(plan: Plan, of_image: Int) -> dict[str, Any]:
             time_s=plan.time_s[of_image],
             flight=text,
             session=text,
-            rig=text,
-            member=text,
+            rig=np.where(mounted == "", "", rig.NAME),
+            member=mounted,
             active=np.ones(n, dtype=bool),
             **no_source(n),
         ),
@@ -217,6 +222,13 @@ def _true_images(scene: Scene, stations_m: Float, of_image: Int) -> b.TrueImages
     return b.TrueImages(
         image=rows(np.arange(len(of_image))), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
     )
+
+
+def _of_rows(gross: tuple[Any, ...], rows: Int) -> tuple[Any, ...]:
+    """Gross errors of the rows that stay, by their new numbers."""
+    kind, chosen, errors = gross
+    stays = np.isin(chosen, rows)
+    return kind, np.searchsorted(rows, np.asarray(chosen)[stays]), errors[stays]
 
 
 def _gross(found: list[tuple[Any, ...]]) -> b.GrossErrors:

@@ -190,6 +190,20 @@ class Imu(BaseModel):
     drift_deg_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, degrees/s")
 
 
+class RigMember(BaseModel):
+    """A camera beside the frame of the rig, of the same kind; its place and angles in the camera axes of the frame."""
+
+    model_config = _FROZEN
+
+    position_m: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="projection centre, m")
+    angles_deg: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="omega, phi, kappa, degrees")
+    error_m: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="error of the place that the block gives")
+    error_deg: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="error of the angles the block gives")
+    sigma_m: float = Field(0.0, ge=0, description="standard deviation of the place in the block, m; 0 fixed")
+    sigma_deg: float = Field(0.0, ge=0, description="standard deviation of the angles in the block, degrees; 0 fixed")
+    free: bool = Field(False, description="the block leaves place and angles free")
+
+
 class Film(BaseModel):
     """Film deformation (affine, per image) and the place of the film on the comparator."""
 

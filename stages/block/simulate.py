@@ -30,6 +30,7 @@ from aatri.simulation.measured import STREAMS, Disturbance
 from aatri.simulation.points import Ground, ground_targets
 from aatri.simulation.presets import PRESETS
 from aatri.simulation.rays import Photography
+from aatri.simulation.rig import rigged
 from aatri.simulation.terrain import random_surface
 
 
@@ -49,6 +50,7 @@ class SimulateOptions(Options):
     known: settings.Known = Field(settings.Known(), description="control and check points")
     gnss: settings.Gnss = Field(settings.Gnss(), description="positions of the stations")
     imu: settings.Imu = Field(settings.Imu(), description="attitudes of the stations")
+    rig: dict[str, settings.RigMember] = Field({}, description="cameras beside the frame at every station, by name")
     earth: Literal["flat", "tangent", "map", "geodetic"] = Field(
         "flat",
         description="flat: Cartesian; sphere in a Cartesian tangent frame; sphere in a map (east, north, height); "
@@ -104,10 +106,12 @@ def simulate(
         geodetic=Geodetic(options.crs, false_origin, options.undulation_m) if options.earth == "geodetic" else None,
     )
     context.log(f"{len(plan.id)} stations flown, {plan.base_m:.1f} m apart, strips {plan.spacing_m:.1f} m apart")
-    points = ground_targets(photography, plan, Ground(surface, false_origin), options.flight, options.ties,
+    made = rigged(plan, photography, options.rig)
+    points = ground_targets(made.photography, plan, Ground(surface, false_origin), options.flight, options.ties,
                             options.known, streams["points"])  # fmt: skip
     context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
-    scene = Scene(options.name, options.earth, false_origin, plan, photography, points)
+    scene = Scene(options.name, options.earth, false_origin, made.plan, made.photography, points, made.member,
+                  options.rig)  # fmt: skip
     return assembled(
         scene, options.film, options.gnss, options.imu, Disturbance(options.noise, options.gross_errors, streams)
     )
