@@ -18,6 +18,9 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.errors import GeometryError
 
+LARGE = 0.2
+"""What is larger than this part of the largest is named."""
+
 WHOLE = 2000
 """Up to this many kept unknowns the whole matrix is analysed."""
 
@@ -107,14 +110,24 @@ def _leading_null_vector(problem: IndexedProblem, factored: Factored, k: int, ro
 
 
 def described(problem: IndexedProblem, vector: Float) -> str:
-    """The unknowns with the largest share in a null vector."""
-    largest = np.argsort(-np.abs(vector), kind="stable")[:4]
-    members = [c for c in largest if abs(vector[c]) > 0.3 * abs(vector[largest[0]])]
-    names = {}
+    """The unknowns that take part most in a null vector: of each label up to four, or the one with most and a count.
+
+    A label takes part where one of its unknowns does, or all blocks together: what many blocks share, as the heights of
+    all images where the principal distance is open, is small in each of them.
+    """
+    shares: list[tuple[float, float, str]] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
-        for c in members:
-            at = np.argwhere(columns == c)
-            if len(at):
-                names[c] = u.label(int(at[0][0]), int(at[0][1]))
-    return " with ".join(names.get(c, f"unknown {c}") for c in members)
+        size = np.where(columns >= 0, np.abs(vector[np.maximum(columns, 0)]), 0.0)
+        for scalar in range(u.size):
+            own = size[:, scalar]
+            total, most = float((own**2).sum()), float(own.max(initial=0.0))
+            if total > 0:
+                large = np.argsort(-own, kind="stable")[: int((own > LARGE * most).sum())].tolist()
+                named = " with ".join(u.label(k, scalar) for k in large)
+                many = f"{u.label(large[0], scalar)} and {len(large) - 1} more"
+                shares.append((total, most, named if len(large) <= 4 else many))
+    shares.sort(key=lambda share: -share[0])
+    largest = max((own for _, own, _ in shares), default=0.0)
+    members = [name for total, own, name in shares if total > LARGE**2 * shares[0][0] or own > LARGE * largest][:5]
+    return " with ".join(members) or "unknowns of no group"

@@ -1,40 +1,112 @@
-"""Positions of a drift group: GNSS with a shift and a linear drift that its images share.
+"""Positions with unknowns of their own: shift and drift, lever arm, exposure-time offset.
 
-    v = D (X0 + R a - X_observed) + s + (t - t_mean) d,    dv/ds = I,    dv/dd = (t - t_mean) I
+    v = D (X0 + R a - X_observed) + s + (t - t_mean) d + u dt
+    dv/ds = I,   dv/dd = (t - t_mean) I,   dv/da = D R,   dv/d(dt) = u
 
 D turns into the axes of the block (`positions`), along which shift and drift run. s is the shift and d the drift per
-unit of time, both free; t is the time of exposure in seconds, where a group has none the sequence of its images; t_mean
-the mean over the group. A group whose images have one time has no drift.
+unit of time that the positions of a group, of the block, of a strip or of a flight share, both free; t is the time of
+exposure in seconds, where a group has none the sequence of its images; t_mean the mean over the group. A group whose
+images have one time has no drift. The lever arm a is unknown where the block says so (`lever_arms`), dt where the
+options do (`exposure_time`). Differences of the positions of a group, with their correlations, say the same as the
+positions with a free shift: `drift: shift`.
+
 Source: Ackermann 1984, Friess 1986; docs/formulas.md 5.3.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int, Text
+from aatri.codes import ANTENNA
+from aatri.geometry.rotations import skew
+from aatri.observations.exposure_time import offset_unknowns, velocities
+from aatri.observations.lever_arms import LEVER_ARM, arm_priors, arm_unknowns, open_arms
+from aatri.observations.lever_arms import USES as OF_ARMS
 from aatri.observations.observed import Given, Observed, named
-from aatri.observations.positions import PositionOptions, Positions, placed, position_records, positions_of, taken
+from aatri.observations.poses import POSE
+from aatri.observations.positions import (
+    PositionOptions,
+    Positions,
+    drift_groups,
+    placed,
+    position_records,
+    positions_of,
+    taken,
+    with_unknowns,
+)
 
 DRIFT = "drift"
 
-USES = ("exterior.drift_group",)
+USES = ("exterior.drift_group", *OF_ARMS)
+
+
+@dataclass(frozen=True)
+class Term:
+    """Unknowns that some positions touch.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+    start : (n_blocks, k) float64
+    block : (n,) int
+        Block of each position; -1 none.
+    basis : (n, 3, k) float64, optional
+        Derivatives; None for the lever arm, whose derivatives are those of the camera's axes.
+    """
+
+    unknowns: Unknowns
+    start: Float
+    block: Int
+    basis: Float | None = None
 
 
 def drift(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
-    """Observed positions of the block that belong to a drift group."""
+    """Observed positions of the block that have unknowns of their own."""
     block = given.block
     found = positions_of(block)
-    group = block.exterior.drift_group[found.row]
-    rows = np.flatnonzero(group != "")
+    rows = np.flatnonzero(with_unknowns(block, found, options))
     if not len(rows) or not options.use:
         return ()
-    found, group = taken(found, rows), group[rows]
-    time = group_times(block.images.time_s[found.image], block.images.sequence[found.image], group)
+    found = taken(found, rows)
+    terms, names = terms_of(given, found, options), block.images.id[found.image]
     found, derivatives = placed(given, found)
-    return observed_drift(found, given.origin_m, group, time, block.images.id[found.image], derivatives)
+    observed = observed_terms(found, given.origin_m, terms, names, derivatives)
+    touched = {group for o in observed for group, _ in o.records.touches}
+    return (*observed, *(arm_priors(block) if LEVER_ARM in touched else ()))
+
+
+def terms_of(given: Given, found: Positions, options: PositionOptions) -> list[Term]:
+    """The unknowns of some positions."""
+    block, terms = given.block, []
+    group = drift_groups(block, found, options)
+    if (group != "").any():
+        time = group_times(block.images.time_s[found.image], block.images.sequence[found.image], group)
+        terms.append(drift_term(group, time, linear=options.drift == "linear"))
+    camera = block.images.camera[found.image]
+    armed = np.asarray(open_arms(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[found.row] == ANTENNA)
+    if armed.any():
+        terms.append(Term(arm_unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1)))
+    if options.time_offset:
+        u = velocities(block, found.image, found.position_m)
+        terms.append(Term(offset_unknowns(block), np.zeros((len(block.cameras), 1)), camera, u[:, :, None]))
+    return terms
+
+
+def drift_term(group: Text, time: Float, *, linear: bool = True) -> Term:
+    """Shift and drift of groups; an empty name has none."""
+    ids = np.unique(group[group != ""])
+    block = np.where(group != "", np.searchsorted(ids, group), -1)
+    basis = np.concatenate([np.broadcast_to(np.eye(3), (len(group), 3, 3)), time[:, None, None] * np.eye(3)], axis=2)
+    free = np.ones((len(ids), 6), dtype=bool)
+    some = block >= 0
+    free[:, 3:] = linear & (np.bincount(block[some], np.abs(time[some]), len(ids)) > 0)[:, None]
+    labels = ("shift X", "shift Y", "shift Z", "drift X", "drift Y", "drift Z")
+    return Term(Unknowns(DRIFT, free, labels, ids, add_step), np.zeros((len(ids), 6)), block, basis)
 
 
 def group_times(time_s: Float, sequence: Float, group: Text) -> Float:
@@ -52,20 +124,52 @@ def observed_drift(
     rows: Positions, origin_m: Float, group: Text, time: Float, names: Text, derivatives: Float | None = None
 ) -> tuple[Observed, ...]:
     """Positions with shift and drift, given group, reduced time and image of each."""
-    ids, block = np.unique(group, return_inverse=True)
+    return observed_terms(rows, origin_m, [drift_term(group, time)], names, derivatives)
+
+
+def observed_terms(
+    rows: Positions, origin_m: Float, terms: list[Term], names: Text, derivatives: Float | None = None
+) -> tuple[Observed, ...]:
+    """Positions with their unknowns; those that touch the same kinds of unknowns are one `Observed`."""
+    touched = np.stack([t.block >= 0 for t in terms], axis=1)
+    found, told = [], set[str]()
+    for pattern in np.unique(touched, axis=0)[::-1]:
+        some = np.flatnonzero((touched == pattern).all(axis=1))
+        mine = [_taken(t, some) for t, has in zip(terms, pattern) if has]
+        new = [t for t in mine if t.unknowns.name not in told]
+        told |= {t.unknowns.name for t in new}
+        own, D = taken(rows, some), None if derivatives is None else derivatives[some]
+        start = {t.unknowns.name: t.start for t in new}
+        found.append(
+            Observed(_records(own, origin_m, mine, D), own.row, named(image=names[some]), "m",
+                     unknowns=tuple(t.unknowns for t in new), start=start)
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _taken(term: Term, some: Int) -> Term:
+    return replace(term, block=term.block[some], basis=None if term.basis is None else term.basis[some])
+
+
+def _records(rows: Positions, origin_m: Float, terms: list[Term], derivatives: Float | None) -> Records:
     plain = position_records(rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m, derivatives)
+    arm = next((t for t in terms if t.basis is None), None)
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         v, (by_pose,) = plain.evaluate(state, some)
-        by_drift = np.concatenate([np.broadcast_to(np.eye(3), (len(some), 3, 3)), time[some, None, None] * np.eye(3)],
-                                  axis=2)  # fmt: skip
-        return v + np.einsum("nij,nj->ni", by_drift, state[DRIFT][block[some]]), (by_pose, by_drift)
+        R = state[POSE].ground_from_image[rows.image[some]]
+        D = by_pose[:, :, :3]
+        if arm is not None:
+            turned = np.einsum("nij,nj->ni", R, state[LEVER_ARM][arm.block[some]])
+            given = np.einsum("nij,nj->ni", R, rows.lever_arm_m[some])
+            v = v + np.einsum("nij,nj->ni", D, turned - given)
+            by_pose = np.concatenate([D, -D @ skew(turned)], axis=2)
+        jacobians = [by_pose]
+        for t in terms:
+            jacobians.append(D @ R if t.basis is None else t.basis[some])
+            if t.basis is not None:
+                v = v + np.einsum("nij,nj->ni", t.basis[some], state[t.unknowns.name][t.block[some]])
+        return v, tuple(jacobians)
 
-    touches = (*plain.touches, (DRIFT, block.astype(np.int32)))
-    records = Records(plain.name, touches, evaluate, plain.whitener, plain.active)
-    free = np.ones((len(ids), 6), dtype=bool)
-    free[:, 3:] = (np.bincount(block, np.abs(time)) > 0)[:, None]
-    labels = ("shift X", "shift Y", "shift Z", "drift X", "drift Y", "drift Z")
-    unknowns = Unknowns(DRIFT, free, labels, ids, add_step)
-    start = {DRIFT: np.zeros((len(ids), 6))}
-    return (Observed(records, rows.row, named(image=names), "m", unknowns=(unknowns,), start=start),)
+    touches = (*plain.touches, *((t.unknowns.name, t.block.astype(np.int32)) for t in terms))
+    return Records(plain.name, touches, evaluate, plain.whitener, plain.active)

@@ -4,22 +4,26 @@
 
 D turns the residual into the axes of the block where the adjustment has other ones (`Given.placed`); else it is I.
 a is the lever arm, antenna minus projection centre in the axes of the camera; zero where the projection centre itself
-was observed. Positions of a drift group are a kind of their own, see `drift`. Source: docs/formulas.md 5.2.
+was observed. Positions with unknowns of their own (shift and drift, unknown lever arm, exposure time): see `drift`.
+Source: docs/formulas.md 5.2.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
 
 from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA, OBSERVED_VALUE
+from aatri.errors import InputError
 from aatri.geometry.rotations import skew
+from aatri.ids import shown
+from aatri.observations.lever_arms import open_arms
 from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
@@ -36,6 +40,13 @@ class PositionOptions(Options):
     """Options of observed positions."""
 
     use: bool = Field(True, description="use observed positions of the projection centres")
+    drift: Literal["none", "shift", "linear"] = Field(
+        "linear", description="what positions of a group share: nothing, a shift, or a shift and a linear drift"
+    )
+    per: Literal["group", "block", "strip", "flight"] = Field(
+        "group", description="what is a group: column drift_group of exterior.csv, all positions, a strip, a flight"
+    )
+    time_offset: bool = Field(False, description="an exposure-time offset for each camera, times the velocity")
 
 
 @dataclass(frozen=True)
@@ -73,11 +84,11 @@ def positions_of(block: Block) -> Positions:
 
 
 def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
-    """Observed positions of the block that belong to no drift group."""
+    """Observed positions of the block that have no unknowns of their own."""
     found = positions_of(given.block)
-    alone = np.flatnonzero(given.block.exterior.drift_group[found.row] == "")
     if not options.use:
         return ()
+    alone = np.flatnonzero(~with_unknowns(given.block, found, options))
     found = taken(found, alone)
     found, derivatives = placed(given, found)
     return observed_positions(found, given.origin_m, given.block.images.id[found.image], derivatives)
@@ -87,6 +98,41 @@ def placed(given: Given, rows: Positions) -> tuple[Positions, Float]:
     """Positions in the frame of the adjustment, and D of each."""
     position_m, derivatives = given.placed(rows.position_m)
     return replace(rows, position_m=position_m), derivatives
+
+
+def with_unknowns(block: Block, found: Positions, options: PositionOptions) -> Bool:
+    """Which positions have a drift, an unknown lever arm or an exposure-time offset, (n,)."""
+    if options.time_offset:
+        return np.ones(len(found.row), dtype=bool)
+    armed = np.asarray(open_arms(block)[0].any(axis=1))[block.images.camera[found.image]]
+    armed &= block.exterior.refers_to[found.row] == ANTENNA
+    return np.asarray(armed | (drift_groups(block, found, options) != ""))
+
+
+def drift_groups(block: Block, found: Positions, options: PositionOptions) -> Text:
+    """Name of the group that shares shift and drift, (n,) str; empty where there is none.
+
+    Raises
+    ------
+    InputError
+        If an image has no strip or flight that it is to be grouped by.
+    """
+    n = len(found.row)
+    if options.drift == "none":
+        return np.full(n, "")
+    if options.per == "block":
+        return np.full(n, "block")
+    if options.per == "group":
+        return block.exterior.drift_group[found.row]
+    images, strips = block.images, np.append(block.strips.id, "")
+    group = strips[images.strip[found.image]] if options.per == "strip" else images.flight[found.image]
+    without = images.id[found.image[group == ""]]
+    if len(without):
+        raise InputError(
+            f"positions.per: {options.per}, but images {shown(without.tolist())} have no {options.per}",
+            remedy=f"give `{options.per}` in images.csv, or another `per`",
+        )
+    return np.asarray(group)
 
 
 def uses_positions(block: Block, options: object) -> bool:

@@ -13,7 +13,7 @@ CAMERAS = tuple(f"camera_parameters:{distortion}.{name}" for distortion, model i
 """Standard deviations of the parameters that the camera models of the adjustment have."""
 
 
-def used(*, marked: bool, sessions: bool, levels: Collection[str] = ()) -> tuple[str, ...]:
+def used(*, marked: bool, sessions: bool, levels: Collection[str] = (), flights: bool = False) -> tuple[str, ...]:
     """Names of what is used.
 
     Parameters
@@ -24,10 +24,12 @@ def used(*, marked: bool, sessions: bool, levels: Collection[str] = ()) -> tuple
         Additional parameters are those of sessions.
     levels : collection of str
         What has a variance component of its own.
+    flights : bool
+        Positions of a flight share a drift.
     """
     own = ("images.strip", "cameras.distortion", "earth_curvature:frame", "undulation", *CAMERAS)
     optional = (
-        ("ground_points.datum", marked), ("images.session", sessions), ("images.flight", "flight" in levels),
+        ("ground_points.datum", marked), ("images.session", sessions), ("images.flight", flights or "flight" in levels),
         ("image_points.group", "group" in levels),
     )  # fmt: skip
     return (*kinds.USES, *own, *(name for name, wanted in optional if wanted))

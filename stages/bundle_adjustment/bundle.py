@@ -54,6 +54,7 @@ from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.orientation.bundle.blunders.robust import How, robustly
 from aatri.orientation.bundle.blunders.search import search
+from aatri.orientation.bundle.correlations import correlation_notes
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
@@ -159,6 +160,7 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
         marked=options.datum_over == "marked",
         sessions=sets is not None and sets.per == "session",
         levels=components.groups if components is not None else (),
+        flights=options.positions.drift != "none" and options.positions.per == "flight",  # type: ignore[attr-defined]
     )
 
 
@@ -194,7 +196,7 @@ def bundle(
     result = done.result if wanted else without_covariances(done.result)
     tell(remarks(given, result.adjusted.state, before=False), context)
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
-    tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result)], context)
+    tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result), *correlation_notes(result)], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":

@@ -31,10 +31,10 @@ SIGMA = {"image_mm": 0.005, "plan_m": 0.02, "height_m": 0.03, "position_m": 0.05
 Float = np.ndarray
 
 
-def error_free() -> Block:
+def error_free(**flight: object) -> Block:
     """A block of digital images without any error, every other of another camera, with distances between points."""
     block = simulated(
-        3, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 1},
+        3, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 1, **flight},
         camera={"kind": "digital", "distortion": "none", "format": (20000.0, 20000.0), "pixel_size_mm": 0.0115},
         earth="flat", refraction="none", ties={"new_points": 200}, known={"full": 40}, noise={"factor": 0.0},
     )  # fmt: skip

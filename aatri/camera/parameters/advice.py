@@ -38,6 +38,25 @@ _TILT = (
 )
 _AFFINE = "b1 stretches x alone, which is half a change of c; both are determined if images are turned by 90 degrees"
 
+_LEVER_SHIFT = (
+    "vertical images of one lever arm cannot tell them apart, both raise all positions; fix or weight the lever arm or "
+    "the shift"
+)
+_POSITION_SCALE = (
+    "vertical images of nearly flat terrain cannot tell a change of the principal distance from one of the flying "
+    "height; fix or weight one of them, or fly at two heights over control"
+)
+_STRIP_ALONG = (
+    "flown one way they move the strip along itself; flights in opposite directions separate them, or a fixed lever arm"
+)
+_TIME_ALONG = "at one velocity the time offset is a lever arm along the flight; fix the arm or vary the speed"
+_STRIP_DRIFT = (
+    "drift of single strips bends the block between them; fly cross strips at the ends, give height control along the "
+    "ends of the strips, or let more positions share a drift (positions.per)"
+)
+_PLAN = frozenset({"shift x", "shift y"})
+_DRIFTS = frozenset({*(f"shift {a}" for a in "xyz"), *(f"drift {a}" for a in "xyz")})
+
 _COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
     (frozenset({"c", "f", "a21"}), frozenset({"Z0"}), _SCALE),
     (frozenset({"c", "f"}), frozenset({"a21"}), "they are the same parameter, leave out a21"),
@@ -47,6 +66,13 @@ _COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
     (frozenset({"y0", "a20"}), frozenset({"p2"}), _TANGENTIAL),
     (frozenset({"p1", "p2"}), frozenset({"phi", "omega"}), _TANGENTIAL),
     (frozenset({"c", "f"}), frozenset({"b1"}), _AFFINE),
+    (frozenset({"lever z"}), frozenset({"shift z"}), _LEVER_SHIFT),
+    (frozenset({"lever z", "shift z"}), frozenset({"c", "f"}), _POSITION_SCALE),
+    (frozenset({"lever x", "lever y"}), frozenset({"time offset"}), _TIME_ALONG),
+    (frozenset({"lever x", "lever y", "time offset"}), _PLAN, _STRIP_ALONG),
+    (frozenset({"x0", "y0"}), _PLAN | {"lever x", "lever y"}, _SHIFT),
+    (_DRIFTS, _DRIFTS, _STRIP_DRIFT),
+    (_DRIFTS, frozenset({"Z0", "X0", "Y0"}), _STRIP_DRIFT),
     (frozenset({"k1", "k2", "k3", "k4"}), frozenset({"k1", "k2", "k3", "k4"}), _RADIAL),
     (frozenset({"a16", "a17", "a18"}), frozenset({"a16", "a17", "a18"}), _RADIAL),
     (frozenset({"a13", "a14", "a15"}), frozenset({"a13", "a14", "a15"}), _RADIAL),
@@ -114,6 +140,12 @@ def _reason(first: str, second: str) -> str:
 _ORIENTATION = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
 
 
+_TWO_WORDS = ("shift", "drift", "lever", "time")
+_SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
+
+
 def _kind(name: str) -> str:
-    word = name.split()[0]
-    return word if word in _ORIENTATION else word.lower()
+    words = name.split()
+    if words[0] in _TWO_WORDS:
+        return " ".join(words[:2]).lower()
+    return words[0] if words[0] in _ORIENTATION else _SHORT.get(words[0], words[0].lower())

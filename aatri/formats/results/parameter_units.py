@@ -11,6 +11,9 @@ _BY_NAME = {
     **dict.fromkeys(("film correction d0", "film correction d3"), "mm"),
     **dict.fromkeys((f"film correction d{k}" for k in (1, 2, 4, 5)), "1"),
     **dict.fromkeys(("film correction d6", "film correction d7"), "1/mm"),
+    **dict.fromkeys(("lever x", "lever y", "lever z", "shift X", "shift Y", "shift Z"), "m"),
+    **dict.fromkeys(("drift X", "drift Y", "drift Z"), "m/s (m/image without times)"),
+    "time offset": "s",
     "tau_m": "m",
 }
 

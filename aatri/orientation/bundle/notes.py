@@ -29,6 +29,17 @@ def left_out(given: BundleInput, result: BundleResult) -> list[Note]:
             notes.append(Note("warning", f"left out, {why} ({len(ids)} of {of} {what})", tuple(ids.tolist())))
     for o in result.observations:
         notes += _unused(o, given)
+    return [*notes, *_idle(given, result)]
+
+
+def _idle(given: BundleInput, result: BundleResult) -> list[Note]:
+    """Cameras, drift groups ... that are to be estimated, and that no observation in use touches."""
+    notes, adjusted = [], {u.name: u.free for u in result.adjusted.problem.unknowns}
+    for u in (u for o in given.observed for u in o.unknowns if not u.joins):
+        idle = u.free.any(axis=1) & ~adjusted[u.name].any(axis=1)
+        if idle.any() and not (u.free & ~adjusted[u.name])[~idle].any():
+            ids = tuple(np.asarray(u.ids, dtype=np.str_)[idle].tolist())
+            notes.append(Note("warning", f"not estimated, nothing in use observes them ({u.name})", ids))
     return notes
 
 

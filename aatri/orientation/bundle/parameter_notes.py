@@ -8,7 +8,7 @@ image), and with the orientation of the image that has the most points of the un
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -39,6 +39,13 @@ MOST_UNITS = 4
 """More units than this are summed up in one line."""
 
 _SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
+_SHARED = (
+    *(f"{word} {axis}" for word in ("shift", "drift") for axis in "XYZ"),
+    *(f"lever {axis}" for axis in "xyz"),
+    "time offset",
+)
+"""Labels of what positions share."""
+
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
 
 
@@ -122,9 +129,12 @@ def rank_advice(what: str, names: tuple[str, ...]) -> str:
     """What to do about a rank defect whose message names additional parameters, or an empty text."""
     open_ = [name for name in names if f" {name} of {ADDITIONAL}" in f" {what}" or f" {name} of {CAMERA}" in f" {what}"]
     pose = [name for name in _POSE[:3] if f" {name} of {POSE}" in f" {what}"]
-    pairs = [(a, b, 1.0) for a in open_ for b in pose] or [(a, b, 1.0) for a, b in pairwise(open_)]
+    shared = [label for label in _SHARED if f" {label} of " in f" {what}"]
+    pairs = [(a, b, 1.0) for a in open_ for b in (pose or shared)] or [(a, b, 1.0) for a, b in pairwise(open_)]
+    pairs += [(a, b, 1.0) for a, b in combinations(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
     reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs))
-    return "; ".join([*reasons, "or weight the parameters: `self_calibration.sigma_um`"]) if open_ else ""
+    weigh = ["or weight the parameters: `self_calibration.sigma_um`"] if open_ else []
+    return "; ".join([*reasons, *weigh])
 
 
 def _removals(unit: str, removals: tuple[Removal, ...]) -> list[Note]:

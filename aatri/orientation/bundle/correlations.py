@@ -1,0 +1,80 @@
+"""Correlations of the unknowns that many images share: shifts, drifts, lever arms, time offsets, camera parameters.
+
+Told are those of 0.90 and more, with the reason from 0.95 on (`camera.parameters.advice`). Parameters of one camera
+among themselves and with the orientation are told by `parameter_notes`.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from aatri.adjustment.covariance.cross import Block, covariances_of_pairs
+from aatri.adjustment.unknowns import Unknowns
+from aatri.arrays import Float, Int
+from aatri.camera.parameters.advice import WARNED, advise
+from aatri.ids import shown
+from aatri.notes import Note
+from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE
+from aatri.orientation.bundle.result import BundleResult
+
+LISTED = 0.90
+
+MOST_PAIRS = 60
+"""So many pairs of blocks at most are looked at: each takes a solve."""
+
+
+def correlation_notes(result: BundleResult) -> list[Note]:
+    """High correlations among shared unknowns."""
+    if not result.adjusted.has_factor or result.adjusted.down_weighted or result.free is not None:
+        return []
+    shared = [u for u in result.adjusted.problem.unknowns if u.name not in (POSE, POINT, FILM) and not u.joins]
+    known = {name for name, c in result.covariances.items() if np.isfinite(c).any()}
+    shared = [
+        u for u in shared if u.name in known and np.isfinite(result.covariances[u.name][u.free.any(axis=1)]).all()
+    ]
+    blocks: list[Block] = [(u.name, int(k)) for u in shared for k in np.flatnonzero(u.free.any(axis=1))]
+    if not {u.name for u in shared} - {ADDITIONAL, CAMERA} and len(blocks) < 2:
+        return []
+    of = {u.name: u for u in shared}
+    found: list[tuple[str, str, float]] = []
+    for group, k in blocks:
+        if group not in (ADDITIONAL, CAMERA):
+            own = result.covariances[group][k]
+            found += _high(own, of[group], k, own, of[group], k, np.triu_indices(len(own), 1))
+    pairs = list(combinations(blocks, 2))
+    pairs.sort(key=lambda pair: pair[0][0] == pair[1][0])  # of different groups first
+    taken = pairs[:MOST_PAIRS]
+    for (a, b), cross in zip(taken, covariances_of_pairs(result.adjusted, taken) if taken else []):
+        first, second = result.covariances[a[0]][a[1]], result.covariances[b[0]][b[1]]
+        every = tuple(i.ravel() for i in np.indices(cross.shape))
+        found += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)
+    return [*_told(found), *_left_out(len(pairs))]
+
+
+def _high(
+    cross: Float, one: Unknowns, a: int, own: Float, other: Unknowns, b: int, at: tuple[Int, ...],
+    second: Float | None = None,
+) -> list[tuple[str, str, float]]:  # fmt: skip
+    """Names and correlation of what is at `LISTED` or more."""
+    variance = np.outer(np.diag(own), np.diag(own if second is None else second))
+    rho = np.where(variance > 0, cross / np.sqrt(np.where(variance > 0, variance, 1.0)), 0.0)
+    high = [(int(i), int(j)) for i, j in zip(*at) if abs(rho[i, j]) >= LISTED]
+    return [(f"{one.labels[i]} of {one.ids[a]}", f"{other.labels[j]} of {other.ids[b]}", float(rho[i, j]))
+            for i, j in high]  # fmt: skip
+
+
+def _told(found: list[tuple[str, str, float]]) -> list[Note]:
+    found.sort(key=lambda pair: -abs(pair[2]))
+    notes = [Note("warning", a.text) for a in advise(found)[:7]]
+    rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in found if abs(rho) < WARNED or len(notes) >= 7]
+    if rest:
+        notes.append(Note("note", f"correlations of {LISTED:.2f} and more: {shown(rest)}"))
+    return notes
+
+
+def _left_out(pairs: int) -> list[Note]:
+    if pairs <= MOST_PAIRS:
+        return []
+    return [Note("note", f"correlations of {MOST_PAIRS} of {pairs} pairs of shared unknowns were looked at")]
