@@ -227,7 +227,7 @@ DEFECTS = {
     "lever arm z and principal distance": Defect(_lever_and_distance, ("lever z", "principal_distance")),
     "lever arm z and shift Z": Defect(_lever_and_shift, ("lever z", "shift Z")),
     "principal distance and shift Z": Defect(_distance_and_shift, ("principal_distance", "shift Z")),
-    "lever arm along the flight and time offset": Defect(_arm_and_time, ("lever x and time", "told apart"), refused=False),
+    "arm along the flight, time offset": Defect(_arm_and_time, ("lever x and time", "told apart"), refused=False),
 }  # fmt: skip
 """Beside these `ackermann` has the drift of strips without cross strips."""
 
