@@ -16,7 +16,6 @@ from aatri.adjustment.structure.graph import Graph, OrderedNode, border_vertices
 from aatri.adjustment.structure.index import Parts, group_sizes, index_kept, index_rays, parts_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import Layout, layout_of, ray_records
-from aatri.adjustment.structure.minimum_degree import minimum_degree
 from aatri.adjustment.structure.tree import Tree, build_tree
 from aatri.adjustment.structure.weights import with_parts_taken
 from aatri.adjustment.unknowns import Unknowns
@@ -183,6 +182,8 @@ def _order(graph: Graph, layout: Layout, ordering: Ordering) -> list[OrderedNode
     if ordering == "nested_dissection":
         return nested_dissection(graph, layout.position)
     if ordering == "minimum_degree":
+        from aatri.adjustment.structure.minimum_degree import minimum_degree  # compiled, and small blocks need it not
+
         return minimum_degree(graph, layout.size)
     axis = 0 if ordering == "across_strips" else 1
     place = np.where(np.isfinite(layout.position), layout.position, np.inf)
