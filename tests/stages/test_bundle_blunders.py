@@ -102,3 +102,33 @@ def test_no_more_than_the_share_of_a_kind_is_rejected_and_what_stays_is_told(cha
     solution = bundle(block, chain.refined, _unsuspecting(chain.strip_block), options=options, context=Told())
     assert ((solution.suspects.kind == "control") & staying_out(solution.suspects)).sum() == 1
     assert any(line.startswith("control:") and "kept, for no more than 5%" in line for line in Told.lines), Told.lines
+
+
+def test_exchanged_numbers_and_coordinates_are_recognised(chain: Chain) -> None:
+    """Image points with each other's number in six images; two control points with each other's coordinates."""
+    m, g, rng = chain.refined.measurements, chain.block.ground_points, np.random.default_rng(4)
+    rays = np.bincount(m.point[m.active], minlength=len(chain.block.points))
+    xy, pairs = m.xy_mm.copy(), []
+    for image in range(2, 14, 2):
+        pair = rng.choice(np.flatnonzero((m.image == image) & m.active & (rays[m.point] > 2)), 2, replace=False)
+        xy[pair] = xy[pair[::-1]]
+        pairs.append(pair)
+    control = np.flatnonzero((g.role == 1).all(axis=1))[[2, 6]]
+    xyz = g.xyz_m.copy()
+    xyz[control] = xyz[control[::-1]]
+    block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
+    points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
+    options = BundleOptions(interior_unknowns=True, blunders={"max_share": 0.2})
+    s = bundle(block, points, _unsuspecting(chain.strip_block), options=options).suspects
+    swapped = s.verdict == "swapped"
+    assert set(s.row[swapped & (s.kind == "image_point")].tolist()) == set(np.concatenate(pairs).tolist())
+    assert sorted(s.row[swapped & (s.kind == "control")].tolist()) == sorted(control.tolist())
+
+
+def test_with_tau_the_sigma_of_the_measurements_need_not_be_known(chain: Chain) -> None:
+    """Standard deviations stated a third of what they are: a priori a quarter of the block would be above the limit."""
+    m = chain.refined.measurements
+    points = replace(chain.refined, measurements=replace(m, sigma_mm=m.sigma_mm / 3))
+    options = BundleOptions(blunders={"tau": True}, positions={"use": False})
+    found = bundle(chain.block, points, _unsuspecting(chain.strip_block), options=options)
+    assert (found.suspects.kind == "image_point").sum() <= 0.002 * len(m)

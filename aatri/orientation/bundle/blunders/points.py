@@ -22,6 +22,9 @@ from aatri.observations.poses import POINT
 
 PASSES = 3
 
+FAR = 1e9
+"""Whitened residual of what cannot be seen from where the point stands."""
+
 FIRM = 1e-3
 """Standard deviation of an exact coordinate at its point, over that which the rays give it."""
 
@@ -92,7 +95,7 @@ def explained(
     for _ in range(PASSES):
         records = _at(observed, here, members)
         found = explain(records, limit, suspected)
-        here[POINT] = _moved(here[POINT], points, found)
+        here = _moved(observed, here, members, records, found)
         if before is not None and (before == found.out).all():
             break
         before = found.out
@@ -146,12 +149,21 @@ def _at(observed: tuple[Observed, ...], state: State, members: Members) -> Block
         v[block, slot, :3] = np.where(held, off * firm, v[block, slot, :3])
         demanded[block, slot] = held.any(axis=1)
         B[block, slot, :3] = np.where(held[:, :, None], np.eye(3) * firm[:, :, None], B[block, slot, :3])
-    return BlockRecords(np.nan_to_num(v), np.nan_to_num(B), present, demanded)
+    return BlockRecords(np.nan_to_num(v, nan=FAR), np.nan_to_num(B), present, demanded)
 
 
-def _moved(xyz_m: Float, points: Int, found: Explanation) -> Float:
-    moved = np.array(xyz_m)
-    moved[points] += np.where(np.isfinite(found.step), found.step, 0.0)
+def _moved(
+    observed: tuple[Observed, ...], state: dict[str, Any], members: Members, records: BlockRecords, found: Explanation
+) -> dict[str, Any]:
+    """The points where the records kept see them; where they stood if that does not fit better."""
+    xyz = np.array(state[POINT])
+    xyz[members.points] += np.where(np.isfinite(found.step), found.step, 0.0)
+    moved = {**state, POINT: xyz}
+    keep = records.present & ~found.out
+    before, after = (np.where(keep, (r.v**2).sum(axis=2), 0.0).sum(axis=1)
+                     for r in (records, _at(observed, moved, members)))  # fmt: skip
+    worse = members.points[~(after <= before)]
+    xyz[worse] = state[POINT][worse]
     return moved
 
 

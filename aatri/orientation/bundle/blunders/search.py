@@ -171,7 +171,7 @@ class _Search:
     def _from_robust(self, active: Bool, first: Tried | None) -> Bool:
         """What is active after a robust adjustment; the block starts from there."""
         squares = None if first is None else first.result
-        given = self.given if squares is None else from_result(self.given, squares)
+        given = self.given if first is None else self._moved_by(first, active)
         result = robust(given, self.adjust, self.rule, squares, coarse=True)
         state = result.adjusted.state
         tests = [
@@ -184,6 +184,15 @@ class _Search:
         out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
         rejected = self._within_share(active & (out | alone), active, np.concatenate(tests))
         return (active | (self.all.native & self._of(points) & ~out)) & ~rejected
+
+    def _moved_by(self, first: Tried, active: Bool) -> BundleInput:
+        """The block from where least squares has moved it; points with something above the limit may have run away."""
+        above = active & self.all.at_points & ~(first.test <= self.rule.limit)
+        points = np.unique(self.all.point[above])
+        moved = from_result(self.given, first.result)
+        xyz = moved.xyz_m.copy()
+        xyz[points] = self.given.xyz_m[points]
+        return replace(moved, xyz_m=xyz)
 
     def _of(self, points: Int) -> Bool:
         return self.all.at_points & np.isin(self.all.point, points)

@@ -1,0 +1,64 @@
+"""Which records of a block are wrong, and when that cannot be told: points fixed by rays of the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.statistics.attribution import BlockRecords, explain
+
+LIMIT = 4.0
+
+
+def _rays(places: list[float], errors: dict[int, tuple[float, float]], firm: bool = False) -> BlockRecords:
+    """A point at height 1 seen from places along x: x_i = X - (X_i) Z, y_i = Y, whitened; the last may be exact."""
+    k = len(places)
+    B = np.zeros((1, k, 3, 3))
+    v = np.zeros((1, k, 3))
+    for i, x in enumerate(places):
+        B[0, i, 0] = 1.0, 0.0, x
+        B[0, i, 1] = 0.0, 1.0, 0.0
+    for i, error in errors.items():
+        v[0, i, :2] = error
+    demanded = np.zeros((1, k), dtype=bool)
+    if firm:
+        B[0, -1] = 1e4 * np.eye(3)
+        demanded[0, -1] = True
+    return BlockRecords(v, B, np.ones((1, k), dtype=bool), demanded)
+
+
+def _found(records: BlockRecords, suspected: bool = False) -> tuple[list[int], list[int]]:
+    found = explain(records, LIMIT, np.array([suspected]))
+    return np.flatnonzero(found.out[0]).tolist(), np.flatnonzero(found.undecided[0]).tolist()
+
+
+def test_where_all_agree_nothing_goes() -> None:
+    assert _found(_rays([0, 1, 2, 3], {})) == ([], [])
+
+
+def test_one_wrong_of_many_is_named() -> None:
+    assert _found(_rays([0, 1, 2, 3, 4], {2: (30.0, -20.0)})) == ([2], [])
+
+
+def test_two_wrong_ones_are_named() -> None:
+    assert _found(_rays([0, 1, 2, 3, 4, 5], {1: (30.0, 25.0), 4: (-20.0, 40.0)})) == ([1, 4], [])
+
+
+def test_of_two_rays_nobody_is_blamed() -> None:
+    assert _found(_rays([0, 1], {1: (0.0, 20.0)})) == ([0, 1], [0, 1])
+
+
+def test_along_the_line_of_flight_any_of_three_rays_may_be_wrong_across_it_one() -> None:
+    assert _found(_rays([0, 1, 2], {1: (50.0, 0.0)})) == ([0, 1, 2], [0, 1, 2])
+    assert _found(_rays([0, 1, 2], {1: (0.0, 50.0)})) == ([1], [])
+
+
+def test_exact_control_gives_way_where_two_others_would_have_to() -> None:
+    assert _found(_rays([0, 1, 2, 0], {1: (0.0, 50.0)}, firm=True)) == ([1], [])
+    shifted = {0: (50.0, 60.0), 1: (50.0, 60.0), 2: (50.0, 60.0)}  # all rays see the point elsewhere, and agree
+    assert _found(_rays([0, 1, 2, 0], shifted, firm=True)) == ([3], [])
+
+
+def test_what_a_stricter_test_suspects_is_found_below_the_limit() -> None:
+    records = _rays([0, 1, 2, 3, 4], {2: (0.0, 3.9)})
+    assert _found(records) == ([], [])
+    assert _found(records, suspected=True) == ([2], [])
