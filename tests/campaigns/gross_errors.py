@@ -122,7 +122,7 @@ def judged(chain: Chain, spoilt: Spoilt, clean: Chain) -> tuple[dict[str, float]
             ("rmse", ratio <= 1.05),
             ("sigma0", 0.97 <= solution.sigma0 <= 1.03),
             ("lost", figures["lost"] <= 0.02),
-        )  # fmt: skip
+        )
         if not good
     ]
     return figures, bad
@@ -180,7 +180,8 @@ def main() -> None:
     for seed in range(chosen.first, chosen.first + chosen.count):
         for name, figures, bad in outcomes(seed, chosen.only):
             text = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
-            print(f"seed {seed}, {name}: {text}{'  NOT GOOD: ' + ', '.join(bad) if bad else ''}", flush=True)
+            sys.stdout.write(f"seed {seed}, {name}: {text}{'  NOT GOOD: ' + ', '.join(bad) if bad else ''}\n")
+            sys.stdout.flush()
             failed += bool(bad)
     sys.exit(1 if failed else 0)
 

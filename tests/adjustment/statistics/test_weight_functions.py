@@ -35,7 +35,7 @@ def test_weights_fall_from_one_and_their_cost_is_concave_in_the_square(name: str
 
 @pytest.mark.parametrize("redundancy", [3, 10, 100])
 def test_the_limit_of_tau_is_exceeded_as_often_as_that_of_w(redundancy: int) -> None:
-    """tau of one of r independent residuals: x1 / rms(x); the share beyond, of 400,000 samples, within 3 sigma of 1 %."""
+    """tau of one of r independent residuals: x1 / rms(x); the share beyond is 1 % within 3 sigma of 400,000 samples."""
     x = np.random.default_rng(7).standard_normal((400_000, redundancy))
     tau = x[:, 0] / np.sqrt((x**2).mean(axis=1))
     beyond = (np.abs(tau) > tau_limit(2.5758293035489, redundancy)).mean()
