@@ -19,6 +19,7 @@ class Source(StrEnum):
 
     simulate = "simulate"
     tables = "tables"
+    unordered = "unordered"
     wucaps = "wucaps"
     dbat = "dbat"
     bal = "bal"
@@ -29,6 +30,11 @@ _HEAD = {
     Source.tables: """\
 # A block given as tables: fill in block.yaml, images.csv ... in the folder `block` beside this file.
 # Film with measured fiducials takes interior_orientation/affine, digital images interior_orientation/calibrated.
+""",
+    Source.unordered: """\
+# Digital images of any arrangement, given as tables without strips or order: fill in block.yaml, images.csv ... in the
+# folder `block` beside this file. Refraction and earth curvature are corrected in near-vertical images only.
+# Without control and positions give the bundle `with: {datum: free}`.
 """,
     Source.wucaps: """\
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
@@ -54,6 +60,19 @@ stages:
   interior: {{use: interior_orientation/calibrated, from: {{block}}}}
   bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{datum}}}
   accuracy: {{use: accuracy/evaluation, from: {{block, solution: bundle}}}}
+"""
+_UNORDERED = """\
+run: runs/block
+seed: 1
+stages:
+  block:    {use: block/tables, with: {path: block}}
+  interior: {use: interior_orientation/calibrated, from: {block}}
+  refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
+             with: {refraction: false, earth_curvature: false}}
+  initial:  {use: initial_orientation/graph, from: {block, image_points: refined}}
+  bundle:   {use: bundle_adjustment/bundle, from: {block, image_points: refined, initial},
+             with: {blunders: robust_snooping}}
+  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}
 """
 _MINIMAL = ", with: {datum: minimal}"
 _WITH_START = {
@@ -90,7 +109,7 @@ def new(
         return
     path = folder / "pipeline.yaml"
     files = {path: _text(block)}
-    if block is Source.tables:
+    if block in (Source.tables, Source.unordered):
         from aatri.cli.new_block import block_templates
 
         files |= block_templates(folder / "block")
@@ -117,6 +136,8 @@ def _text(block: Source) -> str:
     demo = _demo().read_text(encoding="utf-8")
     if block is Source.simulate:
         return demo
+    if block is Source.unordered:
+        return _HEAD[block] + _UNORDERED
     if block in _WITH_START:
         read, datum = _WITH_START[block]
         return _HEAD[block] + _BUNDLE_ONLY.format(block=read, datum=datum)

@@ -38,6 +38,9 @@ FEWEST_POINTS = 6
 
 ITERATIONS = 60
 
+TOLERANCE = 1e-2
+"""Of the bundle, in standard deviations: a start needs no more."""
+
 
 @dataclass(frozen=True)
 class Component:
@@ -124,7 +127,9 @@ def _bundled(
     given = BundleInput(
         image_ids, point_ids, observed_image_points(rays, (), names), poses, xyz[: len(points)], np.zeros(3), rays
     )
-    settings = BundleSettings("minimal", covariances=False, huber=HUBER, solution=Settings(max_iterations=ITERATIONS))
+    settings = BundleSettings(
+        "minimal", covariances=False, huber=HUBER, solution=Settings(max_iterations=ITERATIONS, tolerance=TOLERANCE)
+    )
     result = adjust_bundle(given, settings, reporter=reporter)
     lost = finite_rows(poses.position_m) & ~result.image_adjusted
     if lost.any():

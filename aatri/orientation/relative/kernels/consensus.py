@@ -44,7 +44,7 @@ JUDGES = 100
 HOPELESS = 2.0
 """Hypotheses whose cost per point exceeds twice the best one's by more than this are not adjusted."""
 
-FEWEST = 12
+FEWEST = 6
 """Samples drawn at least."""
 
 MISSED = 1e-5
