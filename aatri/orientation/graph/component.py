@@ -95,10 +95,10 @@ def refined(
     ------
     GeometryError, ConvergenceError
     """
-    spread = 1.0
+    spread, xyz = 1.0, np.full((len(point_ids), 3), np.nan)
     for limit_mm in limits_mm:
         limit = limit_mm or LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
-        xyz, kept = intersected(rays, poses, limit)
+        xyz, kept = intersected(rays, poses, limit, xyz)
         poses, kept = _well_held(rays, poses, kept)
         if len(finite_rows(poses.position_m).nonzero()[0]) < 2:
             raise GeometryError("too few of their points fit", remedy="check the ids of images and points")
@@ -108,7 +108,7 @@ def refined(
         off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
         spread = float(np.median(off)) / 1.1774  # of the length of two normal components
     limit = LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
-    xyz, kept = intersected(rays, poses, limit)
+    xyz, kept = intersected(rays, poses, limit, xyz)
     return Component(poses, xyz, kept, spread)
 
 

@@ -23,6 +23,7 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.orientation.graph.differences import fitted_robustly, robust_weights
 from aatri.orientation.graph.directions import adjusted_directions
 from aatri.orientation.graph.pair_graph import PairGraph
+from aatri.orientation.graph.triangulation import narrow
 
 Start = Literal["bases", "gnss", "random"]
 
@@ -91,12 +92,14 @@ def by_directions(
         If there is no start and no adjustment.
     """
     rows = _well_seen(rays, images)
-    if not len(rows):
-        return centre, "no point is seen in two of the images"
-    names, point = np.unique(rays.point[rows], return_inverse=True)
-    place = np.cumsum(images) - 1
     u = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
     direction = unit(np.einsum("nij,nj->ni", rotation[rays.image[rows]], u))
+    wide = ~narrow(direction, rays.point[rows], np.ones(len(rows), dtype=bool), int(rays.point.max(initial=-1)) + 1)
+    rows, direction = rows[wide[rays.point[rows]]], direction[wide[rays.point[rows]]]
+    if not len(rows):
+        return centre, "no point is seen in two of the images at an angle"
+    names, point = np.unique(rays.point[rows], return_inverse=True)
+    place = np.cumsum(images) - 1
     xyz = intersect_rays(centre[rays.image[rows]], direction, point, len(names))
     lost = ~finite_rows(xyz)
     xyz[lost] = (centre[images].mean(axis=0) + _mean(direction, point, len(names)))[lost]

@@ -21,7 +21,9 @@ LEAST_PARALLAX_RAD = 0.005
 """Points whose rays all lie within a smaller angle are not determined."""
 
 
-def intersected(rays: ImagePointRows, poses: Poses, limit_mm: float) -> tuple[Float, Bool]:
+def intersected(
+    rays: ImagePointRows, poses: Poses, limit_mm: float, adjusted: Float | None = None
+) -> tuple[Float, Bool]:
     """Points of the oriented images.
 
     Parameters
@@ -31,6 +33,8 @@ def intersected(rays: ImagePointRows, poses: Poses, limit_mm: float) -> tuple[Fl
         NaN where unknown.
     limit_mm : float, mm
         Of a residual in the image.
+    adjusted : (n_points, 3) float64, optional
+        Points of a bundle with these poses: they stay where they are; NaN where there is none.
 
     Returns
     -------
@@ -39,7 +43,7 @@ def intersected(rays: ImagePointRows, poses: Poses, limit_mm: float) -> tuple[Fl
     kept : (n,) bool
         Rays that fit their point.
     """
-    n_points = int(rays.point.max(initial=-1)) + 1
+    n_points = max(int(rays.point.max(initial=-1)) + 1, 0 if adjusted is None else len(adjusted))
     oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
     use = np.flatnonzero(rays.active & oriented[rays.image])
     image, point = rays.image[use], rays.point[use]
@@ -65,7 +69,9 @@ def intersected(rays: ImagePointRows, poses: Poses, limit_mm: float) -> tuple[Fl
         active[bad] = False
         again = np.zeros(n_points, dtype=bool)
         again[point[bad]] = True
-    xyz[_narrow(direction, point, active, n_points)] = np.nan
+    xyz[narrow(direction, point, active, n_points)] = np.nan
+    if adjusted is not None:
+        xyz[: len(adjusted)] = np.where(finite_rows(adjusted)[:, None], adjusted, xyz[: len(adjusted)])
     kept = np.zeros(len(rays.image), dtype=bool)
     kept[use] = residuals_mm(rays, use, poses, xyz) <= limit_mm
     return xyz, kept
@@ -89,7 +95,7 @@ def _worst(size: Float, point: Int, n_points: int) -> Int:
     return found
 
 
-def _narrow(direction: Float, point: Int, active: Bool, n_points: int) -> Bool:
+def narrow(direction: Float, point: Int, active: Bool, n_points: int) -> Bool:
     """Points whose rays all lie within a narrow cone."""
     rows = np.flatnonzero(active)
     mean = np.zeros((n_points, 3))
