@@ -69,15 +69,35 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
     without_theory = {name for name, of in theories if of is None or not of.over_datum}  # fmt: skip
     known = {name: value for name, value in figures.items()
              if not np.isnan(value) and not name.startswith(tuple(without_theory))}  # fmt: skip
+    over_datum = at_check is not None and at_check.over_datum
     return Evaluation(
         verdict=verdict(
             known,
             control_is_exact=_is_exact(block),
             enough=enough,
             sigma0=global_test(solution.sigma0, solution.redundancy),
+            beyond=beyond_every_bound(block, check, solution.sigma0) if over_datum else (),
         ),
         figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),
         differences=_table(block, solution, {"control": control, "check": check, "truth": truth}),
+    )
+
+
+BEYOND = 4.0
+"""Standard deviations beyond which a check difference is an error of that point: 1 in 16,000 comes so far by chance."""
+
+
+def beyond_every_bound(block: Block, check: PointDifferences, sigma0: float) -> tuple[str, ...]:
+    """Check points whose difference no standard deviation explains, also not one larger by sigma0: id, axis, size."""
+    sigma = check.sigma_m * max(1.0, sigma0 if np.isfinite(sigma0) else 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(sigma > 0, np.abs(check.difference_m) / sigma, 0.0)
+    worst = ratio.argmax(axis=1) if len(ratio) else np.zeros(0, dtype=int)
+    rows = np.flatnonzero(ratio.max(axis=1, initial=0.0) > BEYOND)
+    return tuple(
+        f"{block.points.id[check.point[k]]} ({'XYZ'[worst[k]]} {check.difference_m[k, worst[k]]:.3f} m, "
+        f"{ratio[k, worst[k]]:.1f} sigma)"
+        for k in rows[np.argsort(-ratio.max(axis=1, initial=0.0)[rows], kind="stable")]
     )
 
 
@@ -129,6 +149,7 @@ def _check_figures(check: PointDifferences, outside: Bool | None, confidence: fl
         **_by_axis("check_bias_{}_m", bias(check.difference_m)),
         **_by_axis("check_max_{}_m", largest(check.difference_m)),
         **_by_axis("check_theory_rmse_{}_m", rmse(check.sigma_m)),
+        **_by_axis("check_theory_ratio_{}", _ratio(check, rmse(check.sigma_m))),
     }
     if outside is not None and outside.any():
         figures |= {

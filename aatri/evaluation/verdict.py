@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from aatri.adjustment.statistics.global_test import GlobalTest
+from aatri.ids import shown
 
 
 def verdict(
-    figures: Mapping[str, float], *, control_is_exact: bool, enough: int, sigma0: GlobalTest | None = None
+    figures: Mapping[str, float],
+    *,
+    control_is_exact: bool,
+    enough: int,
+    sigma0: GlobalTest | None = None,
+    beyond: Sequence[str] = (),
 ) -> str:
     """What is known of the accuracy.
 
@@ -22,8 +28,11 @@ def verdict(
         From how many check points on there is no reserve.
     sigma0 : GlobalTest, optional
         Of the adjustment: where it does not fit, theoretical standard deviations are as wrong.
+    beyond : sequence of str
+        Check points that no standard deviation explains.
     """
-    parts = [_check(figures, enough), _control(figures, control_is_exact), _truth(figures), _sigma0(sigma0)]
+    far = f"Beyond every bound, to be looked at: {shown(beyond)}." if beyond else ""
+    parts = [_check(figures, enough), far, _control(figures, control_is_exact), _truth(figures), _sigma0(sigma0)]
     return " ".join(part for part in parts if part)
 
 
@@ -36,7 +45,7 @@ def _check(figures: Mapping[str, float], enough: int) -> str:
     text = f"Check: {_xyz(figures, 'check_rmse_{}_m')} m RMSE at {_count(n, 'check point')}"
     reserves = [*_fitted(figures, "check")]
     if n < enough:
-        reserves.append(f"fewer than {enough}, see the intervals")
+        reserves.append(f"fewer than {enough} (ASPRS edition 2 asks for 30), see the intervals")
     if outside := int(figures.get("check_outside_points", 0)):
         reserves.append(f"{outside} outside the control, extrapolated")
     return text + (f" ({'; '.join(reserves)})." if reserves else ".")

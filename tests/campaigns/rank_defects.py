@@ -194,8 +194,8 @@ def _distance_of_vertical_images() -> tuple[Block, BundleOptions]:
 
 
 def _lever_and_distance() -> tuple[Block, BundleOptions]:
-    """Flat, vertical, no control: positions alone carry the scale."""
-    block = with_control(digital(gnss=True, terrain=FLAT, flight=AS_PLANNED), lambda xyz: np.zeros(0, int))
+    """Flat and vertical: c moves the flying height over the control, and the lever arm the positions with it."""
+    block = digital(gnss=True, terrain=FLAT, flight=AS_PLANNED)
     return sigmas(antennas(block), ("lever_arm.z", "principal_distance")), _options()
 
 
@@ -227,7 +227,7 @@ DEFECTS = {
     "lever arm z and principal distance": Defect(_lever_and_distance, ("lever z", "principal_distance")),
     "lever arm z and shift Z": Defect(_lever_and_shift, ("lever z", "shift Z")),
     "principal distance and shift Z": Defect(_distance_and_shift, ("principal_distance", "shift Z")),
-    "arm along the flight, time offset": Defect(_arm_and_time, ("lever x and time", "told apart"), refused=False),
+    "lever arm x, time offset": Defect(_arm_and_time, ("lever x of", "time offset", "told apart"), refused=False),
 }  # fmt: skip
 """Beside these `ackermann` has the drift of strips without cross strips."""
 

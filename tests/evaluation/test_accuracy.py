@@ -198,3 +198,28 @@ def test_exact_control_is_named_in_the_verdict():
     result = evaluation(dataclasses.replace(block, ground_points=exact), made_solution(block))
     assert "given as exact" in result.verdict
     assert "fewer than 30" in result.verdict
+
+
+def test_a_check_point_beyond_every_bound_is_named_with_axis_and_size():
+    block = made_block()
+    shift = np.zeros((20, 3))
+    shift[4, 2] = 0.9  # p10, a check point
+    result = evaluate(block, made_solution(block, shift_m=shift, sigma_m=0.02))
+    assert "Beyond every bound, to be looked at: p10 (Z 0.900 m" in result.verdict
+    assert "Beyond" not in evaluate(block, made_solution(block, sigma_m=0.02)).verdict
+
+
+def test_a_large_sigma0_widens_the_bound_of_check_points():
+    block = made_block()
+    shift = np.zeros((20, 3))
+    shift[4, 2] = 0.9
+    solution = dataclasses.replace(made_solution(block, shift_m=shift, sigma_m=0.02), sigma0=20.0, redundancy=100)
+    assert "Beyond every bound" not in evaluate(block, solution).verdict
+
+
+def test_check_errors_are_divided_by_what_theory_expects_of_them():
+    block = made_block()
+    figures = _figures(block, made_solution(block, shift_m=[0.03, 0.0, 0.06], sigma_m=0.02))
+    for axis, shift in (("x", 0.03), ("z", 0.06)):
+        wanted = shift / figures[f"check_theory_rmse_{axis}_m"]
+        assert figures[f"check_theory_ratio_{axis}"] == pytest.approx(wanted, rel=1e-9)
