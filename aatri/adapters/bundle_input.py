@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
+from aatri.adapters.network_start import network_start
 from aatri.adapters.orientations import given_orientations
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
@@ -60,6 +61,7 @@ def bundle_input(
     poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
     rays = rays_of(block, image_points) if image_points is not None else None
     poses = poses_by_rigs(block, poses)
+    xyz, notes = network_start(block, xyz)
     if rays is not None:
         poses, xyz = complete_start(rays, poses, xyz)
         if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():
@@ -85,6 +87,7 @@ def bundle_input(
         if len(poses.position_m)
         else None,
         given=given,
+        notes=notes,
     )
 
 

@@ -183,7 +183,7 @@ def bundle(
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
     given = bundle_input(block, image_points, initial, options, parameters)
-    tell([note for o in given.observed for note in o.notes], context)
+    tell([*given.notes, *(note for o in given.observed for note in o.notes)], context)
     tell(of_start(block, given, check=initial is None), context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)

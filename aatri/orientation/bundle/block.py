@@ -18,6 +18,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Given, Holds, Observed
 from aatri.observations.parameters import ParameterRows
@@ -51,6 +52,8 @@ class BundleInput:
         Places of the images for the textbook's orders of elimination; else their positions.
     given : Given, optional
         What the observations were taken from.
+    notes : tuple of Note
+        What there is to say of the start.
     """
 
     image_ids: Ids
@@ -64,6 +67,7 @@ class BundleInput:
     marked: Bool | None = None
     numbering: StripNumbering | None = None
     given: Given | None = None
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True)

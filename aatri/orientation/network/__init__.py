@@ -1,0 +1,1 @@
+"""Approximate coordinates of geodetic networks."""

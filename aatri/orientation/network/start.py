@@ -1,0 +1,282 @@
+"""Approximate coordinates of a network from its observations: polar, intersection, resection, traverse.
+
+What is known grows from the points with coordinates. A point is found where two of its loci meet: rays from oriented
+stations, circles of distances, circles of the angle under which it sees two known points; of several such places that
+counts which fits all its observations best. Where nothing follows from what is known (a traverse oriented at its far
+end, a free network), a part is built in axes of its own from one distance and laid onto its known points, turned and
+shifted, or left in those axes where there are none; without any distance it has an arbitrary size. Heights follow along
+height differences and zenith angles, coordinates along coordinate differences.
+
+Source: Kahmen & Faig, Surveying, ch. 8; docs/methods/networks.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.orientation.network.meeting import Locus, fitting_point
+
+MOST_ROUNDS = 1000
+
+ARBITRARY_M = 100.0
+"""Length of a first line where no distance is measured."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Observations of one type between points, rows in points.
+
+    Attributes
+    ----------
+    start, end : (n,) int
+    value : (n,) float64, m or rad
+    via : (n,) int
+        Vertex of an angle.
+    set : (n,) str
+        Of directions.
+    rise_m : (n,) float64, m
+        Target height less instrument height.
+    """
+
+    start: Int
+    end: Int
+    value: Float
+    via: Int
+    set: Text
+    rise_m: Float
+
+
+Network = dict[str, Measured]
+"""By type of geodetic.csv."""
+
+
+def approximate_coordinates(network: Network, xyz_m: Float) -> tuple[Float, set[int]]:
+    """Coordinates of a network, what is known left alone.
+
+    Parameters
+    ----------
+    network : dict of str to Measured
+    xyz_m : (n, 3) float64, m
+        NaN where unknown.
+
+    Returns
+    -------
+    (n, 3) float64, m
+        NaN where nothing tells it.
+    doubtful : set of int
+        Points whose mirror image fits their observations about as well.
+    """
+    doubtful: set[int] = set()
+    found = _by_differences(network, xyz_m)
+    found[:, 2] = _heights(network, found)
+    found[:, :2] = _plan(_with_horizontal(network, found), found[:, :2], doubtful)
+    found[:, 2] = _above(network, found)
+    return found, doubtful
+
+
+def _above(network: Network, xyz: Float) -> Float:
+    """Heights along the network; of points with slope distances alone as if they were above what is known."""
+    z = _heights(network, xyz)
+    m = network.get("distance")
+    if m is None:
+        return z
+    plan = np.linalg.norm(xyz[m.end, :2] - xyz[m.start, :2], axis=1)
+    rise = np.sqrt(np.maximum(m.value**2 - np.nan_to_num(plan) ** 2, 0.0))
+    for ends in ((m.start, m.end), (m.end, m.start)):
+        some = np.isfinite(z[ends[0]]) & ~np.isfinite(z[ends[1]]) & np.isfinite(plan)
+        for point in np.unique(ends[1][some]):
+            z[point] = np.mean((z[ends[0]] + rise)[some & (ends[1] == point)])
+    return z
+
+
+def _by_differences(network: Network, xyz: Float) -> Float:
+    """Coordinates along coordinate differences."""
+    found = xyz.copy()
+    for axis, name in enumerate(("dX", "dY", "dZ")):
+        if name in network:
+            m = network[name]
+            found[:, axis] = _along(found[:, axis], m.start, m.end, m.value)
+    return found
+
+
+def _along(values: Float, start: Int, end: Int, difference: Float) -> Float:
+    """Values known from others by differences, repeated while anything is found; the first is 0 if none is known."""
+    found = values.copy()
+    if len(start) and not np.isfinite(found[np.r_[start, end]]).any():
+        found[start[0]] = 0.0
+    while True:
+        forward = np.isfinite(found[start]) & ~np.isfinite(found[end]) & np.isfinite(difference)
+        back = ~np.isfinite(found[start]) & np.isfinite(found[end]) & np.isfinite(difference)
+        if not forward.any() and not back.any():
+            return found
+        found[end[forward]] = found[start[forward]] + difference[forward]
+        found[start[back]] = found[end[back]] - difference[back]
+
+
+def _heights(network: Network, xyz: Float) -> Float:
+    """Heights along height differences, and zenith angles where the length of the line is known."""
+    parts = [(m.start, m.end, m.value - m.rise_m) for m in [network.get("height_difference")] if m is not None]
+    slope = {**_lengths(network.get("distance")), **_lengths(network.get("distance"), back=True)}
+    if "zenith" in network:
+        m = network["zenith"]
+        plan = np.linalg.norm(xyz[m.end, :2] - xyz[m.start, :2], axis=1)
+        length = np.array([slope.get((int(a), int(b)), np.nan) for a, b in zip(m.start, m.end)])
+        rise = np.where(np.isfinite(length), length * np.cos(m.value), plan / np.tan(m.value))
+        parts.append((m.start, m.end, rise - m.rise_m))
+    if not parts:
+        return xyz[:, 2]
+    start, end, difference = (np.concatenate(part) for part in zip(*parts))
+    return _along(xyz[:, 2], start, end, difference)
+
+
+def _lengths(m: Measured | None, back: bool = False) -> dict[tuple[int, int], float]:
+    if m is None:
+        return {}
+    ends = (m.end, m.start) if back else (m.start, m.end)
+    return {(int(a), int(b)): float(v) for a, b, v in zip(*ends, m.value)}
+
+
+def _with_horizontal(network: Network, xyz: Float) -> Network:
+    """The network with slope distances reduced by zenith angles or heights."""
+    if "distance" not in network:
+        return network
+    m = network["distance"]
+    angles = {**_lengths(network.get("zenith")), **_lengths(network.get("zenith"), back=True)}
+    z = np.array([angles.get((int(a), int(b)), np.nan) for a, b in zip(m.start, m.end)])
+    rise = np.nan_to_num(xyz[m.end, 2] - xyz[m.start, 2])
+    by_height = np.sqrt(np.maximum(m.value**2 - rise**2, 0.0))
+    plan = replace(m, value=np.where(np.isfinite(z), m.value * np.sin(np.nan_to_num(z)), by_height))
+    other = network.get("horizontal_distance")
+    if other is not None:
+        joined = {k: np.concatenate([getattr(plan, k), getattr(other, k)]) for k in plan.__dataclass_fields__}
+        plan = Measured(**joined)
+    return {**network, "horizontal_distance": plan}
+
+
+def _plan(network: Network, xy: Float, doubtful: set[int]) -> Float:
+    """Places in plan."""
+    found = _grown(network, xy, doubtful)
+    for _ in range(len(xy)):
+        seed = next(_seeds(network, found), None)
+        if seed is None:
+            break
+        own = np.full_like(xy, np.nan)
+        (a, b), length = seed
+        own[a], own[b] = 0.0, (0.0, length)
+        own = _grown(network, own, doubtful)
+        laid = _laid(own, found, "horizontal_distance" in network)
+        if laid is None:
+            if np.isfinite(found).any():
+                break
+            return own
+        found = _grown(network, np.where(np.isfinite(found), found, laid), doubtful)
+    return found
+
+
+def _seeds(network: Network, found: Float) -> Iterator[tuple[tuple[int, int], float]]:
+    """Measured distances with an end that is unknown; without any, lines of an arbitrary length."""
+    if "horizontal_distance" not in network:
+        for vertex, a, _, _ in _angles(network):
+            if not (np.isfinite(found[vertex]).all() and np.isfinite(found[a]).all()):
+                yield (vertex, a), ARBITRARY_M
+    m = network.get("horizontal_distance")
+    if m is not None:
+        for a, b, value in zip(m.start.tolist(), m.end.tolist(), m.value.tolist()):
+            if not (np.isfinite(found[a]).all() and np.isfinite(found[b]).all()):
+                yield (a, b), value
+
+
+def _laid(own: Float, known: Float, sized: bool) -> Float | None:
+    """A part in its own axes turned, shifted, and scaled if its size is arbitrary, onto its known points, if two."""
+    both: Bool = np.asarray(np.isfinite(np.hstack([own, known])).all(axis=1))
+    if both.sum() < 2:
+        return None
+    p, q = (a[both] @ np.array([1, 1j]) for a in (own, known))
+    turn = ((q - q.mean()) * np.conj(p - p.mean())).sum()
+    turn = turn / (abs(turn) if sized else (np.abs(p - p.mean()) ** 2).sum())
+    z = (own @ np.array([1, 1j]) - p.mean()) * turn + q.mean()
+    return np.column_stack([z.real, z.imag])
+
+
+def _grown(network: Network, xy: Float, doubtful: set[int]) -> Float:
+    """Points found one by one from those that are known, the surest first."""
+    found = xy.copy()
+    for _ in range(MOST_ROUNDS):
+        loci = _loci(network, found)
+        progress = False
+        for sure in (True, False):
+            for point, own in loci.items():
+                place = fitting_point(own, sure)
+                if place is not None:
+                    found[point], progress = place, True
+                    if not sure:
+                        doubtful.add(point)
+                    break
+            if progress:
+                break
+        if not progress:
+            return found
+    return found
+
+
+def _loci(network: Network, xy: Float) -> dict[int, list[Locus]]:
+    """Rays and circles on which the unknown points lie."""
+    known: Bool = np.asarray(np.isfinite(xy).all(axis=1))
+    found: dict[int, list[Locus]] = {}
+    m = network.get("horizontal_distance")
+    for a, b, value in [] if m is None else zip(m.start.tolist(), m.end.tolist(), m.value.tolist()):
+        for p, q in ((a, b), (b, a)):
+            if known[p] and not known[q]:
+                found.setdefault(q, []).append(Locus.circle(xy[p], value))
+    for station, target, bearing in _bearings(network, xy, known):
+        if known[station] and not known[target]:
+            found.setdefault(target, []).append(Locus.ray(xy[station], bearing))
+        if known[target] and not known[station]:
+            found.setdefault(station, []).append(Locus.ray(xy[target], bearing + np.pi))
+    for vertex, a, b, angle in _angles(network):
+        if not known[vertex] and known[a] and known[b]:
+            found.setdefault(vertex, []).append(Locus.seeing(xy[a], xy[b], angle))
+    return found
+
+
+def _bearings(network: Network, xy: Float, known: Bool) -> Iterator[tuple[int, int, float]]:
+    """Bearings from azimuths, oriented sets and angles with one known side."""
+    if "azimuth" in network:
+        m = network["azimuth"]
+        yield from zip(m.start.tolist(), m.end.tolist(), m.value.tolist())
+    oriented: dict[tuple[int, int], float] = {}
+    for a, b in [] if "azimuth" not in network else zip(network["azimuth"].start, network["azimuth"].end):
+        oriented[int(a), int(b)] = float(network["azimuth"].value[(network["azimuth"].start == a)
+                                                                 & (network["azimuth"].end == b)][0])  # fmt: skip
+        oriented[int(b), int(a)] = oriented[int(a), int(b)] + np.pi
+
+    def side(station: int, target: int) -> float | None:
+        if known[station] and known[target]:
+            return float(np.arctan2(*(xy[target] - xy[station])))
+        return oriented.get((station, target))
+
+    for vertex, a, b, angle in _angles(network):
+        first, second = side(vertex, a), side(vertex, b)
+        if first is not None and second is None:
+            yield vertex, b, first + angle
+        if second is not None and first is None:
+            yield vertex, a, second - angle
+
+
+def _angles(network: Network) -> Iterator[tuple[int, int, int, float]]:
+    """Angles as measured, and those between each two directions of a set: vertex, from, to, clockwise."""
+    if "angle" in network:
+        m = network["angle"]
+        yield from zip(m.via.tolist(), m.start.tolist(), m.end.tolist(), m.value.tolist())
+    if "direction" in network:
+        m = network["direction"]
+        for name in dict.fromkeys(m.set.tolist()):
+            rows = np.flatnonzero(m.set == name)
+            for i in rows.tolist():
+                for j in rows.tolist():
+                    if i < j:
+                        yield int(m.start[i]), int(m.end[i]), int(m.end[j]), float(m.value[j] - m.value[i])
