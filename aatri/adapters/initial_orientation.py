@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters import strips as pieces
+from aatri.adapters.initial_scale import compared, distance_ratios
 from aatri.adapters.solution import residuals, solved_cameras, stacked
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -14,7 +15,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
-from aatri.geometry.similarity import Similarity, transform
+from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.notes import Level, Note
@@ -87,7 +88,12 @@ def to_ground(
     held = [_holds(ground, c) for c in components]
     if not any(len(a) + len(b) for a, b in held):
         free = first_base_one(components[0])
+        ratio = distance_ratios(block, free[0])
         text = "no control and no observed positions: the datum is free, the first base is 1"
+        if len(ratio):
+            scaled = Similarity(np.zeros(3), float(np.median(ratio)), np.eye(3))
+            free = moved(free[0], scaled), compose(scaled, free[1])
+            text = f"no control and no observed positions: the datum is free, its scale that of {len(ratio)} distances"
         notes = [Note("warning", text), *(_apart(block, c, "no datum of their own") for c in components[1:])]
         none = np.zeros(0, dtype=np.int64)
         return [OnGround(free[0], none, none, None, free[1])], notes
@@ -100,6 +106,8 @@ def to_ground(
             notes.append(_apart(block, component, error.what))
     if not done:
         raise failed[0]
+    for number, part in enumerate(done, 1):
+        notes += compared(block, number, part.component)
     return done, notes
 
 

@@ -4,11 +4,13 @@
     bases       log s_b - log s_a = log l_a - log l_b   median of the points that two pairs share in a common image
     positions   v = d (X - c), d >= 0                   directions of rays, robustly, from bases, GNSS or anywhere
     points      intersected, rays that do not fit trimmed; a robust bundle without datum; trimmed and adjusted again
-    ground      X = T + s R x                           one similarity from all control and observed positions
+    ground      X = T + s R x                           one similarity from all control and observed positions;
+                                                        without these the scale from distances
 
 Neither strips nor an order of the images nor any start value is used. Pairs are all images with at least `min_points`
 points in common; with `models` those are taken and no others. Components that share enough points are joined; what
-stays apart is listed by its ids. Without control and positions the datum is free and the first base is 1.
+stays apart is listed by its ids. Without control and positions the datum is free; without distances too the first
+base is 1.
 
 Source: Chatterjee & Govindu 2018 (rotations); Zhuang, Cheong & Lee 2018, Pan et al. 2024 (positions); Kraus,
 Photogrammetry (absolute orientation).
@@ -30,6 +32,7 @@ from aatri.adapters.initial_orientation import (
     shown_components,
     to_ground,
 )
+from aatri.adapters.initial_scale import USES
 from aatri.adapters.pair_graph import graph_of, strongest_pairs, turns_of
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
@@ -61,8 +64,8 @@ class GraphOptions(Options):
 
 
 @stage(
-    version=1,
-    uses=("ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m", "cameras.lever_arm_m"),
+    version=2,
+    uses=("ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m", "cameras.lever_arm_m", *USES),
 )
 def graph(
     block: Block,

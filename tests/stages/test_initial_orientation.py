@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import Block, Geodetic
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.formats.tables.reader import read_block
@@ -183,6 +183,29 @@ class Told:
 
     def progress(self, done: int, total: int, what: str = "") -> None:
         pass
+
+
+def test_without_control_and_positions_distances_give_the_scale() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    none = np.zeros(0, dtype=np.intp)
+    true = block.true_points
+    assert true is not None
+    a, b = block.ground_points.point[:2]
+    value = float(np.linalg.norm(true.xyz_m[a] - true.xyz_m[b]))
+    ends = {"start": np.array([block.points.id[a]]), "end": np.array([block.points.id[b]])}
+    distance = Geodetic(
+        type=np.array(["distance"]), **ends, via=np.array([""]), start_kind=np.array(["point"]),
+        end_kind=np.array(["point"]), value=np.array([value]), sigma=np.array([0.01]), set=np.array([""]),
+        group=np.array([""]), start_height_m=np.array([np.nan]), end_height_m=np.array([np.nan]),
+        active=np.array([True]), reduced=np.array(["no"]), file=np.array([-1]), line=np.array([-1]),
+    )  # fmt: skip
+    bare = replace(
+        block, ground_points=block.ground_points.take(none), exterior=block.exterior.take(none), geodetic=distance
+    )
+    found = initial_of(bare, pairs_per_image=6)
+    assert found.datum is not None
+    xyz = found.points.xyz_m
+    assert np.linalg.norm(xyz[a] - xyz[b]) == pytest.approx(value, rel=1e-9)
 
 
 def test_models_that_are_given_are_used_and_no_others() -> None:
