@@ -6,15 +6,15 @@ import numpy as np
 
 from aatri.adapters.adjustment_frame import frame_notes, poses_out_of
 from aatri.adapters.imported import read_at
+from aatri.adapters.sanity_as_given import cameras_of
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
-from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.plausibility.cameras import Cameras, camera_notes, control_notes
+from aatri.orientation.plausibility.cameras import camera_notes, control_notes
 from aatri.orientation.plausibility.control import misplaced_control
 
 
@@ -53,11 +53,7 @@ def sanity(block: Block, position_m: Float, ground_from_image: Float, xyz_m: Flo
     -------
     tuple of Note
     """
-    c = block.cameras
-    digital = c.kind == "digital"
-    pixel = np.where(digital, np.sqrt(c.pixel_size_mm.prod(axis=1)), np.nan)
-    half = half_format_mm(np.asarray(digital), c.format, c.pixel_size_mm)
-    cameras = Cameras(c.id.tolist(), c.principal_distance_mm, half, pixel)
+    cameras = cameras_of(block)
     of_image = block.images.camera
     rows = np.flatnonzero(block.image_points.active & block.images.active[block.image_points.image])
     points = block.image_points

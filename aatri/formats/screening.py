@@ -9,7 +9,8 @@ active, and repeats until nothing changes:
 
 Ground points with a role that no image shows are listed, but keep their role. If more than `max_reject_share` of the
 image points (rule 1), points (2) or images (3) would go, something larger is wrong: an error, with the first places.
-So is control that lies off the block (see `orientation.plausibility.control`).
+So are positions that cannot be, control that lies off the block, and angles between rays to control that do not agree
+with positions and control (see `orientation.plausibility`); a line per camera says what was found right.
 The outcome depends on the content alone, so that a block written out and read again is screened to the same.
 """
 
@@ -22,9 +23,11 @@ import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.adapters.plausibility import control_as_given
+from aatri.adapters.sanity_as_given import as_given
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
+from aatri.formats.positions_screened import without_impossible_positions
 from aatri.ids import printable
 from aatri.notes import tell
 from aatri.progress import SILENT, Reporter
@@ -82,16 +85,20 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     InputError
         If two measurements of one point in one image disagree, or more than the share of a class would be rejected.
     """
-    problems = repeated_measurements(block)
+    block, impossible = without_impossible_positions(block, max_reject_share)
+    problems = [*repeated_measurements(block), *impossible]
     images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
     outside = _outside_format(block) & points.active
     points.reject(np.flatnonzero(outside), OUTSIDE)
     while _reject_round(block, images, points):
         pass
     problems += _too_many(block, images, points, max_reject_share)
+    raise_all(problems)
     misplaced, notes = control_as_given(block)
-    raise_all([*problems, *misplaced])
-    tell(notes, reporter)
+    raise_all(misplaced)
+    contradictions, figures = as_given(block, points.active)
+    tell([*figures, *notes], reporter)
+    raise_all(contradictions)
     rejects = _rejects(block, images, points)
     for kind, name, reason in zip(rejects.kind, rejects.id, rejects.reason):
         reporter.warn(f"rejected: {kind} {printable(str(name))}: {reason}")

@@ -85,17 +85,40 @@ def camera_notes(
     return tuple(notes)
 
 
-def _one_camera(cameras: Cameras, k: int, name: str, depth: Float, height: Float) -> list[Note]:
+def given_notes(cameras: Cameras, camera_of_ray: Int, distance_m: Float) -> tuple[Note, ...]:
+    """A line per camera from what is given, before anything is oriented.
+
+    Parameters
+    ----------
+    camera_of_ray : (k,) int
+        Camera of each ray from a known position to a control point.
+    distance_m : (k,) float64, m
+        Length of the ray.
+    """
+    notes = []
+    for k, name in enumerate(cameras.id):
+        mine = distance_m[camera_of_ray == k]
+        away = float(np.median(mine)) if len(mine) else np.nan
+        parts, warnings = _figures(cameras, k, str(name), away)
+        parts = [f"{length(away)} from the control it shows"] * bool(len(mine)) + parts
+        if parts:
+            notes.append(Note("note", f"camera {name}, as given: {', '.join(parts)}"))
+        notes += warnings
+    return tuple(notes)
+
+
+def _figures(cameras: Cameras, k: int, name: str, distance_m: float) -> tuple[list[str], list[Note]]:
+    """Field of view, scale and ground sampling distance of a camera at a distance, in words; what cannot be."""
     c, pixel = float(cameras.principal_distance_mm[k]), float(cameras.pixel_mm[k])
     diagonal = 2 * float(np.linalg.norm(cameras.half_format_mm[k]))
     field = float(np.degrees(2 * np.arctan(diagonal / (2 * c))))
-    distance, behind = float(np.median(np.abs(depth))), float(np.mean(depth <= 0))
-    sampling = distance / c * pixel
+    sampling = distance_m / c * pixel
     parts = [] if np.isnan(field) else [f"field of view {field:.3g} deg"]
-    parts += [f"{length(float(np.median(height)))} above its points", f"scale 1 : {distance / c * 1000:,.0f}"]
+    if np.isfinite(distance_m):
+        parts.append(f"scale 1 : {distance_m / c * 1000:,.0f}")
     if np.isfinite(sampling):
         parts.append(f"ground sampling distance {length(sampling)}")
-    notes = [Note("note", f"camera {name}: {', '.join(parts)}")]
+    notes = []
     if field < FIELD_OF_VIEW_DEG[0] or field > FIELD_OF_VIEW_DEG[1]:
         notes.append(Note("warning", f"camera {name} has a field of view of {field:.3g} deg: principal distance "
                           f"{c:g} mm or format ({diagonal:.4g} mm across the diagonal) is wrong"))  # fmt: skip
@@ -103,6 +126,15 @@ def _one_camera(cameras: Cameras, k: int, name: str, depth: Float, height: Float
         notes.append(Note("warning", f"camera {name} has a ground sampling distance of {length(sampling)}: check "
                           f"principal distance ({c:g} mm), pixel size ({pixel:g} mm) and the unit of "
                           "coordinates"))  # fmt: skip
+    return parts, notes
+
+
+def _one_camera(cameras: Cameras, k: int, name: str, depth: Float, height: Float) -> list[Note]:
+    distance, behind = float(np.median(np.abs(depth))), float(np.mean(depth <= 0))
+    parts, warnings = _figures(cameras, k, name, distance)
+    field = [part for part in parts if part.startswith("field")]
+    parts = [*field, f"{length(float(np.median(height)))} above its points", *parts[len(field) :]]
+    notes = [Note("note", f"camera {name}: {', '.join(parts)}"), *warnings]
     if behind > BEHIND:
         notes.append(Note("warning", f"{behind:.0%} of the points of camera {name} lie behind it: check axes, angles "
                           "and the sign of heights"))  # fmt: skip

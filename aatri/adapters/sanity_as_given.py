@@ -1,0 +1,130 @@
+"""Sanity of a block from its tables alone: figures of its cameras, angles between rays to control, positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adapters.imported import read_at
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import OBSERVED_VALUE, Block
+from aatri.camera.pixels import half_format_mm, mm_from_pixel
+from aatri.errors import InputError
+from aatri.notes import Note
+from aatri.observations.control import control_of
+from aatri.orientation.plausibility.cameras import Cameras, given_notes
+from aatri.orientation.plausibility.face_angles import Rays, contradiction
+from aatri.orientation.plausibility.positions import impossible_positions
+
+PLAIN_LENSES = ("none", "brown", "table")
+"""Distortions so small that angles between rays may be taken without them."""
+
+
+def cameras_of(block: Block) -> Cameras:
+    """What the plausibility of a block asks of its cameras."""
+    c = block.cameras
+    digital = np.asarray(c.kind == "digital")
+    pixel = np.where(digital, np.sqrt(c.pixel_size_mm.prod(axis=1)), np.nan)
+    return Cameras(c.id.tolist(), c.principal_distance_mm, half_format_mm(digital, c.format, c.pixel_size_mm), pixel)
+
+
+def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, ...]]:
+    """What positions, control and cameras say against each other, and a line of figures per camera.
+
+    Parameters
+    ----------
+    block : Block
+    active : (n,) bool
+        Image points in use.
+    """
+    rays, observed = _rays(block, active)
+    distance = np.linalg.norm(rays.control_m[rays.point] - rays.position_m[rays.image], axis=1)
+    notes = list(given_notes(cameras_of(block), block.images.camera[rays.image], distance))
+    plain = np.isin(block.cameras.distortion, PLAIN_LENSES)[block.images.camera[rays.image]]
+    found = contradiction(_some(rays, plain), observed=observed)
+    if found is None:
+        return [], tuple(notes)
+    images = found.images if len(found.images) else np.unique(rays.image)
+    ids = tuple(block.images.id[images].tolist())
+    if found.certain:
+        where = _place(block, found.of, int(images[0]), int(rays.point[np.argmax(rays.image == images[0])]))
+        return [InputError(found.text, where=where, remedy=found.remedy)], tuple(notes)
+    notes.append(Note("warning", f"{found.text} ({found.remedy})", ids))
+    return [], tuple(notes)
+
+
+def _place(block: Block, of: str, image: int, control: int) -> str:
+    """Where to look: the camera, the control point or the position of an image, as far as it is known."""
+    if of == "camera":
+        return f"camera {block.cameras.id[block.images.camera[image]]}"
+    if of == "control":
+        return read_at(block, block.ground_points, int(control_of(block).row[control]))
+    rows = np.flatnonzero(block.exterior.image == image)
+    return read_at(block, block.exterior, int(rows[0])) if len(rows) else ""
+
+
+def _some(rays: Rays, keep: Bool) -> Rays:
+    return Rays(rays.image[keep], rays.point[keep], rays.xy_mm[keep], rays.principal_point_mm[keep], rays.c_mm[keep],
+                rays.position_m, rays.control_m)  # fmt: skip
+
+
+def _rays(block: Block, active: Bool) -> tuple[Rays, bool]:
+    """Rays to control with all coordinates from images with a position; whether most of these are observed."""
+    control, points = control_of(block), block.image_points
+    number = np.full(len(block.points), -1)
+    full = control.given.all(axis=1)
+    number[control.point[full]] = np.flatnonzero(full)
+    position = np.full((len(block.images), 3), np.nan)
+    position[block.exterior.image] = block.exterior.position_m
+    xy, known = _photo_mm(block)
+    image = points.image
+    use = active & known & (number[points.point] >= 0) & np.isfinite(position[image]).all(axis=1)
+    rows = np.flatnonzero(use)
+    image, camera = image[rows], block.images.camera[image[rows]]
+    c = block.cameras
+    observed = np.isin(image, block.exterior.image[block.exterior.position_use == OBSERVED_VALUE])
+    rays = Rays(image, number[points.point[rows]], xy[rows] - c.principal_point_mm[camera],
+                c.principal_point_mm[camera], c.principal_distance_mm[camera], position, control.xyz_m)  # fmt: skip
+    return rays, bool(observed.mean() > 0.5) if len(rows) else False
+
+
+def _photo_mm(block: Block) -> tuple[Float, Bool]:
+    """Image points in mm from the middle of the image, turned as it may be; whether they can be had."""
+    c, points = block.cameras, block.image_points
+    xy = np.full((len(points), 2), np.nan)
+    camera = block.images.camera[points.image]
+    centre, has_centre = _middle_of_marks(block)
+    for k in range(len(c)):
+        mine = camera == k
+        pixel = c.image_coordinates[k] == "pixel"
+        if c.image_coordinates[k] == "photo":
+            xy[mine] = points.xy[mine]
+        elif pixel and c.kind[k] == "digital":
+            matrix = mm_from_pixel(c.pixel_size_mm[k], str(c.pixel_origin[k]), str(c.pixel_y[k]), c.format[k])
+            xy[mine] = points.xy[mine] @ matrix[:, :2].T + matrix[:, 2]
+        else:
+            size = c.pixel_size_mm[k] if pixel else 1.0
+            xy[mine] = (points.xy[mine] - centre[points.image[mine]]) * size
+            xy[mine & ~has_centre[points.image]] = np.nan
+    return xy, np.asarray(np.isfinite(xy).all(axis=1))
+
+
+def _middle_of_marks(block: Block) -> tuple[Float, Bool]:
+    """Middle of the fiducial marks of each film image, as measured; with four of them at least."""
+    marks, n = block.fiducial_points, len(block.images)
+    count = np.bincount(marks.image, minlength=n)
+    total = np.stack([np.bincount(marks.image, weights=marks.xy[:, axis], minlength=n) for axis in range(2)], axis=1)
+    return total / np.maximum(count, 1)[:, None], np.asarray(count >= 4)
+
+
+def impossible(block: Block) -> dict[int, str]:
+    """Rows of the exterior table whose position cannot be right, with the reason."""
+    control = control_of(block)
+    heights: Float = control.xyz_m[control.given[:, 2], 2]
+    ground = float(np.median(heights)) if len(heights) else block.terrain_height_m
+    return impossible_positions(block.exterior.position_m, ground)
+
+
+def place_of_position(block: Block, row: int) -> tuple[str, str]:
+    """Image and `file:line` of a row of the exterior table."""
+    image: Int = block.exterior.image
+    return str(block.images.id[image[row]]), read_at(block, block.exterior, row)

@@ -1,0 +1,12 @@
+"""Row 115: Three check points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.bad_inputs.flown import film
+
+
+def make(folder: Path) -> list[str] | None:
+    film(folder, until="accuracy")
+    return ["run"]
