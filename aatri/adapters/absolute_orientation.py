@@ -10,13 +10,14 @@ import numpy as np
 from aatri.adapters import absolute_tables as tables
 from aatri.adapters import strips as pieces
 from aatri.adapters.absolute_tables import Ground, OrientedPart
+from aatri.adapters.rejection_notes import exchanged_control, lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
@@ -26,6 +27,9 @@ from aatri.orientation.free_block.components import Component, FreeBlock, join_s
 from aatri.orientation.free_block.deformation import search_notes, sigma0_notes
 
 EXTRAPOLATION_WARNED = 3.0
+
+WORST = 5
+"""So many observations are named where strips and control do not fit."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +91,40 @@ def orient_strips(
         raise _all_of(failed, free)
     notes += [Note("warning", f"not oriented: {error.what}") for error in failed]
     adjusted = [(name, tied) for part in parts for name, tied in part.adjusted()]
-    notes += sigma0_notes(
-        [tied for _, tied in adjusted], [name for name, _ in adjusted], tables.pooled(parts)[1],
-        pieces.most_models(strips), max_sigma0, "absolute orientation",
-    )  # fmt: skip
+    try:
+        notes += sigma0_notes(
+            [tied for _, tied in adjusted], [name for name, _ in adjusted], tables.pooled(parts)[1],
+            pieces.most_models(strips), max_sigma0, "absolute orientation",
+        )  # fmt: skip
+    except ConvergenceError as error:
+        raise ConvergenceError(error.what + _worst(ground, parts), where=error.where, remedy=error.remedy) from error
     return OrientedStrips(ground, tuple(parts), tuple(notes))
+
+
+def _worst(ground: Ground, parts: Sequence[OrientedPart]) -> str:
+    """The given coordinates that are farthest from where the strips put them, for an error."""
+    told = [
+        (float(np.linalg.norm(np.nan_to_num(residual))), name)
+        for part in parts
+        for residual, name in zip(part.result.residual_m, tables.observation_ids(ground, part)[0])
+    ]
+    worst = [f"{name} {off:.3g} m" for off, name in sorted(told, reverse=True)[:WORST] if off > 0]
+    return f"; farthest off: {', '.join(worst)}" if worst else ""
+
+
+def control_notes(oriented: OrientedStrips, solution: Solution) -> list[Note]:
+    """What is rejected here, control points whose numbers are exchanged, and control that no model holds."""
+    ground, parts = oriented.ground, oriented.parts
+    block, control = ground.block, ground.control
+    notes = rejection_notes(solution.suspects, tables.ROLE_NAME)
+    for part in parts:
+        n, ids = len(part.control), block.points.id[control.point[part.control]].tolist()
+        given = np.where(control.given[part.control], control.xyz_m[part.control] - ground.origin, np.nan)
+        residual = part.result.residual_m[:n]
+        notes += exchanged_control(ids, given + residual, given, ~part.result.active[:n])
+    held = [part.component.point for part in parts]
+    present = np.isin(control.point, np.concatenate(held)) if held else np.zeros(len(control.point), bool)
+    return [*notes, *lost_control(block, control.point, present, ground.strips.suspects)]
 
 
 def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from aatri.adapters.image_pairs import Pairs, doubtful_sequences
+from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -34,8 +35,9 @@ def refuse_misfits(found: RelativeOrientations, max_sigma0: float) -> None:
 def notes_of_pairs(
     block: Block, image_points: ImagePoints, pairs: Pairs, found: RelativeOrientations, models: Models
 ) -> tuple[Note, ...]:
-    """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts."""
-    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *_of_models(models))
+    """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts, rejections."""
+    rejected = rejection_notes(models.suspects, "relative_orientation")
+    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *_of_models(models), *rejected)
 
 
 def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:

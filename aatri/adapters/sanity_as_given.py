@@ -9,11 +9,18 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import OBSERVED_VALUE, Block
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
+from aatri.frames.heights import is_tangent_frame
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.orientation.plausibility.cameras import Cameras, given_notes
+from aatri.orientation.plausibility.control import length
 from aatri.orientation.plausibility.face_angles import Rays, contradiction
 from aatri.orientation.plausibility.positions import impossible_positions
+
+LARGE_M = 10e3
+"""Larger blocks do not lie in a plane: 2 m over 5 km."""
+
+EARTH_RADIUS_M = 6_371_000.0
 
 PLAIN_LENSES = ("none", "brown", "table")
 """Distortions so small that angles between rays may be taken without them."""
@@ -40,6 +47,7 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
     distance = np.linalg.norm(rays.control_m[rays.point] - rays.position_m[rays.image], axis=1)
     notes = list(given_notes(cameras_of(block), block.images.camera[rays.image], distance))
     plain = np.isin(block.cameras.distortion, PLAIN_LENSES)[block.images.camera[rays.image]]
+    notes += _plane_frame(block)
     found = contradiction(_some(rays, plain), observed=observed)
     if found is None:
         return [], tuple(notes)
@@ -50,6 +58,22 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
         return [InputError(found.text, where=where, remedy=found.remedy)], tuple(notes)
     notes.append(Note("warning", f"{found.text} ({found.remedy})", ids))
     return [], tuple(notes)
+
+
+def _plane_frame(block: Block) -> list[Note]:
+    """A warning for a large block whose frame is taken as Cartesian although it may be a map."""
+    crs = str(block.frames.crs[0]) if len(block.frames) else "local"
+    if block.earth_curvature != "ignore" or is_tangent_frame(crs):
+        return []
+    xy = np.concatenate([block.exterior.position_m[:, :2], block.ground_points.xyz_m[:, :2]])
+    xy = xy[np.isfinite(xy).all(axis=1)]
+    across = float(np.linalg.norm(np.ptp(xy, axis=0))) if len(xy) else 0.0
+    if across <= LARGE_M:
+        return []
+    bend = (across / 2) ** 2 / (2 * EARTH_RADIUS_M)
+    return [Note("warning", f"the block is {length(across)} across and `earth_curvature: ignore` takes its frame as "
+                 f"Cartesian; if it is a map, heights bend by {length(bend)} from its middle to its ends: declare crs, "
+                 "and leave out earth_curvature")]  # fmt: skip
 
 
 def _place(block: Block, of: str, image: int, control: int) -> str:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.absolute_orientation import absolute_solution, ground_of, orient_strips
+from aatri.adapters.absolute_orientation import absolute_solution, control_notes, ground_of, orient_strips
 from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.tangent_block import in_tangent_frame
@@ -86,4 +86,4 @@ def _oriented(
         max_sigma0=options.max_sigma0,
     )
     solution, left_out = absolute_solution(oriented, image_points, "absolute_orientation/similarity")
-    return solution, [*oriented.notes, *left_out]
+    return solution, [*oriented.notes, *left_out, *control_notes(oriented, solution)]

@@ -11,6 +11,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
+from aatri.evaluation.doming import check_notes
+from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -32,4 +34,5 @@ def evaluation(
     """Empirical and theoretical accuracy of a Solution."""
     result = evaluate(block, solution, confidence=options.confidence, enough=options.enough_check_points)
     context.log(result.verdict)
+    tell(check_notes(result, block, solution), context)
     return result

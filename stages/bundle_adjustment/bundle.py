@@ -38,6 +38,7 @@ from aatri.adapters.datum import with_datum
 from aatri.adapters.orderings import report_orderings
 from aatri.adapters.plausibility import of_start
 from aatri.adapters.suspects import after, with_gross_errors
+from aatri.adapters.systematic_residuals import systematic_notes
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.settings import Settings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
@@ -56,6 +57,7 @@ from aatri.orientation.bundle.blunders.robust import How, robustly
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.correlations import correlation_notes
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
+from aatri.orientation.bundle.group_tests import group_notes
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
 from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
 from aatri.orientation.bundle.result import BundleResult, without_covariances
@@ -195,8 +197,9 @@ def bundle(
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)
     tell(remarks(given, result.adjusted.state, before=False), context)
-    notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
-    tell([*done.notes, *result.notes, *notes, *parameter_notes(given, result), *correlation_notes(result)], context)
+    notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
+    notes += [*systematic_notes(result), *parameter_notes(given, result), *correlation_notes(result)]
+    tell([*done.notes, *result.notes, *notes], context)
     tables, calibrated = tables_of(block, result.parameters, chosen)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strip_adjustment import adjust_strips, strip_block_solution
 from aatri.adapters.tangent_block import in_tangent_frame
@@ -69,5 +70,5 @@ def polynomial(
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, "strip_adjustment/polynomial"
     )
-    tell([*adjusted.notes, *resected], context)
+    tell([*adjusted.notes, *resected, *rejection_notes(solution.suspects, "strip_adjustment")], context)
     return inside.back(solution)

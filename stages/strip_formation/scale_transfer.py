@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.joined_models import JointRules, joined_models
+from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
@@ -55,5 +56,5 @@ def scale_transfer(
     check_same_block(block, models.images.id, "models")
     rules = JointRules(options.min_connection_points, options.snooping_limit, options.scale_jump, options.estimator)
     strips, notes = joined_models(block, models, rules)
-    tell(notes, context)
+    tell([*notes, *rejection_notes(strips.suspects, "strip_formation")], context)
     return strips

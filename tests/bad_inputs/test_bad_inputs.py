@@ -30,12 +30,21 @@ def test_a_bad_input_is_answered_with_the_approved_message(
     done = CliRunner().invoke(app, arguments)
     told = f"exit {done.exit_code}\n{done.stderr.replace(str(tmp_path), '.')}"
     told = re.sub(r"[0-9]+\.[0-9]+ s\b", "N s", told)
+    told += _log(tmp_path, getattr(recipe, "SHOWN", ""))
     approved = HERE / row / "message.txt"
     if os.environ.get("APPROVE"):
         approved.write_text(told, encoding="utf-8")
     assert told == approved.read_text(encoding="utf-8")
     assert "internal error" not in told
     assert done.exit_code != 1
+
+
+def _log(folder: Path, stage: str) -> str:
+    """What a stage has put into its log, without times, figures of speed and size; of recipes that ask for it."""
+    text = "".join(path.read_text() for path in folder.glob(f"out/objects/{stage}/*/stage.log")) if stage else ""
+    lines = [line.split(maxsplit=1)[1] for line in text.splitlines() if len(line.split()) > 1]
+    kept = [line for line in lines if not re.match(r"[0-9]+ unknowns|memory|iteration|auto,|.*bandwidth|warning", line)]
+    return "".join(f"log of {stage}: {line}\n" for line in kept)
 
 
 def test_every_recipe_says_which_row_it_is() -> None:

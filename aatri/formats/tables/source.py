@@ -120,6 +120,10 @@ def not_negative(table: CsvTable, column: str, *, zero: bool) -> None:
     table.complain(np.flatnonzero(bad), column, f"{column} is {{}}", f"a standard deviation is {limit}")
 
 
+MOST_RAD = 4 * np.pi
+"""Larger angles are no radians."""
+
+
 def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike | None = None) -> Float:
     """A column of angles in the block's unit, in radians; NaN where empty."""
     unit = source.settings.units.angle
@@ -135,6 +139,10 @@ def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike
                 bad.append(k)
     form = "degrees, minutes and seconds like 12-30-45.5" if unit == "dms" else "a number"
     table.complain(bad, column, f"{column} is {{}}, not an angle", f"write it as {form}")
+    if unit == "rad":
+        turns = np.flatnonzero(np.abs(np.nan_to_num(values)) > MOST_RAD)
+        table.complain(turns, column, f"{column} is {{}} rad, more than two turns: degrees or gon?",
+                       "set units: {angle: deg} (or gon) in block.yaml, if all angles are so")  # fmt: skip
     if unit is None and any(cells[k] for k in chosen):
         where = source.document.where("units")
         what = f"units.angle is missing, but {table.path.name} has angles in column {column}"

@@ -35,6 +35,9 @@ from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 CHANGED = 1e-3
 """Probability below which a difference to a calibration is told as a warning."""
 
+MOVED = 10.0
+"""A parameter that moves by more than this times its own standard deviation a priori is another one's."""
+
 MOST_UNITS = 4
 """More units than this are summed up in one line."""
 
@@ -176,9 +179,24 @@ def _unit(given: BundleInput, result: BundleResult, group: AdjustedParameters, u
     if len(idle):
         which = ", ".join(f"{e.names[i]} (|t| {abs(tests.t[i]):.1f})" for i in idle)
         notes.append(Note("note", f"{name}: not significant at 5 %: {which}"))
+    notes += _moved(group, unit)
     pairs = [(p.first, p.second, p.correlation) for p in correlated_pairs(e, WARNED)]
     advice = advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)])
     return [*notes, *(Note("warning", f"{name}: {a.text}") for a in advice)]
+
+
+def _moved(group: AdjustedParameters, unit: int) -> list[Note]:
+    """Weighted parameters far from their given values: the calibration is of another camera, or older than a change."""
+    g = group.given
+    columns = np.flatnonzero(g.free[unit] & g.weighted[unit])
+    sigma = np.sqrt(np.diag(g.covariance[unit])[columns])
+    change = group.value[unit, columns] - g.prior[unit, columns]
+    names, far = parameter_names(g, unit), np.flatnonzero(np.abs(change) > MOVED * sigma)
+    told = [f"{names[columns[k]]} by {change[k]:.3g} ({abs(change[k]) / sigma[k]:.0f} of its sigmas)" for k in far]
+    if not told:
+        return []
+    why = "is it calibrated with this lens, focus and film?"
+    return [Note("warning", f"{g.ids[unit]}: parameters leave their given values: {', '.join(told)}; {why}")]
 
 
 def _pairs_with_pose(

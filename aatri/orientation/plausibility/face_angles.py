@@ -186,7 +186,7 @@ def _in_space(rays: Rays, pairs: _Pairs) -> tuple[Float, Float]:
 
 
 def _angle(a: Float, b: Float) -> Float:
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)))
 
 
 def _image_misfits(rays: Rays, pairs: _Pairs) -> Float:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.bad_inputs.flown import each, film, without
+from tests.bad_inputs.normal_case import grid, normal_case, seen
+
+STATIONS = {"1-1": (0.0, 0.0, 1000.0), "1-2": (600.0, 0.0, 1000.0), "1-3": (1200.0, 0.0, 1000.0)}
+POINTS = grid((-700.0, 1900.0, 14), (-800.0, 800.0, 9))
 
 
 def make(folder: Path) -> list[str] | None:
-    film(
-        folder,
-        without("exterior.csv"),
-        each("ground_points.csv", lambda row: row if row["point"] in ("GCP01", "GCP05", "GCP06") else None),
-    )
+    normal_case(folder, STATIONS, POINTS, seen(STATIONS, POINTS), control=("p30", "p32", "p50"), until="absolute")
     return None

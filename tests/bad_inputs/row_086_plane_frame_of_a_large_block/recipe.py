@@ -1,4 +1,4 @@
-"""Row 86: A block of 60 km in a plane frame, without earth curvature."""
+"""Row 86: A block of 45 km in a plane frame, without earth curvature."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ POINTS = grid((-8000.0, 44000.0, 12), (-10000.0, 10000.0, 5), 300.0)
 
 def make(folder: Path) -> list[str] | None:
     normal_case(
-        folder, STATIONS, POINTS, seen(STATIONS, POINTS), control=("p00", "p04", "p60", "p64", "p32"), until="absolute"
+        folder, STATIONS, POINTS, seen(STATIONS, POINTS), control=("p10", "p14", "p90", "p94", "p52"), until="absolute"
     )
     return None

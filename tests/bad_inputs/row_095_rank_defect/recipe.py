@@ -1,12 +1,31 @@
-"""Row 95: A lens parameter that nothing determines: the distortion of film whose points lie on one circle."""
+"""Row 95: A principal point free over flat ground: images that look straight down shift with it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from tests.bad_inputs.flown import film
+from tests.bad_inputs.flown import Tables
+from tests.bad_inputs.normal_case import grid, normal_case, seen
+
+STATIONS = {"1-1": (0.0, 0.0, 1000.0), "1-2": (600.0, 0.0, 1000.0), "1-3": (1200.0, 0.0, 1000.0)}
+POINTS = grid((-700.0, 1900.0, 12), (-800.0, 800.0, 5), 0.0)
+CONTROL = ("p20", "p24", "p90", "p94", "p52")
+
+
+def free(tables: Tables) -> None:
+    lens = "{model: none}"
+    free = f"{lens}, sigmas: {{principal_point: [.inf, .inf]}}"
+    tables["block.yaml"] = tables["block.yaml"].replace(lens, free)
 
 
 def make(folder: Path) -> list[str] | None:
-    film(folder)
+    normal_case(
+        folder,
+        STATIONS,
+        POINTS,
+        seen(STATIONS, POINTS),
+        free,
+        control=("p20", "p24", "p90", "p94", "p52"),
+        until="bundle",
+    )
     return None

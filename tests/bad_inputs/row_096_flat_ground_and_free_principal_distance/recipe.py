@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests.bad_inputs.flown import Tables
 from tests.bad_inputs.normal_case import grid, normal_case, seen
 
 STATIONS = {"1-1": (0.0, 0.0, 1000.0), "1-2": (600.0, 0.0, 1000.0), "1-3": (1200.0, 0.0, 1000.0)}
 POINTS = grid((-700.0, 1900.0, 12), (-800.0, 800.0, 5), 0.0)
 
 
-def free(tables: dict[str, str]) -> None:
-    tables["block.yaml"] = tables["block.yaml"].replace(
-        "{model: none}", "{model: none}, sigmas: {principal_distance: .inf}"
-    )
+def free(tables: Tables) -> None:
+    lens = "{model: none}"
+    tables["block.yaml"] = tables["block.yaml"].replace(lens, f"{lens}, sigmas: {{principal_distance: .inf}}")
 
 
 def make(folder: Path) -> list[str] | None:
@@ -23,7 +23,7 @@ def make(folder: Path) -> list[str] | None:
         POINTS,
         seen(STATIONS, POINTS),
         free,
-        control=("p00", "p04", "p110", "p114", "p52"),
+        control=("p20", "p24", "p90", "p94", "p52"),
         until="bundle",
     )
     return None

@@ -1,4 +1,4 @@
-"""Row 108: Positions that claim 5 cm and are good to 1 m."""
+"""Row 108: Positions that claim 5 cm and are good to 40 cm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CHANCE = np.random.default_rng(12)
 
 
 def worse(row: Row) -> Row:
-    return row | {axis: f"{float(row[axis]) + CHANCE.normal(0, 1.0):.3f}" for axis in "XYZ"}
+    return row | {axis: f"{float(row[axis]) + CHANCE.normal(0, 0.4):.3f}" for axis in "XYZ"}
 
 
 def make(folder: Path) -> list[str] | None:

@@ -1,16 +1,17 @@
-"""Row 109: The antenna 1.5 m behind the camera, without lever arm: shifts along the flight direction."""
+"""Row 109: The antenna 0.4 m behind the camera, without lever arm: shifts along the flight direction."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from tests.bad_inputs.flown import film, moved
+from tests.bad_inputs.flown import Row, each, film
+
+
+def behind(row: Row) -> Row:
+    arm = -0.4 if row["image"].startswith("01") else 0.4
+    return row | {"X": f"{float(row['X']) + arm:.3f}"}
 
 
 def make(folder: Path) -> list[str] | None:
-    film(
-        folder,
-        moved("exterior.csv", lambda row: row["image"].startswith("01"), X=-1.5),
-        moved("exterior.csv", lambda row: row["image"].startswith("02"), X=1.5),
-    )
+    film(folder, each("exterior.csv", behind))
     return None

@@ -116,7 +116,8 @@ def test_control_of_another_project_is_an_error_without_a_cause() -> None:
     found = _found(replace(rays, control_m=rays.control_m + np.array([3100.0, 1250.0, 40.0])))
     assert "do not belong together" in found.text
     assert found.certain
-    assert not _found(replace(rays, control_m=rays.control_m + np.array([3100.0, 1250.0, 40.0])), observed=False).certain
+    plan = replace(rays, control_m=rays.control_m + np.array([3100.0, 1250.0, 40.0]))
+    assert not _found(plan, observed=False).certain
 
 
 def test_a_single_image_of_another_camera_is_named() -> None:

@@ -57,7 +57,7 @@ class Distortion(Section):
     @classmethod
     def _collect(cls, value: Any) -> Any:
         """Gather the parameters of the model, which stand beside its name."""
-        if not isinstance(value, dict) or value.get("model") not in PARAMETERS:
+        if not isinstance(value, dict) or str(value.get("model")) not in PARAMETERS:
             return value
         known = PARAMETERS[value["model"]]
         rest = {key: item for key, item in value.items() if key not in known}

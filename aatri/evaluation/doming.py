@@ -1,0 +1,94 @@
+"""Doming: heights that bend from the middle of the block to its edge, and check points far off.
+
+    dZ = a + b r^2,    sag = b r_max^2
+
+over control and check points, r the plan distance from their middle. Images that look straight down carry an
+uncorrected radial distortion, a wrong principal distance or refraction into such a bend, which control at the edges
+does not show.
+
+Source: James and Robson 2014 (systematic errors of vertical blocks: doming).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.ids import rows_of
+from aatri.notes import Note
+
+FEWEST = 6
+SIGNIFICANT = 3.0
+FAR_SIGMAS = 6.0
+"""Check points farther off than this, in standard deviations of the difference, are named."""
+
+NOTHING_M = 1e-6
+"""Smaller bends are rounding."""
+
+
+def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> list[Note]:
+    """Warnings of check points far off and of bent heights.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    block : Block
+    solution : Solution
+        That was evaluated.
+    """
+    d = evaluation.differences
+    given = np.isin(d.kind, ("control", "check"))
+    xy = solution.points.xyz_m[rows_of(d.point[given], block.points.id), :2]
+    bent = doming(xy, d.difference_m[given, 2])
+    notes = _far(evaluation)
+    if bent is not None and abs(bent[0]) > max(SIGNIFICANT * bent[1], NOTHING_M):
+        notes.append(Note("warning", f"heights bend by {bent[0]:.3f} m (+- {bent[1]:.3f} m) from the middle of control "
+                          "and check points to their edge: a distortion not corrected, or little height control "
+                          "inside; oblique images, observed positions or control inside hold them"))  # fmt: skip
+    return notes
+
+
+def doming(xy_m: Float, difference_m: Float) -> tuple[float, float] | None:
+    """Sag from the middle to the farthest point, and its standard deviation.
+
+    Parameters
+    ----------
+    xy_m : (n, 2) float64, m
+    difference_m : (n,) float64, m
+        Of the heights; NaN where they take no part.
+
+    Returns
+    -------
+    float, float or None
+        None with fewer than six points, or all at one distance.
+    """
+    known = np.isfinite(difference_m) & np.isfinite(xy_m).all(axis=1)
+    n = int(known.sum())
+    if n < FEWEST:
+        return None
+    r2 = ((xy_m[known] - xy_m[known].mean(axis=0)) ** 2).sum(axis=1)
+    u = r2 / r2.max() if r2.max() > 0 else r2
+    if np.ptp(u) < 0.1:
+        return None
+    A = np.column_stack([np.ones(n), u])
+    N = np.linalg.inv(A.T @ A)
+    x = N @ A.T @ difference_m[known]
+    v = difference_m[known] - A @ x
+    return float(x[1]), float(np.sqrt(v @ v / (n - 2) * N[1, 1]))
+
+
+def _far(evaluation: Evaluation) -> list[Note]:
+    d = evaluation.differences
+    rows = np.flatnonzero(d.kind == "check")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(d.sigma_m[rows] > 0, np.abs(d.difference_m[rows]) / d.sigma_m[rows], 0.0)
+    size = np.nan_to_num(ratio).max(axis=1, initial=0.0)
+    far = np.argsort(-size, kind="stable")[: int((size > FAR_SIGMAS).sum())]
+    if not len(far):
+        return []
+    off = np.nan_to_num(np.abs(d.difference_m[rows])).max(axis=1)
+    told = tuple(f"{d.point[rows[k]]} ({off[k]:.3g} m, {size[k]:.3g} sigma)" for k in far.tolist())
+    return [Note("warning", f"{len(far)} check points lie far off", told)]
