@@ -103,12 +103,13 @@ def orient_strips(
 
 def _worst(ground: Ground, parts: Sequence[OrientedPart]) -> str:
     """The given coordinates that are farthest from where the strips put them, for an error."""
-    told = [
-        (float(np.linalg.norm(np.nan_to_num(residual))), name)
-        for part in parts
-        for residual, name in zip(part.result.residual_m, tables.observation_ids(ground, part)[0])
-    ]
-    worst = [f"{name} {off:.3g} m" for off, name in sorted(told, reverse=True)[:WORST] if off > 0]
+    told = []
+    for part in parts:
+        off = np.linalg.norm(np.nan_to_num(part.result.residual_m), axis=1)
+        rows = np.argsort(-off, kind="stable")[:WORST]
+        names = tables.observation_names(ground, part)[0](rows)
+        told += list(zip(off[rows].tolist(), names))
+    worst = [f"{name} {m:.3g} m" for m, name in sorted(told, reverse=True)[:WORST] if m > 0]
     return f"; farthest off: {', '.join(worst)}" if worst else ""
 
 

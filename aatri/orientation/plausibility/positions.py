@@ -3,8 +3,8 @@
 With m the median of the positions and s = 1.4826 times the median distance from it:
 
 - a position lies off if it is farther from m in plan than 50 times the larger of s and the flying height H;
-- its height is wrong if it differs from the median by more than the larger of 10 s_Z and H / 2, H the median height
-  above control; only where H is positive and larger than 5 s_Z;
+- its height is wrong if it is on the ground or below it, less than H / 10 above control, where the others fly at the
+  height H above control, all within H / 5 (one higher image is legal);
 - if all positions are the same, they say nothing of any image (receivers repeat the last fix).
 
 Cf. the rows 56, 80, 81 of common input errors: one record of zero must neither tilt a block nor switch off the others.
@@ -17,7 +17,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.orientation.plausibility.control import length
 
-FAR, HIGH = 50.0, 10.0
+FAR, LOW, LEVEL = 50.0, 0.1, 5.0
 SAME_M = 1e-6
 FEWEST = 4
 """Fewer positions have no middle to be far from."""
@@ -52,8 +52,7 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
     reach = FAR * max(float(np.hypot(*spread[:2])), above)
     for k in np.flatnonzero((off > reach) & (reach > 0)).tolist():
         found[k] = f"position lies {length(float(off[k]))} from the middle of the others"
-    if above > 5 * spread[2]:
-        apart = np.abs(xyz[:, 2] - middle[2])
-        for k in np.flatnonzero(apart > max(HIGH * spread[2], above / 2)).tolist():
+    if above > LEVEL * spread[2]:
+        for k in np.flatnonzero(xyz[:, 2] - control_height_m < LOW * above).tolist():
             found.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")
     return {int(known[k]): why for k, why in sorted(found.items())}
