@@ -31,12 +31,19 @@ def test_a_bad_input_is_answered_with_the_approved_message(
     told = f"exit {done.exit_code}\n{done.stderr.replace(str(tmp_path), '.')}"
     told = re.sub(r"[0-9]+\.[0-9]+ s\b", "N s", told)
     told += _log(tmp_path, getattr(recipe, "SHOWN", ""))
+    if hasattr(recipe, "film") or hasattr(recipe, "digital") or hasattr(recipe, "normal_case"):
+        told = _in_short(told)
     approved = HERE / row / "message.txt"
     if os.environ.get("APPROVE"):
         approved.write_text(told, encoding="utf-8")
     assert told == approved.read_text(encoding="utf-8")
     assert "internal error" not in told
     assert done.exit_code != 1
+
+
+def _in_short(text: str) -> str:
+    """The text with computed figures in two digits: a better weight or another order of sums changes the third."""
+    return re.sub(r"(?<![\w.:-])-?[0-9]+\.[0-9]+(e[-+]?[0-9]+)?", lambda m: f"{float(m.group()):.2g}", text)
 
 
 def _log(folder: Path, stage: str) -> str:

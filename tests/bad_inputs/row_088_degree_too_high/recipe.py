@@ -1,4 +1,4 @@
-"""Row 88: Strip polynomials of degree 3 with control for less."""
+"""Row 88: Strip polynomials of degree 4 with control for less."""
 
 from __future__ import annotations
 
@@ -13,6 +13,6 @@ def make(folder: Path) -> list[str] | None:
         without("exterior.csv"),
         each("ground_points.csv", lambda row: row if row["point"] in ("GCP01", "GCP02", "GCP03", "GCP04") else None),
         until="strip_block",
-        strip_block="degree: 3",
+        strip_block="degree: 4",
     )
     return None
