@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.completion import complete_run
 from aatri.cli.console import reports_errors, say, say_json, say_table
 from aatri.errors import SpecError
 
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 @reports_errors
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders or pipeline files.")],
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", autocompletion=complete_run, help="Run folders or pipeline files.")
+    ],
     variants: Annotated[bool, typer.Option("--variants", help="Compare a run with those of its variants.")] = False,
     everything: Annotated[bool, typer.Option("--all", help="Also figures that are equal.")] = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.completion import complete_run, complete_stage, complete_variant
 from aatri.cli.console import narrate, reports_errors, say
 from aatri.cli.plugins_option import LocalPlugins
 
@@ -15,12 +16,14 @@ Several = list[str] | None
 
 @reports_errors
 def exec_(
-    run: Annotated[Path, typer.Argument(help="Run folder or pipeline file.")],
-    stage: Annotated[str, typer.Argument(help="The stage.")],
+    run: Annotated[Path, typer.Argument(help="Run folder or pipeline file.", autocompletion=complete_run)],
+    stage: Annotated[str, typer.Argument(help="The stage.", autocompletion=complete_stage)],
     into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
     set_: Annotated[Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option.")] = None,
     use: Annotated[Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method.")] = None,
-    variant: Annotated[str, typer.Option(metavar="NAME", help="A variant of the pipeline file.")] = "",
+    variant: Annotated[
+        str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
+    ] = "",
     force: Annotated[bool, typer.Option(help="Make it again.")] = False,
     local_plugins: LocalPlugins = False,
     no_lock: Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")] = False,

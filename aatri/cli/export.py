@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.completion import complete_run_stage
 from aatri.cli.console import narrate, reports_errors, say
 from aatri.cli.locate import Run, find_run, split_stage
 from aatri.errors import ArtifactError, ResourceError, SpecError
@@ -28,7 +29,12 @@ class Form(StrEnum):
 
 @reports_errors
 def export(
-    what: Annotated[str, typer.Argument(metavar="RUN[:STAGE]", help="Without STAGE the last Solution.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN[:STAGE]", autocompletion=complete_run_stage, help="Without STAGE the last Solution."
+        ),
+    ],
     form: Annotated[Form, typer.Argument(help="Form of the export.")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,

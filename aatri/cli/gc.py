@@ -7,12 +7,16 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.completion import complete_run
 from aatri.cli.console import reports_errors, say, say_json, say_table
 
 
 @reports_errors
 def gc(
-    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    run: Annotated[
+        Path | None,
+        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
+    ] = None,
     keep: Annotated[int, typer.Option(min=0, help="So many results of each stage stay beside the current one.")] = 2,
     older: Annotated[float | None, typer.Option(metavar="DAYS", min=0, help="Only what is older.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Only show what would be removed.")] = False,

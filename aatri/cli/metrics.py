@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.completion import complete_run
 from aatri.cli.console import reports_errors, say_json, say_table
 from aatri.cli.figures import number
 from aatri.cli.locate import find_run
@@ -15,7 +16,10 @@ from aatri.errors import ArtifactError
 
 @reports_errors
 def metrics(
-    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    run: Annotated[
+        Path | None,
+        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
 ) -> None:
     """Show the figures of all stages of a run."""

@@ -7,13 +7,17 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.completion import complete_run
 from aatri.cli.console import reports_errors, say
 from aatri.cli.locate import find_run
 
 
 @reports_errors
 def report(
-    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    run: Annotated[
+        Path | None,
+        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
+    ] = None,
 ) -> None:
     """Write the report of a run, also of one that failed."""
     from aatri.errors import ArtifactError

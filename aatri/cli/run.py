@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.completion import complete_stage, complete_variant
 from aatri.cli.console import narrate, reports_errors, say, say_json
 from aatri.cli.plugins_option import LocalPlugins
 
@@ -32,14 +33,27 @@ def run(
         Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
     ] = None,
     use: Annotated[Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method; may be repeated.")] = None,
-    variant: Annotated[str, typer.Option(metavar="NAME", help="A variant of the pipeline file.")] = "",
+    variant: Annotated[
+        str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
+    ] = "",
     start: Annotated[
-        str | None, typer.Option("--from", metavar="STAGE", help="Only this stage and what depends on it.")
+        str | None,
+        typer.Option(
+            "--from", metavar="STAGE", autocompletion=complete_stage, help="Only this stage and what depends on it."
+        ),
     ] = None,
-    until: Annotated[str | None, typer.Option(metavar="STAGE", help="Only this stage and what it needs.")] = None,
-    only: Annotated[Several, typer.Option(metavar="STAGE", help="Only this stage; may be repeated.")] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", autocompletion=complete_stage, help="Only this stage and what it needs."),
+    ] = None,
+    only: Annotated[
+        Several, typer.Option(metavar="STAGE", autocompletion=complete_stage, help="Only this stage; may be repeated.")
+    ] = None,
     force: Annotated[
-        Several, typer.Option(metavar="STAGE", help="Make this stage again, or `all`; may be repeated.")
+        Several,
+        typer.Option(
+            metavar="STAGE", autocompletion=complete_stage, help="Make this stage again, or `all`; may be repeated."
+        ),
     ] = None,
     keep_going: Annotated[
         bool, typer.Option("--keep-going", "-k", help="After a failure go on with what does not depend on it.")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from aatri.cli.completion import complete_run_stage
 from aatri.cli.console import narrate, reports_errors, say, say_json, say_table
 from aatri.cli.locate import find_run, split_stage
 from aatri.errors import ArtifactError, SpecError
@@ -18,7 +19,12 @@ MOST_ROWS = 20
 
 @reports_errors
 def show(
-    what: Annotated[str, typer.Argument(metavar="RUN:STAGE|FILE.h5", help="`:STAGE` means the default run.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN:STAGE|FILE.h5", autocompletion=complete_run_stage, help="`:STAGE` means the default run."
+        ),
+    ],
     table: Annotated[str, typer.Argument(metavar="[TABLE]", help="Print its values: suspects, residuals ...")] = "",
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
     all_rows: Annotated[bool, typer.Option("--all", help="All rows of the table, not the first 20.")] = False,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.completion import complete_run
 from aatri.cli.console import reports_errors, say, say_json, say_table
 from aatri.cli.plugins_option import LocalPlugins
 
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
 
 @reports_errors
 def status(
-    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    run: Annotated[
+        Path | None,
+        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
+    ] = None,
     verify: Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")] = False,
     local_plugins: LocalPlugins = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,

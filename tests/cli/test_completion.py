@@ -1,0 +1,63 @@
+"""Shell completion knows the stages and variants of the pipeline, the runs, and the stages of a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from aatri.cli.main import app
+
+PIPELINE = """\
+run: runs/first
+stages:
+  block: {use: block/simulate, with: {preset: rc30}}
+  bundle: {use: bundle_adjustment/bundle, from: {block}}
+variants:
+  robust: {bundle: {with: {reliability: true}}}
+"""
+
+
+@pytest.fixture
+def _project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pipeline.yaml").write_text(PIPELINE)
+    (tmp_path / "runs" / "first").mkdir(parents=True)
+    stages = [{"stage": "block", "use": "block/simulate", "from": {}, "kind": "Block"}]
+    overview = {"stages": stages, "status": "done", "pipeline": "p", "request": {}}
+    (tmp_path / "runs" / "first" / "run.json").write_text(json.dumps(overview))
+
+
+def _completed(line: str) -> list[str]:
+    """What bash would offer at the end of the line."""
+    words = line.split(" ")
+    environment = {"_AATRI_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    done = CliRunner().invoke(app, [], env=environment, prog_name="aatri")
+    return done.output.split()
+
+
+@pytest.mark.usefixtures("_project")
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("aatri run --until b", ["block", "bundle"]),
+        ("aatri run --only bu", ["bundle"]),
+        ("aatri run pipeline.yaml --from bl", ["block"]),
+        ("aatri run --variant ", ["robust"]),
+        ("aatri status ", ["pipeline.yaml", "runs/first"]),
+        ("aatri metrics ru", ["runs/first"]),
+        ("aatri show runs/first:", ["runs/first:block"]),
+        ("aatri export :bu", [":bundle"]),
+    ],
+)
+def test_completion_knows_stages_variants_and_runs(line: str, offered: list[str]) -> None:
+    assert _completed(line) == offered
+
+
+@pytest.mark.usefixtures("_project")
+def test_a_pipeline_that_cannot_be_read_completes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "pipeline.yaml").write_text("stages: [")
+    assert _completed("aatri run --until b") == []
+    assert _completed("aatri show nowhere:") == []
