@@ -13,10 +13,12 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.notes import Note
-from aatri.observations.geodetic.distances import KIND as GEODETIC
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+
+GEODETIC = "distance"
+"""Kind of the slope distances."""
 
 FEWEST = 4
 SIGNIFICANT = 4.0
