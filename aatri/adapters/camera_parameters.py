@@ -28,6 +28,9 @@ Unit = Literal["camera", "session", "image"]
 MODELS = {"none": "pinhole", "brown": "brown", "dbat3": "brown", "bal": "bal", "opencv": "opencv", "fisheye": "fisheye"}
 """Camera model of each distortion of the block."""
 
+CARRIED = ("lever_arm", "boresight")
+"""Parameters of a camera that are none of its model: how it is mounted with antenna and IMU."""
+
 
 @dataclass(frozen=True)
 class Units:
@@ -126,7 +129,8 @@ def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows 
 
 def _is_open(block: Block) -> Bool:
     sigma = block.camera_parameters.sigma
-    return np.asarray(block.camera_parameters.free | (np.isfinite(sigma) & (sigma > 0)))
+    of_model = ~np.isin(np.char.partition(np.asarray(block.camera_parameters.name, dtype=np.str_), ".")[:, 0], CARRIED)
+    return np.asarray(of_model & (block.camera_parameters.free | (np.isfinite(sigma) & (sigma > 0))))
 
 
 def _camera_rows(block: Block, image_points: ImagePoints) -> ParameterRows:

@@ -16,7 +16,7 @@ of a drift group, where asked for. With J the left Jacobian of the rotation grou
 
     dv/dd = G^-1 J(w)^-1 B',    dv/db = -G^-1 J(w)^-1 R_pred J(b),    w = log(R_pred R_obs')
 
-Source: docs/formulas.md 5.4; Baeumker and Heimes 2001 (OEEPE), calibration of IMU and camera; Sola 2018 for J.
+Source: docs/formulas.md 5.6; Baeumker and Heimes 2001 (OEEPE), calibration of IMU and camera; Sola 2018 for J.
 """
 
 from __future__ import annotations

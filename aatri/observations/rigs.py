@@ -15,7 +15,7 @@ y = F'(X_b - X_a), E = exp([q]x), J the left Jacobian of the rotation group
     dp = F' dX_b - F' dX_a + F'[X_b - X_a]x dd_a - [y]x J(w_a) dw_a + dt_a - dt_b
     dq = J(q)^-1 (F' dd_b - F' dd_a + J(w_a) dw_a - E J(w_b) dw_b)
 
-Source: docs/formulas.md 5.5; Rupnik, Nex and Remondino 2015 (ISPRS J.), oblique multi-head systems.
+Source: docs/formulas.md 5.7; Rupnik, Nex and Remondino 2015 (ISPRS J.), oblique multi-head systems.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ deviations and those of the boresight. Points follow by intersection, each ray w
 and its pose's covariance; every point for itself, so that points say nothing of the poses. Errors that all images share
 (boresight, shift of the positions) are in the covariances of single poses, but not between them.
 
-Source: Baeumker and Heimes 2001 (OEEPE, integrated sensor orientation); docs/formulas.md 5.4.
+Source: Baeumker and Heimes 2001 (OEEPE, integrated sensor orientation); docs/formulas.md 5.6.
 """
 
 from __future__ import annotations

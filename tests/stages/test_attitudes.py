@@ -142,3 +142,15 @@ def test_gross_errors_of_attitudes_are_found() -> None:
     solution = bundle(block, calibrated(block), start_of(block), options=options)
     mine = solution.suspects.kind == "attitude"
     assert solution.suspects.row[mine].tolist() == [row]
+
+
+def test_a_free_boresight_is_no_parameter_of_the_camera_model() -> None:
+    from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
+
+    lens = {"camera": CAMERA | {"mounting_deg": 90, "distortion": "brown", "brown": {"k1": 1e-8}}}
+    block = flown(1, lens, boresight="free")
+    refined = systematic(block, calibrated(block), options=SystematicOptions(refraction=False))
+    assert "distortion" in refined.corrections.name
+    solution = bundle(block, refined, start_of(flown(1, lens | {"camera": CAMERA | {"mounting_deg": 90}})))
+    assert set(solution.parameters.group) == {"boresight"}
+    assert 0.8 < solution.sigma0 < 1.2

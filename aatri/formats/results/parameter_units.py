@@ -15,6 +15,10 @@ _BY_NAME = {
     **dict.fromkeys(("drift X", "drift Y", "drift Z"), "m/s (m/image without times)"),
     "time offset": "s",
     "tau_m": "m",
+    **{f"boresight {axis}": "rad" for axis in "xyz"},
+    **{f"mount {axis}": "m" for axis in "XYZ"},
+    **{f"mount turn about {axis}": "rad" for axis in "xyz"},
+    **{f"shift {angle}": "rad" for angle in ("omega", "phi", "kappa", "roll", "pitch", "heading")},
 }
 
 
