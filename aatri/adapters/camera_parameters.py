@@ -129,7 +129,8 @@ def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows 
 
 def _is_open(block: Block) -> Bool:
     sigma = block.camera_parameters.sigma
-    of_model = ~np.isin(np.char.partition(np.asarray(block.camera_parameters.name, dtype=np.str_), ".")[:, 0], CARRIED)
+    names = block.camera_parameters.name.tolist()
+    of_model = np.array([name.partition(".")[0] not in CARRIED for name in names], dtype=bool)
     return np.asarray(of_model & (block.camera_parameters.free | (np.isfinite(sigma) & (sigma > 0))))
 
 
