@@ -3,12 +3,13 @@
     python -m benchmarks.stages_before_the_bundle 25 40
     python -m benchmarks.stages_before_the_bundle 25 40 --tree ../other-checkout
 
-A block of preset `uav` with so many strips of so many images goes through the chain with calibrated interior, as plain
-function calls; compiled functions are made before. The bundle gives all standard deviations and no statistics of single
-observations. Processor seconds, all threads together, are given because they suffer less than wall time from what else
-the machine does; wall time stands beside them. With `--tree` the chain runs on another checkout too, in a process of
-its own that follows at once, and the ratio of both is given. The first stage that needs them loads the compiled
-functions, which is not part of its time: the chain runs once on a small block before.
+A block of preset `uav` with so many strips of so many images goes through the chain with calibrated interior, as
+plain function calls; compiled functions are made before. The bundle gives all standard deviations, without search for
+gross errors and statistics of single observations. Processor seconds, all threads together, are given because they
+suffer less than wall time from what else the machine does; wall time stands beside them. With `--tree` the chain runs
+on another checkout too, in a process of its own that follows at once, and the ratio of both is given. The first stage
+that needs them loads the compiled functions, which is not part of its time: the chain runs once on a small block
+before.
 """
 
 from __future__ import annotations
@@ -78,7 +79,8 @@ def _chain(strips: int, images: int, *, bundle: bool) -> dict[str, tuple[float, 
     absolute = timed("absolute", lambda: similarity(block, joined, refined))
     strip_block = timed("strip_block", lambda: polynomial(block, refined, joined, absolute))
     if bundle:
-        options = BundleOptions(standard_deviations=True, reliability=False)
+        wanted = {"standard_deviations": True, "reliability": False, "blunders": {"method": "none"}}
+        options = BundleOptions.model_validate(wanted)
         timed("bundle", lambda: adjust_bundle(block, refined, strip_block, options=options))
     return seconds
 
