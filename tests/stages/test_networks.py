@@ -78,9 +78,9 @@ def test_a_distance_network_is_that_of_dense_least_squares(tmp_path: Path) -> No
 
 
 def test_an_exact_distance_holds_and_counts_in_the_redundancy(tmp_path: Path) -> None:
-    weighted = bundle(_network(tmp_path), options=BundleOptions(tolerance=1e-8))
+    weighted = bundle(_network(tmp_path), options=BundleOptions(tolerance=1e-8, blunders="none"))
     (tmp_path / "exact").mkdir()
-    solution = bundle(_network(tmp_path / "exact", exact="DE"), options=BundleOptions(tolerance=1e-8))
+    solution = bundle(_network(tmp_path / "exact", exact="DE"), options=BundleOptions(tolerance=1e-8, blunders="none"))
     row = {str(k): i for i, k in enumerate(solution.points.id)}
     length = np.linalg.norm(solution.points.xyz_m[row["D"]] - solution.points.xyz_m[row["E"]])
     assert length == pytest.approx(_observed()[LINES.index("DE")], abs=1e-9)
@@ -142,7 +142,9 @@ def test_control_of_a_network_enters_with_its_full_covariance(tmp_path: Path) ->
     (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *rows]) + "\n")
     covariances = "table,row_a,row_b,value,coord_a,coord_b\nground_points,P,Q,0.00016,Z,Z\n"
     (tmp_path / "covariances.csv").write_text(covariances)
-    solution = bundle(tables(options=TablesOptions(path=tmp_path)), options=BundleOptions(tolerance=1e-8))
+    solution = bundle(
+        tables(options=TablesOptions(path=tmp_path)), options=BundleOptions(tolerance=1e-8, blunders="none")
+    )
     A = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 1], [0, 1, -1]])
     C = np.diag([1e-4, 4e-4, 25e-6, 25e-6])
     C[0, 1] = C[1, 0] = 1.6e-4
@@ -156,9 +158,9 @@ def test_control_of_a_network_enters_with_its_full_covariance(tmp_path: Path) ->
 
 
 def test_many_exact_distances_are_those_of_multipliers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    few = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8))
+    few = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8, blunders="none"))
     monkeypatch.setattr("aatri.adjustment.stiff.MOST_BY_MULTIPLIERS", 0)
-    stiff = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8))
+    stiff = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8, blunders="none"))
     np.testing.assert_allclose(stiff.points.xyz_m, few.points.xyz_m, atol=1e-8)
     scale = np.abs(few.points.covariance_m2).max()
     np.testing.assert_allclose(stiff.points.covariance_m2 / scale, few.points.covariance_m2 / scale, atol=1e-5)

@@ -70,7 +70,7 @@ def _network(folder: Path, case: str, how: str, *, fixed: bool = True, seed: int
     if how:
         body = ", ".join(part for part in (f"type: {case.split()[0]}", members, value, how) if part)
         (folder / "relative_control.yaml").write_text(f"- {{{body}}}\n")
-    options = BundleOptions(tolerance=1e-7, datum="given" if fixed else "free")
+    options = BundleOptions(tolerance=1e-7, blunders="none", datum="given" if fixed else "free")
     return bundle(tables(options=TablesOptions(path=folder)), options=options)
 
 

@@ -44,8 +44,11 @@ def test_a_textbook_network_is_that_of_gama(name: str, shared_data: Path) -> Non
     block = gama(options=GamaOptions(path=DATA / name))
     adjusted, published = _published((DATA / name).with_suffix(".xml"))
     free = published["defect"] > 0
-    solution = bundle(block, options=BundleOptions(datum="free" if free else "given", tolerance=1e-6, max_sigma0=1e9,
-                                                   datum_over="marked" if free else "points"))  # fmt: skip
+    options = BundleOptions(
+        datum="free" if free else "given", datum_over="marked" if free else "points", tolerance=1e-6, max_sigma0=1e9,
+        blunders="none",
+    )  # fmt: skip
+    solution = bundle(block, options=options)
     xyz = dict(zip(solution.points.id.tolist(), solution.points.xyz_m.tolist()))
     for point, values in adjusted.items():
         for axis, value in values.items():
@@ -81,7 +84,7 @@ def test_the_baselines_are_those_of_dense_least_squares(shared_data: Path) -> No
         square += misclosure @ W @ misclosure
     x = np.linalg.solve(N, b).reshape(4, 3)
     sigma0 = 1e3 * np.sqrt((square - b @ x.ravel()) / (39 - 12))  # covariances are in mm^2
-    solution = bundle(gama(options=GamaOptions(path=path)))
+    solution = bundle(gama(options=GamaOptions(path=path)), options=BundleOptions(blunders="none"))
     xyz = dict(zip(solution.points.id.tolist(), solution.points.xyz_m))
     assert solution.sigma0 == pytest.approx(sigma0, rel=1e-6)
     for k, name in enumerate(names):
@@ -103,7 +106,7 @@ def test_a_field_book_without_approximate_coordinates_gives_the_same(
     _, published = _published((DATA / name).with_suffix(".xml"))
     adjusted, _ = _published((DATA / name).with_suffix(".xml"))
     free = published["defect"] > 0
-    options = BundleOptions(datum="free" if free else "given", tolerance=1e-6, max_sigma0=1e9)
+    options = BundleOptions(datum="free" if free else "given", tolerance=1e-6, max_sigma0=1e9, blunders="none")
     reporter = Heard()
     solution = bundle(gama(options=GamaOptions(path=tmp_path / "book.gkf")), options=options, context=reporter)
     mirrored = name in MIRRORED
