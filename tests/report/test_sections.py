@@ -29,15 +29,17 @@ def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_fi
 
 
 def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use():
-    by_kind, largest = reliability_tables(full_solution())
+    by_kind, largest, effects = reliability_tables(full_solution())
     kinds = {row[0]: row for row in by_kind.rows}
     # the rejected image point takes no part: redundancy 0.6 and 0.7
     assert kinds["image_point"][1:6] == ("mm", "2", "0.65", "0.6", "0")
-    assert kinds["control"][8] == "0.9"
+    assert kinds["control"][-1] == "0.9"
     assert [(row[0], row[2], row[5]) for row in largest.rows] == [
         ("control", "p00", "-0.90"),
         ("image_point", "p00", "-0.48"),
     ]
+    assert "external" in effects.caption.lower() or "effect" in effects.caption.lower()
+    assert effects.rows[0][0] == "control"  # 6.3 standard deviations
     assert reliability_tables(made_solution(made_block())) == []
 
 

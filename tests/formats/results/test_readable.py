@@ -29,7 +29,9 @@ def full_solution():
     tests = Reliability(
         redundancy=[[0.6, 0.7, nan], [0.5, 0.5, nan], [0.3, 0.3, nan]],
         test=[[0.26, -0.48, nan], [8.5, 0.0, nan], [-0.9, 0.0, nan]],
-        detectable=[[0.027, 0.025, nan], [0.029, 0.029, nan], [0.15, 0.15, nan]])  # fmt: skip
+        detectable=[[0.027, 0.025, nan], [0.029, 0.029, nan], [0.15, 0.15, nan]],
+        external=[[3.4, 2.7, nan], [4.1, 4.1, nan], [6.3, 6.3, nan]], point_moved_m=np.full((3, 3), 0.01),
+        image_moved_m=np.full((3, 3), 0.02), image_turned_rad=np.full((3, 3), 1e-5))  # fmt: skip
     suspects = Suspects(
         kind=["control", "image_point"], row=[0, 1], image=["", "1-1"], point=["p00", "p10"],
         stage=["absolute_orientation", "bundle_adjustment"], size=[0.1, 0.06], unit=["m", "mm"], sigma=[0.025, 0.007],

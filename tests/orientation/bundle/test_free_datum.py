@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adapters.bundle_input import origin_of
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
 from aatri.adjustment.reference import dense_jacobian, free_columns
@@ -185,11 +186,22 @@ def test_a_datum_that_cannot_carry_the_seven_is_refused(given: Parts) -> None:
         adjust_bundle(two, datum="free", datum_over="marked")
 
 
-def test_directions_that_are_open_for_small_movements_only_are_refused() -> None:
-    """Three heights leave a scale open that goes with a tilt: to first order, not for finite movements."""
+def test_a_datum_that_moves_on_a_curve_is_followed_along_it() -> None:
+    """Three heights leave a scale open that goes with a tilt; a step along it leaves the heights to second order."""
     given = made_bundle(start_error=0.05)
-    with pytest.raises(GeometryError, match="not free beyond small movements"):
-        adjust_bundle(replace(given, control=_control(given, (3, 9, 20), (0, 0, 1))), datum="free", **TIGHT)
+    heights = _control(given, (3, 9, 20), (0, 0, 1))
+    plan = replace(heights, observed=heights.observed | np.array([[1, 1, 0], [1, 1, 0], [0, 0, 0]], dtype=bool))
+    free = adjust_bundle(replace(given, control=heights), datum="free", **TIGHT)
+    held = adjust_bundle(replace(given, control=plan), **TIGHT)  # two points in plan: no redundancy more
+    assert free.adjusted.cost == pytest.approx(held.adjusted.cost, rel=1e-9)
+    rows = [3, 9, 20]
+    np.testing.assert_allclose(
+        free.adjusted.state[POINT][rows, 2], held.adjusted.state[POINT][rows, 2], rtol=0, atol=1e-6
+    )
+    moved = free.adjusted.state[POINT] + origin_of(given.poses, given.xyz_m) - given.xyz_m
+    centred = given.xyz_m - given.xyz_m.mean(axis=0)
+    shift, turn = moved.mean(axis=0), np.cross(centred, moved).sum(axis=0) / (centred**2).sum()
+    np.testing.assert_allclose([*shift[:2], turn[2]], 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("over", ["points", "images"])
