@@ -100,6 +100,7 @@ BAD: dict[str, tuple[Change, str, str, str]] = {
     "yaml twice": (replaced(YAML, "terrain_height: 6.1", "rotation: phi-omega-kappa"), "block.yaml:9:1", "twice", ""),
     "yaml tab": (replaced(YAML, "  map:", "\tmap:"), "block.yaml:4:1", "tab", "spaces"),
     "yaml distortion": (replaced(YAML, "p1: 1e-6", "p9: 1e-6"), "block.yaml:26:", "p9", ""),
+    "yaml model is a list": (replaced(YAML, "model: brown", "model: [brown]"), "block.yaml:26:", "is a list or mapping", "brown"),
     "yaml sigmas": (replaced(YAML, "k1: 1e-7", "k7: 1e-7"), "block.yaml:", "k7", ""),
     "pixel origin": (replaced(YAML, ", origin: top-left-corner", ""), "block.yaml:", "origin", ""),
 }  # fmt: skip
