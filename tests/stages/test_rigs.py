@@ -73,6 +73,6 @@ def test_weighted_mounts_are_observations_of_their_own() -> None:
 
 def test_a_wrong_fixed_mount_shows_in_sigma0_and_rigs_can_be_set_aside() -> None:
     block = made(1, error_deg=(0.2, 0.1, -0.3))
-    off = adjusted(block, max_sigma0=1e6)
+    off = adjusted(block, max_sigma0=1e6, blunders="none")
     assert off.sigma0 > 5
     assert 0.85 < adjusted(block, rigs={"use": False}).sigma0 < 1.15
