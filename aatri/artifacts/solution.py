@@ -218,7 +218,7 @@ class Solution(Artifact):
         known = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
         return {
             "images": int(self.images.oriented.sum()),
-            "points": int(np.isfinite(self.points.xyz_m).any(axis=1).sum()),
+            "points": int(np.isfinite(self.points.xyz_m).all(axis=1).sum()),
             "image_points": int(self.images.image_points.sum()),
             "observations": self.observations,
             "unknowns": self.unknowns,
