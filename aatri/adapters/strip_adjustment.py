@@ -156,7 +156,7 @@ def strip_block_solution(
     """The Solution of adjusted strips; the orientations of the images follow by resection."""
     ground, result = adjusted.ground, adjusted.result
     point_m = result.point_m + ground.origin
-    position, rotation, notes = _resected(block, image_points, initial, point_m)
+    position, rotation, notes = resected_on(block, image_points, initial, point_m)
     solution = pieces.solution_of(
         block,
         image_points,
@@ -173,7 +173,7 @@ def strip_block_solution(
     return solution, notes
 
 
-def _resected(
+def resected_on(
     block: Block, image_points: ImagePoints, initial: Solution, point_m: Float
 ) -> tuple[Float, Float, list[Note]]:
     """Orientations on the adjusted points; where a resection fails the initial orientation stays and is reported."""

@@ -173,13 +173,15 @@ def solution_of(
     parameters: Parameters,
     residuals: Residuals,
     suspects: Suspects,
+    point_covariance_m2: Float | None = None,
 ) -> Solution:
-    """A Solution without covariances.
+    """A Solution without covariances of its orientations.
 
     Parameters
     ----------
     counts : (int, int)
         Observations and unknowns.
+    point_covariance_m2 : (n_points, 3, 3) float64, m^2, optional
     """
     oriented, solved = finite_rows(placed.position_m), finite_rows(placed.point_m)
     measured = image_points.measurements
@@ -198,7 +200,9 @@ def solution_of(
             placed.ground_from_image,
             np.bincount(measured.image[used], minlength=len(oriented)),
         ),
-        points=assemble.ground_points(block, placed.point_m, np.bincount(measured.point[used], minlength=len(solved))),
+        points=assemble.ground_points(
+            block, placed.point_m, np.bincount(measured.point[used], minlength=len(solved)), point_covariance_m2
+        ),
         cameras=assemble.solved_cameras(block),
         transformations=transformations,
         parameters=parameters,

@@ -102,7 +102,7 @@ def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:
 
 def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
     """Which scalars of the poses are free."""
-    free = np.repeat(image[:, None], 6, axis=1)
+    free = np.repeat((image if given.held_images is None else image & ~given.held_images)[:, None], 6, axis=1)
     if datum == "minimal" and image.any():
         first = int(np.argmax(image))
         away = np.where(image[:, None], np.abs(given.poses.position_m - given.poses.position_m[first]), -1.0)

@@ -54,6 +54,8 @@ class BundleInput:
         What the observations were taken from.
     notes : tuple of Note
         What there is to say of the start.
+    held_images, held_points : (n,) bool, optional
+        Images and points that are not adjusted, see `partial`.
     """
 
     image_ids: Ids
@@ -68,6 +70,8 @@ class BundleInput:
     numbering: StripNumbering | None = None
     given: Given | None = None
     notes: tuple[Note, ...] = ()
+    held_images: Bool | None = None
+    held_points: Bool | None = None
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,8 @@ def taking_part(given: BundleInput) -> Participants:
     part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
     open_ = ~_held(given.observed, len(part[POINT])) & ~absent
     needed = {POSE: np.full(len(part[POSE]), 6), POINT: open_.sum(axis=1)}
+    for name, held in ((POSE, given.held_images), (POINT, given.held_points)):
+        needed[name] = needed[name] if held is None else np.where(held, 0, needed[name])
     components = [_components(o.records) for o in given.observed]
     while True:
         usable = [_usable(o.records, part) for o in given.observed]
@@ -210,6 +216,7 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     """
     point = participants.of[POINT]
     free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point)) & ~participants.absent
+    free &= np.True_ if given.held_points is None else ~given.held_points[:, None]
     distance = median_distance_m(given)
     groups = [pose_unknowns(given.image_ids, poses, places, distance)] if len(poses) else []
     for o in given.observed:

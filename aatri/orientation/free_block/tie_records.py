@@ -56,6 +56,8 @@ class Ties(Generic[S]):
     compiled : callable, optional
         (order, what the points of the ties are reduced to in that order, (n, 3)) -> faster lane, see
         adjustment.records.
+    prior : Records, optional
+        What is known of the strips' unknowns beforehand.
     """
 
     strip: Int
@@ -67,6 +69,7 @@ class Ties(Generic[S]):
     n_points: int
     bend_m: Callable[[S, S], float] | None
     compiled: Callable[[Int, Float], Weigh] | None = None
+    prior: Records | None = None
 
     @property
     def rows(self) -> Int:

@@ -74,6 +74,8 @@ class TiedResult(Generic[S]):
     iterations : int
     settled : bool
         False if the search for gross errors was broken off.
+    point_covariance_m2 : (n_points, 3, 3) float64, m^2, or None
+        Of the adjusted ground points, where asked for; NaN where no strip holds the point.
     """
 
     state: S
@@ -95,11 +97,13 @@ class TiedResult(Generic[S]):
     given_redundancy: float
     iterations: int
     settled: bool
+    point_covariance_m2: Float | None = None
 
 
 def adjust_tied(
-    ties: Ties[S], given: Sequence[GivenPoints], start: S, rule: Snooping, *, what: str, active: Bool | None = None
-) -> TiedResult[S]:
+    ties: Ties[S], given: Sequence[GivenPoints], start: S, rule: Snooping, *, what: str, active: Bool | None = None,
+    points: bool = False,
+) -> TiedResult[S]:  # fmt: skip
     """Adjust all strips together, with data snooping and an estimate of the strips' deformation.
 
     Parameters
@@ -113,6 +117,8 @@ def adjust_tied(
         For messages.
     active : (n,) bool, optional
         Observations to begin with; the others are tested for re-admission.
+    points : bool
+        With the covariances of the adjusted ground points.
 
     Raises
     ------
@@ -121,10 +127,12 @@ def adjust_tied(
     ConvergenceError
         If the iteration does not converge.
     """
-    return adjust_indexed(tied_problem(ties, given, start, what), start, rule, active=active)
+    return adjust_indexed(tied_problem(ties, given, start, what), start, rule, active=active, points=points)
 
 
-def adjust_indexed(problem: TiedProblem[S], start: S, rule: Snooping, *, active: Bool | None = None) -> TiedResult[S]:
+def adjust_indexed(
+    problem: TiedProblem[S], start: S, rule: Snooping, *, active: Bool | None = None, points: bool = False
+) -> TiedResult[S]:
     """The same of a problem whose index is made."""
     values, _ = problem.ties.spectrum(start)
     given = [np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in problem.given]
@@ -136,10 +144,10 @@ def adjust_indexed(problem: TiedProblem[S], start: S, rule: Snooping, *, active:
         return solve_tied(problem, start if before is None else before.state, use, tau_m, before)
 
     found = search(solve, np.ones(n, dtype=bool) if active is None else active, rule, pool)
-    return _result(problem, found)
+    return _result(problem, found, points)
 
 
-def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]]) -> TiedResult[S]:
+def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]], points: bool) -> TiedResult[S]:
     solved, ties, use = found.solved, problem.ties, found.active
     n = len(ties.strip)
     point = np.concatenate([ties.point, *(g.point for g in problem.given)])
@@ -149,7 +157,11 @@ def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]]) -> TiedRe
     reduced = np.where(np.isfinite(mean), solved.solved.state[POINT], np.nan)
     used = use & solved.held
     counted = used & (np.bincount(point[used], minlength=ties.n_points)[point] > 1)
-    observations = int(observed[counted].sum())
+    prior = 0 if ties.prior is None else ties.prior.whitener.shape[0] * ties.prior.whitener.shape[1]
+    observations = int(observed[counted].sum()) + prior
+    of_prior = 0.0
+    if ties.prior is not None:
+        of_prior = float((ties.prior.evaluate(solved.solved.state, np.arange(len(ties.prior.active)))[0] ** 2).sum())
     unknowns = int(ties.unknowns.free.sum()) + 3 * len(np.unique(point[counted]))
     redundancy = observations - unknowns
     residual = np.where(observed, np.nan_to_num(solved.residual_m), 0.0)
@@ -157,6 +169,10 @@ def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]]) -> TiedRe
     squares = _squares(solved.whiteners, residual)
     of_given = used & (np.arange(len(point)) >= n)
     of_strips = solved.solved.covariances().groups[STRIP]
+    of_points, held = None, np.asarray(np.isfinite(mean[:, 0]))
+    if points:
+        of_points = solved.solved.covariances().groups[POINT]
+        of_points = np.where(held[:, None, None], of_points, np.nan)
     return TiedResult(
         state=solved.state,
         sigma=np.sqrt(np.einsum("nii->ni", of_strips)),
@@ -171,12 +187,13 @@ def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]]) -> TiedRe
         tau_m=found.tau,
         observations=observations,
         unknowns=unknowns,
-        sigma0=_ratio(apriori[counted].sum(), redundancy),
-        weighted_sigma0=_ratio(squares[counted].sum(), redundancy),
+        sigma0=_ratio(apriori[counted].sum() + of_prior, redundancy),
+        weighted_sigma0=_ratio(squares[counted].sum() + of_prior, redundancy),
         given_sigma0=_ratio(squares[of_given].sum(), solved.redundancy[of_given].sum()),
         given_redundancy=float(solved.redundancy[of_given].sum()),
         iterations=solved.iterations,
         settled=found.settled,
+        point_covariance_m2=of_points,
     )
 
 

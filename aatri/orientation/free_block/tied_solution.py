@@ -63,7 +63,7 @@ class TiedProblem(Generic[S]):
     @property
     def records(self) -> tuple[Records, ...]:
         """Ties, then given coordinates kind by kind."""
-        return self.index.records
+        return self.index.records[: 1 + len(self.given)]
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,8 @@ def tied_problem(ties: Ties[S], given: Sequence[GivenPoints], start: S, what: st
     points = Unknowns(POINT, np.repeat(tied[:, None], 3, axis=1), ("X", "Y", "Z"), np.arange(ties.n_points).astype(str),
                       add_step, eliminated=True)  # fmt: skip
     records = (tie_records(ties, base), *(given_records(g, base) for g in given))
-    return TiedProblem(ties, given, prepare([ties.unknowns, points], records), base, what)
+    every = records if ties.prior is None else (*records, ties.prior)
+    return TiedProblem(ties, given, prepare([ties.unknowns, points], every), base, what)
 
 
 def solve_tied(

@@ -1,0 +1,78 @@
+"""Bundles of which a part is known: resection of images on known points, intersection of points from known images.
+
+What is not adjusted is held at its value, or is an observation of itself with the covariance it came with:
+
+    points    v = X - X_known
+    images    v = (X0 - X0_known, log(R R_known'))           dv = (dX0, d): exact for small corrections
+
+Held, every image (resection) or point (intersection) is a problem of its own; weighted, what is known is corrected too.
+
+Source: Kraus, Photogrammetry 1, resection and intersection; docs/formulas.md 3.4, 3.7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.rotations import log_rotation
+from aatri.observations.coordinates import value_records
+from aatri.observations.observed import Observed, named
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bundle.block import BundleInput
+
+
+def with_known_points(given: BundleInput, known: Bool, covariance_m2: Float | None) -> BundleInput:
+    """The block with points held, or observed with their covariances; other points take no part.
+
+    Parameters
+    ----------
+    given : BundleInput
+    known : (n_points,) bool
+    covariance_m2 : (n_points, 3, 3) float64, m^2, or None
+        None: held.
+    """
+    given = replace(given, xyz_m=np.where(known[:, None], given.xyz_m, np.nan))
+    if covariance_m2 is None:
+        return replace(given, held_points=known)
+    rows = np.flatnonzero(known)
+    records = value_records("point_prior", POINT, rows.astype(np.int32), given.xyz_m[rows], covariance_m2[rows])
+    names = named(point=np.asarray(given.point_ids, dtype=np.str_)[rows])
+    return replace(given, observed=(*given.observed, Observed(records, np.full(len(rows), -1), names, "m")))
+
+
+def with_known_images(given: BundleInput, known: Bool, covariance: Float | None) -> BundleInput:
+    """The block with images held, or observed with their covariances; other images take no part.
+
+    Parameters
+    ----------
+    given : BundleInput
+    known : (n_images,) bool
+    covariance : (n_images, 6, 6) float64, m and rad, or None
+        Of position and rotation increment. None: held.
+    """
+    poses = Poses(np.where(known[:, None], given.poses.position_m, np.nan),
+                  np.where(known[:, None, None], given.poses.ground_from_image, np.nan))  # fmt: skip
+    given = replace(given, poses=poses)
+    if covariance is None:
+        return replace(given, held_images=known)
+    rows = np.flatnonzero(known)
+    position, rotation = poses.position_m[rows], poses.ground_from_image[rows]
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        now: Poses = state[POSE]
+        turned = log_rotation(now.ground_from_image[rows[some]] @ rotation[some].swapaxes(1, 2))
+        v = np.concatenate([now.position_m[rows[some]] - position[some], turned], axis=1)
+        return v, (np.broadcast_to(np.eye(6), (len(some), 6, 6)),)
+
+    whitener = whitener_of_covariances(covariance[rows], np.ones((len(rows), 6), dtype=bool))
+    touches = ((POSE, rows.astype(np.int32)),)
+    records = Records("image_prior", touches, evaluate, whitener, np.ones(len(rows), dtype=bool))
+    names = named(image=np.asarray(given.image_ids, dtype=np.str_)[rows])
+    components = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
+    return replace(given, observed=(*given.observed, Observed(records, np.full(len(rows), -1), names, "",
+                                                              components=components)))  # fmt: skip

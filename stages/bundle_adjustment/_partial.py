@@ -1,0 +1,102 @@
+"""What resection, intersection and alternation share: input, settings, the Solution and what is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.bundle_solution import bundle_solution
+from aatri.adapters.suspects import after
+from aatri.adjustment.settings import Settings
+from aatri.arrays import Bool, Float, Text
+from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import GeometryError
+from aatri.geometry.vectors import finite_rows
+from aatri.notes import tell
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.alternating import adjust_alternating
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.notes import left_out, misfit
+from aatri.orientation.bundle.partial import with_known_images, with_known_points
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.settings import BundleSettings
+from aatri.plugin import Context
+
+
+class Iteration(Protocol):
+    """The options they have in common."""
+
+    @property
+    def max_iterations(self) -> int: ...
+
+    @property
+    def tolerance(self) -> float: ...
+
+    @property
+    def max_sigma0(self) -> float: ...
+
+
+def resected(
+    block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, context: Context
+) -> Solution:
+    """Images on known points."""
+    given = bundle_input(block, image_points, initial, options)
+    control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
+    known = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
+    covariance = _covariances(known, initial.points.covariance_m2, block.points.id, "point") if weighted else None
+    given = with_known_points(given, known & finite_rows(given.xyz_m), covariance)
+    return _made(block, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
+
+
+def intersected(
+    block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, context: Context
+) -> Solution:
+    """Points from known images."""
+    given = bundle_input(block, image_points, initial, options)
+    known = initial.images.oriented
+    covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
+    given = with_known_images(given, known, covariance)
+    return _made(block, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
+
+
+def alternated(
+    block: Block, image_points: ImagePoints, initial: Solution | None, options: Iteration, rounds: int, context: Context
+) -> Solution:
+    """Resection and intersection in turn."""
+    given = bundle_input(block, image_points, initial, options)
+
+    def adjust(given: BundleInput, settings: BundleSettings) -> BundleResult:
+        return adjust_alternating(given, replace(settings, covariances=False), max_rounds=rounds, reporter=context)
+
+    return _made(block, initial, given, options, context, "alternating", adjust)
+
+
+def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
+    """The covariances of what is known; an error where they are missing."""
+    missing = known & ~np.isfinite(covariance).all(axis=(1, 2))
+    if missing.any():
+        raise GeometryError(
+            f"`initial` has no covariance of {int(missing.sum())} {what}s, the first is {ids[missing][0]}",
+            remedy="take a bundle with standard deviations as `initial`, or hold what is known (`held`)",
+        )
+    return covariance
+
+
+def _made(
+    block: Block, initial: Solution | None, given: BundleInput, options: Iteration, context: Context, variant: str,
+    adjust: Callable[[BundleInput, BundleSettings], BundleResult],
+) -> Solution:  # fmt: skip
+    tell([note for o in given.observed for note in o.notes], context)
+    settings = BundleSettings(solution=Settings(max_iterations=options.max_iterations, tolerance=options.tolerance))
+    result = adjust(given, settings)
+    tell([*result.notes, *left_out(given, result), *misfit(result, options.max_sigma0)], context)
+    suspects = after(initial.suspects if initial is not None else Suspects.empty(), given, result)
+    made = bundle_solution(block, given, result, suspects, [])
+    return replace(made, method=f"bundle_adjustment/{variant}")

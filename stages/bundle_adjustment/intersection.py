@@ -1,0 +1,54 @@
+"""Intersection of all ground points from known orientations.
+
+    x = -c u1 / u3,   y = -c u2 / u3,   u = R'(X - X0)           X0 and R known, X of every point unknown
+
+Orientations are those of `initial`. `orientations: held`: each point for itself, from all its rays, least squares with
+its covariance; `weighted`: the orientations are observations with the covariances of `initial`. Points start from the
+place nearest to all their rays. Control and other observations of points take part as in the bundle.
+
+Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, geometry/intersection.py.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from aatri.adapters import solution as assemble
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.observations.kinds import with_kinds
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._partial import intersected
+from ._uses import used
+
+
+@with_kinds
+class IntersectionOptions(Options):
+    """Options of the intersection."""
+
+    orientations: Literal["held", "weighted"] = Field(
+        "held", description="known orientations: held, or observed with the covariances of `initial`"
+    )
+    max_iterations: int = Field(30, ge=1, description="most iterations")
+    tolerance: float = Field(
+        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
+    )
+    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
+
+
+@stage(version=1, uses=used(marked=False, sessions=False))
+def intersection(
+    block: Block,
+    image_points: ImagePoints,
+    initial: Solution,
+    *,
+    options: IntersectionOptions = IntersectionOptions(),
+    context: Context = SILENT,
+) -> Solution:
+    """Determine the points from known orientations."""
+    assemble.check_same_block(block, image_points.images.id, "image_points")
+    assemble.check_same_block(block, initial.images.id, "initial")
+    return intersected(block, image_points, initial, options, options.orientations == "weighted", context)

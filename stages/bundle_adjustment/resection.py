@@ -1,0 +1,55 @@
+"""Resection of all images on known ground points.
+
+    x = -c u1 / u3,   y = -c u2 / u3,   u = R'(X - X0)           X known, X0 and R of every image unknown
+
+Points are those of `initial`, and control. `points: held`: each image for itself, exact points; `weighted`: the points
+are observations with the covariances of `initial`, and corrected together with the images. Images without orientation
+in `initial` get a closed robust start (three-point problem) from the known points. Points that are not known take no
+part, and are named. Observed positions and attitudes of the images take part as in the bundle.
+
+Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientation/resection/start.py.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from aatri.adapters import solution as assemble
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.observations.kinds import with_kinds
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._partial import resected
+from ._uses import used
+
+
+@with_kinds
+class ResectionOptions(Options):
+    """Options of the resection."""
+
+    points: Literal["held", "weighted"] = Field(
+        "held", description="known points: held at their values, or observed with the covariances of `initial`"
+    )
+    max_iterations: int = Field(30, ge=1, description="most iterations")
+    tolerance: float = Field(
+        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
+    )
+    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
+
+
+@stage(version=1, uses=used(marked=False, sessions=False))
+def resection(
+    block: Block,
+    image_points: ImagePoints,
+    initial: Solution,
+    *,
+    options: ResectionOptions = ResectionOptions(),
+    context: Context = SILENT,
+) -> Solution:
+    """Orient the images on known points."""
+    assemble.check_same_block(block, image_points.images.id, "image_points")
+    assemble.check_same_block(block, initial.images.id, "initial")
+    return resected(block, image_points, initial, options, options.points == "weighted", context)

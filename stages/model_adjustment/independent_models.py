@@ -1,0 +1,72 @@
+"""Block adjustment with independent models: seven parameters for every model, all models at once.
+
+    X = T_m + s_m R_m (x + J e_m) + v,      x: points of model m, and its two perspective centres
+
+Models are bodies that are shifted, turned and scaled until their points, their perspective centres and control agree;
+ground points and centres are unknowns and eliminated. The centres carry the heights: without them neighbouring models
+turn about the row of their common points. Points and centres of a model share the five errors e_m of its relative
+orientation: latent unknowns with the covariance in `models` as prior (`centres: from_orientation`). With
+`centres: NUMBER`, metres on the ground, the centres have that standard deviation, and the models are rigid, as the
+classical programs have it.
+
+`iteration: plan_height` adjusts plan (4 unknowns a model) and height (3) in turn, as PAT-M does, with the same result.
+Standard deviations of the points are those of this adjustment. `initial` gives the approximate orientations; gross
+errors of points and control are searched as in the strip block; the orientations of the images follow by resection on
+the adjusted points.
+
+Source: Ackermann, Ebner & Klein 1970; lecture notes A801-A806 (erratum E15: exact derivatives); docs/formulas.md 4.5;
+see aatri/orientation/free_block/model_ties.py and independent_models.py.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import PositiveFloat
+
+from aatri.adapters.model_adjustment import ModelRules, adjusted_models
+from aatri.adapters.solution import check_same_block
+from aatri.adapters.tangent_block import in_tangent_frame
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import Solution
+from aatri.notes import tell
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+
+class IndependentModelsOptions(Options):
+    """Options of the block adjustment with independent models."""
+
+    centres: Literal["from_orientation"] | PositiveFloat = Field(
+        "from_orientation",
+        description="standard deviation of the perspective centres: from the relative orientations, or a number, m",
+    )
+    iteration: Literal["together", "plan_height"] = Field(
+        "together", description="all seven parameters together, or plan (4) and height (3) in turn"
+    )
+    limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
+    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="an error where sigma0 is larger")
+
+
+@stage(version=1, uses=("ground_points.xyz_m", "ground_points.covariance_m2", "earth_curvature:frame", "undulation"))
+def independent_models(
+    block: Block,
+    image_points: ImagePoints,
+    models: Models,
+    initial: Solution,
+    *,
+    options: IndependentModelsOptions = IndependentModelsOptions(),
+    context: Context = SILENT,
+) -> Solution:
+    """Adjust the models of a block together."""
+    check_same_block(block, image_points.images.id, "image_points")
+    check_same_block(block, models.images.id, "models")
+    check_same_block(block, initial.images.id, "initial")
+    sigma_m = None if options.centres == "from_orientation" else float(options.centres)
+    rules = ModelRules(sigma_m, options.iteration == "plan_height", options.limit, options.max_sigma0)
+    inside = in_tangent_frame(block, initial)
+    solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)
+    tell(notes, context)
+    return inside.back(solution)

@@ -1,0 +1,70 @@
+"""The stage model_adjustment/independent_models on simulated blocks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.errors import GeometryError
+from aatri.stages.model_adjustment.independent_models import IndependentModelsOptions, independent_models
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+
+def flown(seed: int = 1, **options: Any) -> Chain:
+    return run_chain(simulated(seed, preset="rc30", earth="tangent", false_origin_m=(0.0, 0.0),
+                               flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0},
+                               known={"full": 12, "height": 6, "check_full": 0}, **options))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def exact() -> Chain:
+    return flown(noise=False, ties={"new_points": 150})
+
+
+def true_points(chain: Chain) -> Any:
+    truth = chain.block.true_points
+    assert truth is not None
+    X = np.full((len(chain.block.points), 3), np.nan)
+    X[truth.point] = truth.xyz_m
+    return X
+
+
+@pytest.mark.parametrize("options", [{}, {"centres": 0.05}, {"iteration": "plan_height"}])
+def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
+    found = independent_models(exact.block, exact.refined, exact.models, exact.strip_block,
+                               options=IndependentModelsOptions(**options))  # fmt: skip
+    solved = np.isfinite(found.points.xyz_m[:, 0])
+    assert solved.sum() > 0.9 * len(solved)
+    assert found.points.xyz_m[solved] == pytest.approx(true_points(exact)[solved], abs=2e-6)
+    assert exact.block.true_images is not None
+    assert found.images.position_m == pytest.approx(exact.block.true_images.position_m, abs=1e-5)
+
+
+def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
+    squares, count, sigma0 = 0.0, 0, []
+    for seed in (1, 2, 3):
+        chain = flown(seed, ties={"new_points": 200})
+        told = Told()
+        found = independent_models(chain.block, chain.refined, chain.models, chain.strip_block, context=told)
+        assert any("models of" in text and "perspective centres" in text for text in told.lines)
+        e, C = found.points.xyz_m - true_points(chain), found.points.covariance_m2
+        control = set(chain.block.ground_points.point.tolist())
+        new = np.flatnonzero(np.isfinite(e).all(axis=1) & np.isfinite(C).all(axis=(1, 2)))
+        new = new[~np.isin(new, sorted(control))]
+        squares += float(np.einsum("ni,nij,nj->", e[new], np.linalg.inv(C[new]), e[new]))
+        count += 3 * len(new)
+        sigma0.append(found.sigma0)
+    assert 0.85 < np.sqrt(squares / count) < 1.15
+    assert 0.85 < np.mean(sigma0) < 1.15
+
+
+def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:
+    from dataclasses import replace
+
+    images = exact.strip_block.images
+    nothing = replace(exact.strip_block, images=replace(images, oriented=np.zeros(len(images), dtype=bool)))
+    with pytest.raises(GeometryError, match="orients no model"):
+        independent_models(exact.block, exact.refined, exact.models, nothing)

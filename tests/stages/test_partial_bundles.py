@@ -1,0 +1,121 @@
+"""Resection, intersection and alternation beside the bundle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.stages.bundle_adjustment.alternating import AlternatingOptions, alternating
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.bundle_adjustment.intersection import IntersectionOptions, intersection
+from aatri.stages.bundle_adjustment.resection import ResectionOptions, resection
+from tests.stages.chain import Chain, run_chain, simulated
+
+
+def flown(**options: Any) -> Chain:
+    return run_chain(simulated(preset="rc30", earth="tangent", false_origin_m=(0.0, 0.0), ties={"new_points": 80},
+                               flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0},
+                               known={"full": 10, "check_full": 0}, **options))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def exact() -> Chain:
+    return flown(noise=False)
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Chain:
+    return flown()
+
+
+def truth(chain: Chain) -> Any:
+    images, points = chain.block.true_images, chain.block.true_points
+    assert images is not None
+    assert points is not None
+    X = np.full((len(chain.block.points), 3), np.nan)
+    X[points.point] = points.xyz_m
+    return images, X
+
+
+def right(chain: Chain, found: Any) -> None:
+    images, X = truth(chain)
+    solved = np.isfinite(found.points.xyz_m[:, 0])
+    assert solved.sum() > 0.9 * len(solved)
+    assert found.images.position_m == pytest.approx(images.position_m, abs=1e-6)
+    assert found.images.ground_from_image == pytest.approx(images.ground_from_image, abs=1e-9)
+    assert found.points.xyz_m[solved] == pytest.approx(X[solved], abs=1e-6)
+
+
+def moved(chain: Chain, *, images_m: float = 0.0, points_m: float = 0.0) -> Any:
+    """The adjusted block with images or points moved."""
+    rng, s = np.random.default_rng(1), chain.bundle
+    return replace(
+        s,
+        images=replace(
+            s.images, position_m=s.images.position_m + images_m * rng.normal(size=s.images.position_m.shape)
+        ),
+        points=replace(s.points, xyz_m=s.points.xyz_m + points_m * rng.normal(size=s.points.xyz_m.shape)),
+    )
+
+
+def test_error_free_images_are_resected_to_the_truth(exact: Chain) -> None:
+    right(exact, resection(exact.block, exact.refined, moved(exact, images_m=2.0)))
+
+
+def test_images_without_orientation_get_a_start_of_their_own(exact: Chain) -> None:
+    images = exact.bundle.images
+    unknown = replace(images, oriented=np.zeros(len(images), dtype=bool), position_m=np.full((len(images), 3), np.nan),
+                      ground_from_image=np.full((len(images), 3, 3), np.nan))  # fmt: skip
+    right(exact, resection(exact.block, exact.refined, replace(exact.bundle, images=unknown)))
+
+
+def test_error_free_points_are_intersected_to_the_truth(exact: Chain) -> None:
+    right(exact, intersection(exact.block, exact.refined, moved(exact, points_m=1.0)))
+
+
+def test_error_free_blocks_alternate_to_the_truth(exact: Chain) -> None:
+    right(exact, alternating(exact.block, exact.refined, exact.strip_block))
+
+
+def test_alternation_ends_where_the_bundle_does_and_has_no_standard_deviations(noisy: Chain) -> None:
+    found = alternating(noisy.block, noisy.refined, noisy.strip_block)
+    reference = bundle(noisy.block, noisy.refined, noisy.strip_block)
+    assert found.sigma0 == pytest.approx(reference.sigma0, rel=1e-6)
+    sigma = np.sqrt(np.einsum("nii->ni", reference.points.covariance_m2))
+    assert np.nanmax(np.abs(found.points.xyz_m - reference.points.xyz_m) / sigma) < 5e-3
+    assert np.isnan(found.points.covariance_m2).all()
+    assert found.redundancy == reference.redundancy
+
+
+def test_an_alternation_that_has_not_converged_is_an_error(noisy: Chain) -> None:
+    with pytest.raises(ConvergenceError, match="have not converged in 1 rounds"):
+        alternating(noisy.block, noisy.refined, noisy.strip_block, options=AlternatingOptions(max_rounds=1))
+
+
+def test_weighted_points_give_the_bundle_its_own_result_back(exact: Chain) -> None:
+    found = resection(exact.block, exact.refined, exact.bundle, options=ResectionOptions(points="weighted"))
+    right(exact, found)
+    held = resection(exact.block, exact.refined, exact.bundle)
+    assert (np.einsum("nii->ni", held.images.covariance) < np.einsum("nii->ni", found.images.covariance)).all()
+    assert not held.points.covariance_m2[np.isfinite(held.points.covariance_m2)].any()
+
+
+def test_weighted_orientations_make_points_less_certain_than_held_ones(exact: Chain) -> None:
+    weighted = intersection(exact.block, exact.refined, exact.bundle,
+                            options=IntersectionOptions(orientations="weighted"))  # fmt: skip
+    right(exact, weighted)
+    held = intersection(exact.block, exact.refined, exact.bundle)
+    new = np.setdiff1d(np.arange(len(exact.block.points)), exact.block.ground_points.point)
+    a, b = (np.einsum("nii->n", s.points.covariance_m2)[new] for s in (held, weighted))
+    assert (a < b * 1.0001).all()
+    assert a.mean() < 0.9 * b.mean()
+
+
+def test_weights_need_covariances(exact: Chain) -> None:
+    bare = bundle(exact.block, exact.refined, exact.strip_block, options=BundleOptions(standard_deviations=False))
+    with pytest.raises(GeometryError, match="no covariance"):
+        resection(exact.block, exact.refined, bare, options=ResectionOptions(points="weighted"))
