@@ -26,6 +26,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.notes import left_out, misfit
 from aatri.orientation.bundle.partial import with_known_images, with_known_points
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.plugin import Context
 
@@ -97,6 +98,6 @@ def _made(
     settings = BundleSettings(solution=Settings(max_iterations=options.max_iterations, tolerance=options.tolerance))
     result = adjust(given, settings)
     tell([*result.notes, *left_out(given, result), *misfit(result, options.max_sigma0)], context)
-    suspects = after(initial.suspects if initial is not None else Suspects.empty(), given, result)
+    suspects = after(initial.suspects if initial is not None else Suspects.empty(), Round(given, result))
     made = bundle_solution(block, given, result, suspects, [])
     return replace(made, method=f"bundle_adjustment/{variant}")
