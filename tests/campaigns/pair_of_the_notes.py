@@ -3,9 +3,9 @@
     python -m tests.campaigns.pair_of_the_notes --count 100 [--first 1] [--control 200]
 
 f = 100.5 mm, 1:25,500, sigma 2.8 um, 200 points, 52 gross errors of 18.8 to 100.4 um, each in one random coordinate
-of one image. Recall is the share of them whose image point stays out or is named; false alarms are image points
-blamed (verdict rejected or swapped) that are right; rms is that of estimated minus true error over the standard deviation
-of the measurement. With few control points an error shows at its point, and both rays are named (undecidable or kept).
+of one image. Recall is the share of them whose image point stays out or is named. False alarms are image points blamed
+(verdict rejected or swapped) that are right. rms is that of estimated minus true error over the standard deviation of
+the measurement. With few control points an error shows at its point, and both rays are named (undecidable or kept).
 """
 
 from __future__ import annotations
