@@ -14,7 +14,7 @@ from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.orientation.plausibility.cameras import Cameras, given_notes
 from aatri.orientation.plausibility.control import length
-from aatri.orientation.plausibility.face_angles import Rays, contradiction
+from aatri.orientation.plausibility.face_angles import ControlRays, contradiction
 from aatri.orientation.plausibility.positions import impossible_positions
 
 LARGE_M = 10e3
@@ -86,12 +86,14 @@ def _place(block: Block, of: str, image: int, control: int) -> str:
     return read_at(block, block.exterior, int(rows[0])) if len(rows) else ""
 
 
-def _some(rays: Rays, keep: Bool) -> Rays:
-    return Rays(rays.image[keep], rays.point[keep], rays.xy_mm[keep], rays.principal_point_mm[keep], rays.c_mm[keep],
-                rays.position_m, rays.control_m)  # fmt: skip
+def _some(rays: ControlRays, keep: Bool) -> ControlRays:
+    return ControlRays(
+        rays.image[keep], rays.point[keep], rays.xy_mm[keep], rays.principal_point_mm[keep], rays.c_mm[keep],
+        rays.position_m, rays.control_m,
+    )  # fmt: skip
 
 
-def _rays(block: Block, active: Bool) -> tuple[Rays, bool]:
+def _rays(block: Block, active: Bool) -> tuple[ControlRays, bool]:
     """Rays to control with all coordinates from images with a position; whether most of these are observed."""
     control, points = control_of(block), block.image_points
     number = np.full(len(block.points), -1)
@@ -106,7 +108,7 @@ def _rays(block: Block, active: Bool) -> tuple[Rays, bool]:
     image, camera = image[rows], block.images.camera[image[rows]]
     c = block.cameras
     observed = np.isin(image, block.exterior.image[block.exterior.position_use == OBSERVED_VALUE])
-    rays = Rays(image, number[points.point[rows]], xy[rows] - c.principal_point_mm[camera],
+    rays = ControlRays(image, number[points.point[rows]], xy[rows] - c.principal_point_mm[camera],
                 c.principal_point_mm[camera], c.principal_distance_mm[camera], position, control.xyz_m)  # fmt: skip
     return rays, bool(observed.mean() > 0.5) if len(rows) else False
 

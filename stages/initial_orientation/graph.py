@@ -35,12 +35,13 @@ from aatri.adapters.initial_orientation import (
 from aatri.adapters.initial_scale import USES
 from aatri.adapters.pair_graph import graph_of, strongest_pairs, turns_of
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.tangent_block import in_tangent_frame
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
-from aatri.notes import tell
+from aatri.notes import Note, tell
 from aatri.observations.image_points import rays_of
 from aatri.orientation.graph.free_images import orient_free
 from aatri.orientation.relative.essential_pairs import essential_orientations
@@ -64,8 +65,16 @@ class GraphOptions(Options):
 
 
 @stage(
-    version=2,
-    uses=("ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m", "cameras.lever_arm_m", *USES),
+    version=3,
+    uses=(
+        "ground_points.xyz_m",
+        "ground_points.covariance_m2",
+        "exterior.position_m",
+        "cameras.lever_arm_m",
+        "earth_curvature:frame",
+        "undulation",
+        *USES,
+    ),
 )
 def graph(
     block: Block,
@@ -88,6 +97,8 @@ def graph(
             f"no two images have {options.min_points} points in common that fit",
             remedy="measure more points that several images have in common; check the ids of images and points",
         )
+    given, inside = block, in_tangent_frame(block)
+    block = inside.block
     rays, ground = rays_of(block, image_points), ground_of(block, use_positions=options.use_positions)
     observed = np.full((len(block.images), 3), np.nan)
     observed[ground.positions.image] = ground.positions.position_m
@@ -95,13 +106,20 @@ def graph(
         pairs, turns_of(models), rays, block.images.id, block.points.id,
         start=options.positions, observed_m=observed, rng=rng, reporter=context,
     )  # fmt: skip
-    parts, notes = to_ground(block, ground, free.components, rays, options.control_limit)
-    solution = initial_solution(
-        block, image_points, rays, ground, parts, "initial_orientation/graph", image_points.suspects
-    )
+
+    def on_the_ground(block: Block) -> tuple[Solution, list[Note]]:
+        ground = ground_of(block, use_positions=options.use_positions)
+        parts, notes = to_ground(block, ground, free.components, rays, options.control_limit)
+        method = "initial_orientation/graph"
+        return initial_solution(block, image_points, rays, ground, parts, method, image_points.suspects), list(notes)
+
+    solution, notes = on_the_ground(block)
+    if inside.partial:  # where plan control and heights lie is known better now
+        inside = in_tangent_frame(given, inside.back(solution))
+        solution, notes = on_the_ground(inside.block)
     tell([*free.notes, *shown_components(free.components, block), *notes, *rejected_note(solution.suspects),
           *not_oriented(block, solution)], context)  # fmt: skip
-    return solution
+    return inside.back(solution)
 
 
 def _models(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Models:

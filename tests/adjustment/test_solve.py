@@ -10,6 +10,7 @@ from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule as shares
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.adjustment.structure import index_problem as preparation
+from aatri.adjustment.structure import minimum_degree as degrees
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
@@ -22,8 +23,8 @@ def _many_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small problems on a tree of many small fronts, shared out among threads."""
     monkeypatch.setattr(shares, "PARALLEL_FLOPS", 0.0)
     monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
-    for name in ("nested_dissection", "minimum_degree", "chain"):
-        monkeypatch.setattr(preparation, name, _with_small_nodes(getattr(preparation, name)))
+    for where, name in ((preparation, "nested_dissection"), (degrees, "minimum_degree"), (preparation, "chain")):
+        monkeypatch.setattr(where, name, _with_small_nodes(getattr(where, name)))
 
 
 def _with_small_nodes(order):

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
 from aatri.pipeline.methods.registry import find_stages
+from aatri.stages.relative_orientation.connected import connected
 from aatri.tables.digest import content_digest
+from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
-from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder
+from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
 from tests.contract.made_files import colmap_model
 
 VARIANTS = sorted(find_stages().variants)
@@ -40,9 +43,24 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
     return None
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+def needed_inputs(name: str) -> dict[str, Artifact] | None:
+    """Inputs of a variant that cannot take those of the usual chain."""
+    if name != "strip_formation/connected":
+        return None
+    registry = find_stages()
+    given = example_inputs("strip_formation", registry.role("strip_formation"))
+    points = example_inputs("relative_orientation", registry.role("relative_orientation"))["image_points"]
+    block = given["block"]
+    assert isinstance(block, Block)
+    assert isinstance(points, ImagePoints)
+    return {**given, "models": connected(block, points)}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(v, marks=[pytest.mark.slow] if v.endswith("/alternating") else []) for v in VARIANTS]
+)
 def test_every_variant_keeps_its_contract(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    report = check_stage(name, options=needed_options(name, tmp_path, request))
+    report = check_stage(name, options=needed_options(name, tmp_path, request), inputs=needed_inputs(name))
     assert {"contract", "method", "options", "runs", "kind", "file", "repeatable"} <= {c.name for c in report.checks}
 
 

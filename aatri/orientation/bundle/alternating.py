@@ -3,18 +3,24 @@
 Each half makes the same sum of squares smaller, with the other half held, and falls into one small problem per image
 or point. It comes near the bundle slowly: by a constant factor a round, the nearer to 1 the more images a point ties.
 It has ended when the Newton step of the whole block is below the tolerance (Newton decrement sqrt(g'dx)), which is
-looked at every few rounds; sigma0 is that of the bundle then. There are no standard deviations: those of the halves
-leave out what the other half would move.
+looked at every few rounds; every few rounds, too, it is tried to go on along the last move. sigma0 is that of the
+bundle then. There are no standard deviations: those of the halves leave out what the other half would move.
 
 Source: lecture notes A908 (two-class approximation); docs/formulas.md 4.5.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.elimination.backsolve import cost_of, steps
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.unknowns import State, retract_state
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
 from aatri.orientation.bundle.adjust import adjust_bundle
@@ -46,20 +52,67 @@ def adjust_alternating(
     half = replace(settings, covariances=False)
     whole = replace(half, solution=replace(settings.solution, max_iterations=1))
     images, points = np.ones(len(given.image_ids), dtype=bool), np.ones(len(given.point_ids), dtype=bool)
-    look = EVERY
+    resected = adjust_bundle(replace(given, held_points=points), half)
+    intersected = adjust_bundle(replace(from_result(given, resected), held_images=images), half)
+    halves = resected.adjusted.problem, intersected.adjusted.problem
+    state, look, last = intersected.adjusted.state, EVERY, _Move({}, 0.0)
     for done in range(1, max_rounds + 1):
-        given = from_result(given, adjust_bundle(replace(given, held_points=points), half))
-        given = from_result(given, adjust_bundle(replace(given, held_images=images), half))
         reporter.progress(done, max_rounds, "rounds of resection and intersection")
         if done in (look, max_rounds):
+            here = replace(intersected, adjusted=replace(intersected.adjusted, state=state))
             try:
-                result = adjust_bundle(given, whole)
+                result = adjust_bundle(from_result(given, here), whole)
             except ConvergenceError:
                 look += max(EVERY, done // 2)
-                continue
-            note = Note("note", f"{done} rounds of resection and intersection; no standard deviations")
-            return replace(result, notes=(*result.notes, note))
+            else:
+                note = Note("note", f"{done} rounds of resection and intersection; no standard deviations")
+                return replace(result, notes=(*result.notes, note))
+        state, move = _round(halves, state)
+        if done % EVERY == 0:
+            state = _farther(halves, state, move, last)
+        last = move
     raise ConvergenceError(
         f"resection and intersection in turn have not converged in {max_rounds} rounds",
         remedy="raise max_rounds, or adjust with bundle_adjustment/bundle",
     )
+
+
+@dataclass(frozen=True)
+class _Move:
+    """Steps of one round by group, and the length of the next along it that the linear model would have them take."""
+
+    step: dict[str, Float]
+    square: float
+
+
+def _round(halves: tuple[IndexedProblem, ...], state: State) -> tuple[dict[str, Any], _Move]:
+    """A Gauss-Newton step of all images, then one of all points; the first round has solved both already."""
+    moved: dict[str, Float] = {}
+    now, square = dict(state), 0.0
+    for half in halves:
+        factored = factorise_constrained(half, now)
+        step = steps(half, factored, now)
+        now = retract_state(half.unknowns, now, step)
+        moved = {name: moved.get(name, 0.0) + part for name, part in step.items()}
+        square += factored.decrease
+    return now, _Move(moved, square)
+
+
+def _farther(halves: tuple[IndexedProblem, ...], state: State, move: _Move, last: _Move) -> dict[str, Any]:
+    """The state moved on along the last round, if that makes the sum of squares smaller (Aitken's extrapolation).
+
+    Moves that shrink by a factor q a round add up to q / (1 - q) of the last; q^2 is the ratio of what two rounds in
+    turn gain.
+    """
+    here = dict(state)
+    q = float(np.sqrt(move.square / last.square)) if last.square > 0 else 0.0
+    if not 0.0 < q < 1.0:
+        return here
+    unknowns, problem = halves[0].unknowns, halves[1]
+    before = cost_of(problem, here)
+    for share in (1.0, 0.5, 0.25):
+        step = {name: share * q / (1.0 - q) * part for name, part in move.step.items()}
+        there = retract_state(unknowns, here, step)
+        if cost_of(problem, there) < before:
+            return there
+    return here

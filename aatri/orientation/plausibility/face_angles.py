@@ -43,8 +43,8 @@ CERTAIN, NOTHING_FITS = 0.25, 0.5
 
 
 @dataclass(frozen=True)
-class Rays:
-    """Rays to control points.
+class ControlRays:
+    """ControlRays to control points.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class _Cause:
     of: str
     text: str
     remedy: str
-    rays: Rays
+    rays: ControlRays
     estimated: bool = False
 
 
@@ -111,12 +111,12 @@ class _Pairs:
     second: Int
 
 
-def contradiction(rays: Rays, *, observed: bool) -> Contradiction | None:
+def contradiction(rays: ControlRays, *, observed: bool) -> Contradiction | None:
     """What is wrong with positions, control or cameras, if anything is.
 
     Parameters
     ----------
-    rays : Rays
+    rays : ControlRays
     observed : bool
         Positions are observed, not only approximate.
 
@@ -162,7 +162,7 @@ def _single_images(pairs: _Pairs, each: Float, limit: float) -> Contradiction | 
     return Contradiction(text, "a wrong position, wrong ids of control, or another camera", "", False, off)
 
 
-def _pairs_of(rays: Rays) -> _Pairs:
+def _pairs_of(rays: ControlRays) -> _Pairs:
     order = np.argsort(rays.image, kind="stable")
     begin = np.unique(rays.image[order], return_index=True)[1]
     groups = [g[:: max(1, -(-len(g) // MOST_CONTROL))] for g in np.split(order, begin[1:])]
@@ -175,12 +175,12 @@ def _pairs_of(rays: Rays) -> _Pairs:
     return _Pairs(pairs.image[seen], pairs.first[seen], pairs.second[seen])
 
 
-def _in_image(rays: Rays, pairs: _Pairs) -> tuple[Float, Float]:
+def _in_image(rays: ControlRays, pairs: _Pairs) -> tuple[Float, Float]:
     u = np.column_stack([rays.xy_mm, -rays.c_mm])
     return u[pairs.first], u[pairs.second]
 
 
-def _in_space(rays: Rays, pairs: _Pairs) -> tuple[Float, Float]:
+def _in_space(rays: ControlRays, pairs: _Pairs) -> tuple[Float, Float]:
     d = rays.control_m[rays.point] - rays.position_m[rays.image]
     return d[pairs.first], d[pairs.second]
 
@@ -189,7 +189,7 @@ def _angle(a: Float, b: Float) -> Float:
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)))
 
 
-def _image_misfits(rays: Rays, pairs: _Pairs) -> Float:
+def _image_misfits(rays: ControlRays, pairs: _Pairs) -> Float:
     """Misfit of each image that has pairs, in their order."""
     image = np.maximum(_angle(*_in_image(rays, pairs)), 1e-9)
     off = np.abs(_angle(*_in_space(rays, pairs)) - image) / image
@@ -199,11 +199,11 @@ def _image_misfits(rays: Rays, pairs: _Pairs) -> Float:
     return np.asarray((low + high) / 2)
 
 
-def _misfit(rays: Rays, pairs: _Pairs) -> float:
+def _misfit(rays: ControlRays, pairs: _Pairs) -> float:
     return float(np.median(_image_misfits(rays, pairs)))
 
 
-def _causes(rays: Rays, pairs: _Pairs) -> Iterator[_Cause]:
+def _causes(rays: ControlRays, pairs: _Pairs) -> Iterator[_Cause]:
     """What may be wrong with everything, the simple causes first."""
     for text, remedy, change in _CHANGES:
         yield _Cause("control", text, remedy, replace(rays, control_m=change(rays.control_m)))
@@ -231,7 +231,7 @@ _CHANGES: tuple[tuple[str, str, Callable[[Float], Float]], ...] = (
 )  # fmt: skip
 
 
-def _height_or_lens(rays: Rays, pairs: _Pairs) -> _Cause:
+def _height_or_lens(rays: ControlRays, pairs: _Pairs) -> _Cause:
     """The principal distance, or the height of the positions, that fits best."""
     lens, factor = _other_lens(rays, pairs)
     raised, lift = _other_height(rays, pairs)
@@ -253,21 +253,21 @@ _LIFT_REMEDY = ("do heights of control and positions count from the same surface
                 "crs and vertical of their frames, or `undulation`")  # fmt: skip
 
 
-def _other_lens(rays: Rays, pairs: _Pairs) -> tuple[Rays, float]:
-    def with_factor(log_factor: float) -> Rays:
+def _other_lens(rays: ControlRays, pairs: _Pairs) -> tuple[ControlRays, float]:
+    def with_factor(log_factor: float) -> ControlRays:
         return replace(rays, c_mm=rays.c_mm * 10.0**log_factor)
 
     log_factor = _least(lambda x: _misfit(with_factor(x), pairs), np.linspace(-4, 4, 161))
     return with_factor(log_factor), float(10.0**log_factor)
 
 
-def _other_height(rays: Rays, pairs: _Pairs) -> tuple[Rays, float]:
+def _other_height(rays: ControlRays, pairs: _Pairs) -> tuple[ControlRays, float]:
     a, b = _in_space(rays, pairs)
     apart, angle = np.linalg.norm(a - b, axis=1), _angle(*_in_image(rays, pairs))
     distance = float(np.median(apart / (2 * np.tan(angle / 2))))  # of a pair below the image
     up = float(np.median(rays.position_m[rays.image, 2] - rays.control_m[rays.point, 2]))
 
-    def lifted(by: float) -> Rays:
+    def lifted(by: float) -> ControlRays:
         return replace(rays, position_m=rays.position_m + np.array([0.0, 0.0, by]))
 
     lift = _least(lambda x: _misfit(lifted(x), pairs), distance - up + distance * np.linspace(-0.5, 0.5, 101))

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.orientation.plausibility.face_angles import Contradiction, Rays, contradiction
+from aatri.orientation.plausibility.face_angles import Contradiction, ControlRays, contradiction
 from aatri.orientation.plausibility.positions import impossible_positions
 
 C_MM = 100.0
 ORIGIN = np.array([5000.0, 9000.0, 100.0])
 
 
-def _rays(height: float = 800.0, seed: int = 4, error_m: float = 0.0) -> Rays:
+def _rays(height: float = 800.0, seed: int = 4, error_m: float = 0.0) -> ControlRays:
     chance = np.random.default_rng(seed)
     station = np.array([[x, y, height] for y in (0.0, 700.0) for x in (0.0, 400.0, 800.0)]) + ORIGIN
     station += chance.normal(0, 0.02 * height, station.shape)
@@ -32,7 +32,7 @@ def _rays(height: float = 800.0, seed: int = 4, error_m: float = 0.0) -> Rays:
         rows += [(i, k, *xy[k]) for k in np.flatnonzero((np.abs(xy) < 110).all(axis=1))]
     table = np.array(rows)
     image, point = table[:, 0].astype(int), table[:, 1].astype(int)
-    return Rays(image, point, table[:, 2:], np.zeros((len(table), 2)), np.full(len(table), C_MM),
+    return ControlRays(image, point, table[:, 2:], np.zeros((len(table), 2)), np.full(len(table), C_MM),
                 station + chance.normal(0, error_m, station.shape), control)  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def _about(axis: int, angle: float) -> np.ndarray:
     return turn
 
 
-def _found(rays: Rays, *, observed: bool = True) -> Contradiction:
+def _found(rays: ControlRays, *, observed: bool = True) -> Contradiction:
     found = contradiction(rays, observed=observed)
     assert found is not None
     return found
