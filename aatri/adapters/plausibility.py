@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.adjustment_frame import frame_notes, poses_out_of
+from aatri.adapters.frame.adjustment_frame import frame_notes, poses_out_of
 from aatri.adapters.imported import read_at
 from aatri.adapters.sanity_as_given import cameras_of
 from aatri.arrays import Float, Int

@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.absolute_orientation import absolute_solution, control_notes, ground_of, orient_strips
+from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.ground.absolute_orientation import absolute_solution, control_notes, ground_of, orient_strips
 from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.tangent_block import in_tangent_frame
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

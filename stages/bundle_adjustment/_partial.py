@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from aatri.adapters.bundle_input import bundle_input
-from aatri.adapters.bundle_solution import bundle_solution
+from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.suspects import after
 from aatri.adjustment.settings import Settings
 from aatri.arrays import Bool, Float, Text

@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.bundle_input import film_parameters
-from aatri.adapters.calibration import Calibration, calibrated_parameters, calibration_of
-from aatri.adapters.calibration_tables import CalibrationTables, calibration_tables
-from aatri.adapters.camera_parameters import (
+from aatri.adapters.bundle.bundle_input import film_parameters
+from aatri.adapters.bundle.calibration import Calibration, calibrated_parameters, calibration_of
+from aatri.adapters.bundle.calibration_tables import CalibrationTables, calibration_tables
+from aatri.adapters.bundle.camera_parameters import (
     Unit,
     additional_parameters,
     camera_parameters,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pydantic import field_validator
 
-from aatri.adapters.variance_groups import Level, variance_groups, variance_table
+from aatri.adapters.bundle.variance_groups import Level, variance_groups, variance_table
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import VarianceComponents as Table
 from aatri.orientation.bundle.block import BundleInput

@@ -32,13 +32,13 @@ from typing import Self
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle_input import bundle_input, with_parameters
-from aatri.adapters.bundle_solution import bundle_solution
-from aatri.adapters.datum import with_datum
-from aatri.adapters.orderings import report_orderings
+from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
+from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.orderings import report_orderings
+from aatri.adapters.bundle.systematic_residuals import systematic_notes
+from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.plausibility import of_start
 from aatri.adapters.suspects import after, with_gross_errors
-from aatri.adapters.systematic_residuals import systematic_notes
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.settings import Settings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0

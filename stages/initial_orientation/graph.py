@@ -22,9 +22,8 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.essential_models import essential_models
-from aatri.adapters.image_pairs import overlapping_images, pairs_of
-from aatri.adapters.initial_orientation import (
+from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.ground.initial_orientation import (
     ground_of,
     initial_solution,
     not_oriented,
@@ -32,10 +31,11 @@ from aatri.adapters.initial_orientation import (
     shown_components,
     to_ground,
 )
-from aatri.adapters.initial_scale import USES
-from aatri.adapters.pair_graph import graph_of, strongest_pairs, turns_of
+from aatri.adapters.ground.initial_scale import USES
+from aatri.adapters.pairs.essential_models import essential_models
+from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of
+from aatri.adapters.pairs.pair_graph import graph_of, strongest_pairs, turns_of
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.tangent_block import in_tangent_frame
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models

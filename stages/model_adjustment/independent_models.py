@@ -24,9 +24,9 @@ from typing import Literal
 
 from pydantic import PositiveFloat
 
-from aatri.adapters.model_adjustment import ModelRules, adjusted_models
+from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.tangent_block import in_tangent_frame
+from aatri.adapters.strips.model_adjustment import ModelRules, adjusted_models
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -17,10 +17,10 @@ Source: docs/formulas.md 3.5, errata E08; see aatri.orientation.strips.connected
 
 from __future__ import annotations
 
-from aatri.adapters.pair_connection import connected_pairs
-from aatri.adapters.pair_methods import PairRules
+from aatri.adapters.pairs.pair_connection import connected_pairs
+from aatri.adapters.pairs.pair_methods import PairRules
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.strip_pairs import strip_pairs
+from aatri.adapters.strips.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

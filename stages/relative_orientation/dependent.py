@@ -22,9 +22,9 @@ and, for the compiled loop over the pairs, pairs.py.
 
 from __future__ import annotations
 
-from aatri.adapters.pair_methods import PairRules, oriented_pairs
+from aatri.adapters.pairs.pair_methods import PairRules, oriented_pairs
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.strip_pairs import strip_pairs
+from aatri.adapters.strips.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

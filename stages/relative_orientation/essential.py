@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.essential_models import essential_models
-from aatri.adapters.image_pairs import neighbouring_images, overlapping_images, pairs_of
-from aatri.adapters.pair_methods import with_elements
-from aatri.adapters.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.pairs.essential_models import essential_models
+from aatri.adapters.pairs.image_pairs import neighbouring_images, overlapping_images, pairs_of
+from aatri.adapters.pairs.pair_methods import with_elements
+from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block

@@ -12,9 +12,9 @@ Source: lecture notes A604 with errata E05 and E06; Schut 1967; aatri/geometry/s
 
 from __future__ import annotations
 
+from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.strip_adjustment import adjust_strips, strip_block_solution
-from aatri.adapters.tangent_block import in_tangent_frame
+from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

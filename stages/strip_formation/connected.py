@@ -10,8 +10,8 @@ Source: docs/formulas.md 3.5, 3.6; the lecture notes' relative orientation with 
 
 from __future__ import annotations
 
-from aatri.adapters.joined_models import JointRules, joined_models
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strips.joined_models import JointRules, joined_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips

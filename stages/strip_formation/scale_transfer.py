@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.joined_models import JointRules, joined_models
 from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strips.joined_models import JointRules, joined_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips

@@ -13,8 +13,8 @@ aatri/orientation/strips/similarity_joints.py.
 
 from __future__ import annotations
 
-from aatri.adapters.joined_models import JointRules, joined_models
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strips.joined_models import JointRules, joined_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips

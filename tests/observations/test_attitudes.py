@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.adapters.adjustment_frame import frame_of, geodesy_of, poses_into
+from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, poses_into
 from aatri.artifacts.block import Block
 from aatri.geometry.carrier import exp_matrix
 from aatri.observations.attitudes import (

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.control import control_of
 from aatri.observations.poses import POINT, POSE, Poses

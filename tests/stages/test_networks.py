@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
 from aatri.orientation.bundle.adjust import adjust_bundle

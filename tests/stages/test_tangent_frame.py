@@ -9,7 +9,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from aatri.adapters.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.artifacts.block import CONTROL, Block
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.observations.poses import POINT

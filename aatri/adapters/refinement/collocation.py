@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.camera_parameters import Unit, units_of
+from aatri.adapters.bundle.camera_parameters import Unit, units_of
 from aatri.adapters.refinement.corrected import with_corrections
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.bundle_input import origin_of
+from aatri.adapters.bundle.bundle_input import origin_of
 from aatri.adjustment.settings import Settings
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_points import ImagePointRows, observed_image_points

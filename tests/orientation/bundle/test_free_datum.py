@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle_input import origin_of
+from aatri.adapters.bundle.bundle_input import origin_of
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
 from aatri.adjustment.reference import dense_jacobian, free_columns

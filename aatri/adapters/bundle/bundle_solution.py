@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.adjusted_observations import reliability_table, residual_table
-from aatri.adapters.adjustment_frame import result_out_of
-from aatri.adapters.calibration_tables import CalibrationTables
+from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
+from aatri.adapters.bundle.calibration_tables import CalibrationTables
+from aatri.adapters.frame.adjustment_frame import result_out_of
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters import absolute_tables as tables
-from aatri.adapters import strips as pieces
-from aatri.adapters.absolute_tables import Ground, OrientedPart
+from aatri.adapters.ground import absolute_tables as tables
+from aatri.adapters.ground.absolute_tables import Ground, OrientedPart
 from aatri.adapters.rejection_notes import exchanged_control, lost_control, rejection_notes
 from aatri.adapters.solution import stacked
+from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

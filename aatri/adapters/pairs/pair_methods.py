@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.image_pairs import Pairs, models_of, pairs_of
-from aatri.adapters.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.pairs.image_pairs import Pairs, models_of, pairs_of
+from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

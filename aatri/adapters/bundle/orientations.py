@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.adjustment_frame import geodesy_of
+from aatri.adapters.frame.adjustment_frame import geodesy_of
 from aatri.arrays import Float
 from aatri.artifacts.block import ANTENNA, Block
 from aatri.geometry.carrier import body_from_mount

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters import strips as pieces
-from aatri.adapters.strip_adjustment import resected_on
+from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips.strip_adjustment import resected_on
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block

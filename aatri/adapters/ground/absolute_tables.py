@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters import strips as pieces
+from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Parameters, Residuals

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
-from aatri.adapters.network_start import network_start
-from aatri.adapters.orientations import given_orientations
+from aatri.adapters.bundle.network_start import network_start
+from aatri.adapters.bundle.orientations import given_orientations
+from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints, Interior

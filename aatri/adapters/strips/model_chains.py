@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aatri.adapters.image_pairs import images_of_strip
+from aatri.adapters.pairs.image_pairs import images_of_strip
 from aatri.adapters.solution import stacked
 from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.image_pairs import Pairs, models_of
+from aatri.adapters.pairs.image_pairs import Pairs, models_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models, SecondOrientations, Turns

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters import strip_tables as tables
-from aatri.adapters import strips as pieces
-from aatri.adapters.strip_statistics import strip_notes
-from aatri.adapters.strip_tables import StripsOnGround
+from aatri.adapters.strips import strip_tables as tables
+from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips.strip_statistics import strip_notes
+from aatri.adapters.strips.strip_tables import StripsOnGround
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

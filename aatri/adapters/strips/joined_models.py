@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters.joint_methods import by_method, reversals
-from aatri.adapters.model_chains import (
+from aatri.adapters.strips.joint_methods import by_method, reversals
+from aatri.adapters.strips.model_chains import (
     Chain,
     Gap,
     images_left_alone,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.camera_parameters import Unit, Units, additional_parameters, camera_scale, units_of
+from aatri.adapters.bundle.camera_parameters import Unit, Units, additional_parameters, camera_scale, units_of
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

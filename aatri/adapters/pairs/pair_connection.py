@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.image_pairs import Pairs, models_of
-from aatri.adapters.pair_methods import PairRules, adjusted_pairs, refresh_points, with_elements
-from aatri.adapters.pair_notes import notes_of_pairs
+from aatri.adapters.pairs.image_pairs import Pairs, models_of
+from aatri.adapters.pairs.pair_methods import PairRules, adjusted_pairs, refresh_points, with_elements
+from aatri.adapters.pairs.pair_notes import notes_of_pairs
 from aatri.adapters.solution import stacked
 from aatri.arrays import Int
 from aatri.artifacts.block import Block

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters import strips as pieces
-from aatri.adapters.initial_scale import compared, distance_ratios
+from aatri.adapters.ground.initial_scale import compared, distance_ratios
 from aatri.adapters.solution import residuals, solved_cameras, stacked
+from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

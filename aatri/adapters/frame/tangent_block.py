@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 
-from aatri.adapters.adjustment_frame import frame_of, poses_into, poses_out_of
+from aatri.adapters.frame.adjustment_frame import frame_of, poses_into, poses_out_of
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import CONTROL, NO_ROLE, Block, Exterior, GroundPoints
 from aatri.artifacts.solution import Solution

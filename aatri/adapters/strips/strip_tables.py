@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters import strips as pieces
+from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals, StripTransformations

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adapters.image_pairs import Pairs, doubtful_sequences
+from aatri.adapters.pairs.image_pairs import Pairs, doubtful_sequences
 from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
 from aatri.artifacts.block import Block

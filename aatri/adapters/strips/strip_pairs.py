@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.image_pairs import neighbouring_images
+from aatri.adapters.pairs.image_pairs import neighbouring_images
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters.camera_parameters import Unit, Units, camera_scale, units_of
+from aatri.adapters.bundle.camera_parameters import Unit, Units, camera_scale, units_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import CalibratedSets, ErrorFields, ParameterCovariances
 from aatri.camera.parameters.error_field import image_error_field

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adapters.strip_tables import StripsOnGround
+from aatri.adapters.strips.strip_tables import StripsOnGround
 from aatri.arrays import Text
 from aatri.artifacts.block import Block
 from aatri.notes import Note

@@ -1,0 +1,1 @@
+"""The frame of the adjustment: blocks and solutions into it and back."""

@@ -1,0 +1,1 @@
+"""Strips and images to the ground: control and positions as arrays, components as a Solution."""

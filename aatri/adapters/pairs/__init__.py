@@ -1,0 +1,1 @@
+"""Pairs of images as arrays: their rays, relative orientations, models and notes."""

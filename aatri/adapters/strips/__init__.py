@@ -1,0 +1,1 @@
+"""Models and strips as arrays, joined, adjusted, and as tables again."""
