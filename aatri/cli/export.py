@@ -106,6 +106,7 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
     """A Solution as another program reads it, with the image points it was made from."""
     from aatri.artifacts.image_points import ImagePoints
     from aatri.artifacts.solution import Solution
+    from aatri.formats.results.crs import write_crs
     from aatri.pipeline.store import run_folder as store
 
     record = _record(run, name)
@@ -124,6 +125,7 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
 
         folder.mkdir(parents=True, exist_ok=True)
         write_bal_problem(solution, block, folder, image_points=points)
+    write_crs(block, folder)
 
 
 def _write_wucaps(run: Run, name: str, folder: Path) -> None:
