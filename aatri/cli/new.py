@@ -133,7 +133,7 @@ def _write(files: Mapping[Path, str]) -> None:
 
 
 def _text(block: Source) -> str:
-    demo = _demo().read_text(encoding="utf-8")
+    demo = demo_path().read_text(encoding="utf-8")
     if block is Source.simulate:
         return demo
     if block is Source.unordered:
@@ -147,7 +147,7 @@ def _text(block: Source) -> str:
     return _HEAD[block] + body
 
 
-def _demo() -> Path:
+def demo_path() -> Path:
     """The demo pipeline: beside the code in a wheel, at the top of a checkout."""
     package = Path(__file__).resolve().parents[1]
     packed = package / "pipeline" / "demo.yaml"

@@ -55,6 +55,7 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     PluginError
         If there is no such role.
     """
+    from aatri.cli.new import demo_path
     from aatri.pipeline.methods.registry import find_stages
     from aatri.pipeline.spec.spec import USE
 
@@ -68,6 +69,8 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
         raise SpecError(f"there is a stage {use} already: {registry.origins[use].where}", where="--plugin",
                         remedy="choose another name")  # fmt: skip
     cards = [registry.card(variant) for variant in registry.variants_of(role)]
+    usual = demo_path().read_text(encoding="utf-8")
+    cards.sort(key=lambda card: f"use: {card.name}," not in usual)  # what others of the chain are made to go with
     start = next((card for card in cards if not _needs_options(card)), None)
     return {
         folder / "stages" / role / f"{name}.py": _stage_text(use, declared, start),

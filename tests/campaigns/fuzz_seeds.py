@@ -59,9 +59,10 @@ DBAT = (
         for k in range(3)
     )
     + "\n1001 0 1 0 0 0 0\n1002 1 1 0 0 0 0\n1003 0 0 0.1 0 0 0\n"
-    + "\n1001 0 1 0 0 0 0\n1002 1 1 0 0 0 0\n1003 0 0 0.1 0 0 0\n7 0.5 0.5 0 0 0 0\n\n"
+    + "\n1001 0 1 0 0 0 0\n1002 1 1 0 0 0 0\n1003 0 0 0.1 0 0 0\n7 0.5 0.5 0 0 0 0\n8 0.2 0.7 0 0 0 0\n\n"
     + "".join(f"{k} {p} {300 + 200 * j}.5 {400 + 31 * k * j} 0.1 0.1\n"
-              for k in range(3) for j, p in enumerate((1001, 1002, 1003, 7)))
+              for k, seen in enumerate(((1001, 1002, 7, 8), (1002, 1003, 7, 8), (1001, 7, 8)))
+              for j, p in enumerate(seen))  # so few angles between control that nothing is held against them
 )  # fmt: skip
 CONTROL = (
     "# id, name, X, Y, Z, sX, sY, sZ\n1001, a, 0, 1, 0\n1002, b, 1, 1, 0, 0.01\n1003, c, 0, 0, 0.1, 0.01, 0.01, 0.02\n"
