@@ -37,6 +37,8 @@ def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.ND
     """
     import numpy as np
 
+    if not len(ids):  # tables may be long, and most blocks have no such observations
+        return np.zeros(0, dtype=np.int32)
     row = {str(text): k for k, text in enumerate(table)}
     return np.array([row.get(str(text), -1) for text in ids], dtype=np.int32)
 
