@@ -22,31 +22,16 @@ and, for the compiled loop over the pairs, pairs.py.
 
 from __future__ import annotations
 
-from aatri.adapters.pairs.pair_methods import PairRules, oriented_pairs
-from aatri.adapters.solution import check_same_block
-from aatri.adapters.strips.strip_pairs import strip_pairs
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.notes import tell
-from aatri.orientation.relative.equal_weights import Equation
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.plugin import SILENT, Context, stage
+
+from ._strip_pairs import PairOptions, oriented
 
 
-class DependentOptions(Options):
+class DependentOptions(PairOptions):
     """Options of the dependent relative orientation."""
-
-    max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
-    snooping_limit: float = Field(
-        4.0, gt=0, description="a point is rejected if its y-parallax is wrong by more standard deviations than this"
-    )
-    min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
-    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
-    equation: Equation = Field(
-        "rigorous",
-        description="rigorous weights; or equal weights of the y-parallax q of the model, or of the determinant",
-    )
 
 
 @stage(version=2, uses=("images.strip",))
@@ -58,12 +43,4 @@ def dependent(
     context: Context = SILENT,
 ) -> Models:
     """Orient the consecutive images of every strip to each other."""
-    check_same_block(block, image_points.images.id, "image_points")
-    rules = PairRules(
-        options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation
-    )
-    images, found = strip_pairs(block, image_points)
-    tell(found, context)
-    models, notes = oriented_pairs(block, image_points, images, "dependent", rules, context)
-    tell(notes, context)
-    return models
+    return oriented(block, image_points, "dependent", options, context)
