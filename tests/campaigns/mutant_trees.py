@@ -15,9 +15,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from tests.campaigns.call_hook import LOG
 
 NEAR = 8
 """So many test files are run before all the others are even collected."""
@@ -35,6 +37,8 @@ class Tree:
     failing: set[str] = field(default_factory=set)
     sound: set[str] = field(default_factory=set)
     original: tuple[str, str] | None = None
+    imports: dict[str, set[str]] = field(default_factory=dict)
+    watch: dict[str, str] = field(default_factory=dict)
 
     @staticmethod
     def copied(root: Path, place: Path, limit_s: float) -> Tree:
@@ -46,7 +50,7 @@ class Tree:
         tests = sorted(p.relative_to(tree).as_posix() for p in (tree / "tests").rglob("test_*.py"))
         imports = {name: set(_imports(tree, name)) for name in _sources(tree)}
         wanted = [t for t in tests if not t.startswith("tests/campaigns/")]
-        return Tree(tree, limit_s, {test: _distances(test, imports) for test in wanted})
+        return Tree(tree, limit_s, {test: _distances(test, imports) for test in wanted}, imports=imports)
 
     @contextlib.contextmanager
     def holding(self, file: str, text: str) -> Iterator[None]:
@@ -70,9 +74,20 @@ class Tree:
             compiled.unlink()  # which would pass for that of a text as long, written within the same second
         path.write_text(text, encoding="utf-8")
 
-    def killer(self, file: str, near_only: bool) -> tuple[str, str]:
-        """Verdict on the tree as it is, and the test that gave it."""
-        order = self.order(file)
+    def watched(self, tests: Sequence[str], log: Path) -> str:
+        """Run tests under the hook of `reach`; the last line of what they say."""
+        site = self.root.parent / "site"
+        site.mkdir(exist_ok=True)
+        text = "from tests.campaigns.call_hook import begin\n\nbegin()\n"
+        (site / "sitecustomize.py").write_text(text, encoding="utf-8")
+        slow = [test for test in tests if test.startswith("tests/stages/")]
+        self.watch = {LOG: str(log), "PYTHONPATH": f"{site}{os.pathsep}{self.root}"}
+        ends = [self._run(some, mark) for some, mark in [(tests, "not slow"), (slow, "slow")]]
+        return "; ".join(" ".join(end) for end in ends)
+
+    def killer(self, file: str, near_only: bool, able: Set[str] | None = None) -> tuple[str, str]:
+        """Verdict on the tree as it is, and the test that gave it; `able`: the test files that can notice, if known."""
+        order = [test for test in self.order(file) if able is None or test in able]
         near = [test for test in order if file in self.distance[test] or _is_mirror(test, file)][:NEAR]
         rest = [test for test in order if test not in near]
         slow = [test for test in order if test.startswith("tests/stages/")]
@@ -130,9 +145,11 @@ class Tree:
             "-m",
             marked,
         ]
+        command += ["-p", "tests.campaigns.reach", "--maxfail=1000"] if self.watch else []
         command += [f"--basetemp={place / 'tests'}", *aside, *tests]
         environment = {**os.environ, "PYTHONPATH": str(self.root), "PYTHONUNBUFFERED": "1",
-                       "XDG_CACHE_HOME": str(place / "cache"), "NUMBA_CACHE_DIR": str(place / "numba")}  # fmt: skip
+                       "XDG_CACHE_HOME": str(place / "cache"), "NUMBA_CACHE_DIR": str(place / "numba"),
+                       **self.watch}  # fmt: skip
         with output.open("wb") as out:
             process = subprocess.Popen(command, cwd=self.root, env=environment, stdout=out, stderr=subprocess.STDOUT,
                                        stdin=subprocess.DEVNULL, start_new_session=True)  # fmt: skip

@@ -1,13 +1,14 @@
 """Change the code in one small place, and see whether a test notices: what survives, no test holds.
 
-    python -m tests.campaigns.mutants --count 100 --seed 1 [--under aatri/geometry] [--workers 2] [--near]
+    python -m tests.campaigns.mutants --count 100 --seed 1 [--under aatri/geometry] [--workers 2] [--near] [--reach LOG]
 
 Each mutant is made in a copy of the tree (the changes: `mutations`). First run the tests near it, by the mirror of the
 tree and by import, then the rest of the quick subset, then the slow ones of `tests/stages`; the first test that fails
-kills it. A test that fails without the mutant too kills nothing and is set aside. Tests that print no progress for
-`--limit` seconds hang: killed as well. Mutants that change no result are listed by hand, with the reason, in
-`equivalent_mutants.yaml`. The end is a list of the survivors and the share killed of those not equivalent; below
-`--at-least` per cent the campaign has failed. Kernels are compiled anew for each of their mutants: half a minute.
+kills it. With a log of `reach` only test files that call the changed function are run. A test that fails without the
+mutant too kills nothing and is set aside. Tests that print no progress for `--limit` seconds hang: killed as well.
+Mutants that change no result are listed by hand, with the reason, in `equivalent_mutants.yaml`. The end is a list of
+the survivors and the share killed of those not equivalent; below `--at-least` per cent the campaign has failed. Kernels
+are compiled anew for each of their mutants: half a minute.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import yaml
 from tests.campaigns import harness
 from tests.campaigns.mutant_trees import Tree
 from tests.campaigns.mutations import Mutation, is_another_program, mutations
+from tests.campaigns.reach import Reach
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.yaml")
@@ -90,16 +92,18 @@ def equivalents() -> dict[tuple[str, str, str], str]:
 
 
 def outcome(
-    mutant: Mutant, trees: queue.Queue[Tree], known: dict[tuple[str, str, str], str], near_only: bool
-) -> Outcome:
+    mutant: Mutant, trees: queue.Queue[Tree], known: dict[tuple[str, str, str], str], near_only: bool,
+    reach: Reach | None,
+) -> Outcome:  # fmt: skip
     """Try one mutant in a tree that is free."""
     reason = known.get((mutant.file, *mutant.lines))
     if reason is not None:
         return Outcome(mutant, "equivalent", reason)
+    able = None if reach is None else reach.tests(mutant.file, mutant.source, mutant.change.line)
     tree = trees.get()
     try:
         with tree.holding(mutant.file, mutant.change.applied(mutant.source)):
-            verdict, by = tree.killer(mutant.file, near_only)
+            verdict, by = tree.killer(mutant.file, near_only, able)
     finally:
         trees.put(tree)
     return Outcome(mutant, verdict, by)
@@ -112,6 +116,7 @@ def main() -> None:
     parser.add_argument("--under", default="", help="only files whose path begins so, e.g. aatri/geometry")
     parser.add_argument("--workers", type=int, default=1, help="mutants side by side")
     parser.add_argument("--near", action="store_true", help="only the tests near the mutant")
+    parser.add_argument("--reach", type=Path, help="log of which tests call what (see `reach`): only those are run")
     parser.add_argument("--limit", type=float, default=180.0, help="seconds without progress after which tests hang")
     parser.add_argument("--at-least", type=float, default=85.0, help="per cent killed, else exit code 1")
     given, begin = parser.parse_args(), time.monotonic()
@@ -119,10 +124,12 @@ def main() -> None:
     with harness.workplace() as place:
         for k in range(given.workers):
             trees.put(Tree.copied(ROOT, place / f"worker-{k}", given.limit))
+            tree = trees.queue[-1]
+        reach = Reach(given.reach, set(tree.distance), tree.imports) if given.reach else None
         mutants = chosen(all_mutants(ROOT, given.under), given.count, given.seed)
         with ThreadPoolExecutor(given.workers) as pool:
             outcomes = []
-            for one in pool.map(lambda m: outcome(m, trees, known, given.near), mutants):
+            for one in pool.map(lambda m: outcome(m, trees, known, given.near, reach), mutants):
                 outcomes.append(one)
                 sys.stdout.write(one.text())
                 sys.stdout.flush()
