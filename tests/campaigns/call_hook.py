@@ -16,21 +16,22 @@ LOG, TEST = "AATRI_REACH_LOG", "AATRI_REACH_TEST"
 ROOT = Path(__file__).resolve().parents[2]
 TOPS = tuple(f"{ROOT}/{top}/" for top in ("aatri", "stages"))
 
-_seen: set[CodeType] = set()
+_seen: dict[int, CodeType] = {}
+"""By identity, since to hash a code object takes long; it stays alive here."""
 
 
 def begin() -> None:
     """Note from now on, in this process and its threads, which functions are called."""
-    if os.environ.get(LOG):
+    if LOG in os.environ and TEST in os.environ:
         threading.setprofile(_note)
         sys.setprofile(_note)
 
 
 def _note(frame: FrameType, event: str, _: Any) -> None:
     code = frame.f_code
-    if event != "call" or code in _seen:
+    if event != "call" or id(code) in _seen:
         return
-    _seen.add(code)
+    _seen[id(code)] = code
     name = code.co_filename
     if name.startswith(TOPS) and (test := os.environ.get(TEST)):
         line = f"{test}\t{name.removeprefix(f'{ROOT}/')}\t{code.co_qualname}\n"

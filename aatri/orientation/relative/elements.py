@@ -44,7 +44,7 @@ def dependent_elements(left_from_right: Float, base: Float, covariance: Float) -
     """
     angles = angles_from_rotation(left_from_right, "phi-omega-kappa")
     of_angles = angle_covariance(left_from_right, covariance[:, :3, :3], "phi-omega-kappa")
-    T = np.array([tangents(b) for b in base]).reshape(-1, 3, 2)
+    T = tangents(base)
     slopes = base[:, 1:] / base[:, :1]
     by_t = (T[:, 1:] - slopes[:, :, None] * T[:, :1]) / base[:, :1, None]
     of_slopes = by_t @ covariance[:, 3:, 3:] @ by_t.swapaxes(1, 2)
@@ -55,7 +55,7 @@ def dependent_elements(left_from_right: Float, base: Float, covariance: Float) -
 def independent_elements(left_from_right: Float, base: Float, covariance: Float) -> tuple[Float, Float]:
     """phi1, kappa1, phi2, omega2, kappa2 and their standard deviations; see `dependent_elements`."""
     R1 = left_rotation(base)
-    T = np.array([tangents(b) for b in base]).reshape(-1, 3, 2)
+    T = tangents(base)
     of_left = left_angle_rates(base) @ T
     R2 = R1 @ left_from_right
     J = np.zeros((len(base), 3, 5))

@@ -17,8 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.threads import in_threads
 from aatri.arrays import Float, Int
-from aatri.orientation.strips.joints import JointTable, ModelTable
+from aatri.orientation.strips.joints import WORTH_A_THREAD, JointTable, ModelTable
+from aatri.orientation.strips.kernels.means import means
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,7 @@ def form_strips(
     use[joints.first_row[rejected]] = use[joints.second_row[rejected]] = False
     rows = np.flatnonzero(use)
     rows = rows[np.argsort(place[of_row[rows]], kind="stable")]
-    k = of_row[rows]
-    turned = (m[k] ** 2)[:, None, None] * (R[k] @ models.covariance[rows] @ R[k].swapaxes(1, 2))
-    means = _means(strip[k], models.point[rows], placed[rows], turned)
+    means = _means(strip, models, rows, m, R, placed)
     return FreeStrips(np.repeat(np.arange(len(chains)), count + 1), position, rotation, *means, placed)
 
 
@@ -119,17 +119,20 @@ def _followed(
     return position, rotation, of_model, scale
 
 
-def _means(strip: Int, point: Int, x: Float, covariance: Float) -> tuple[Int, Int, Float, Float, Int]:
+def _means(
+    strip: Int, models: ModelTable, rows: Int, scale: Float, rotation: Float, placed: Float
+) -> tuple[Int, Int, Float, Float, Int]:
     """Weighted means of the points of each strip over its models: strip, point, mean, covariance, models."""
-    order = np.lexsort((point, strip))
-    strip, point, x = strip[order], point[order], x[order]
-    weight = np.linalg.inv(covariance[order])
-    new = np.flatnonzero(np.concatenate([[True], (np.diff(strip) != 0) | (np.diff(point) != 0)])[: len(order)])
-    count = np.diff(np.append(new, len(order)))
-    if not len(new):
-        return strip[new], point[new], x[new], covariance[new], count
-    row = np.repeat(np.arange(len(new)), count)
-    moment = (weight @ (x - x[new][row])[:, :, None])[:, :, 0]
-    found = np.linalg.inv(np.add.reduceat(weight, new))
-    mean = x[new] + (found @ np.add.reduceat(moment, new)[:, :, None])[:, :, 0]
-    return strip[new].astype(np.int64), point[new].astype(np.int64), mean, found, count
+    model = np.ascontiguousarray(models.of_row(), dtype=np.int64)
+    rows = np.ascontiguousarray(rows[np.lexsort((models.point[rows], strip[model[rows]]))])
+    of_strip, point = strip[model[rows]], models.point[rows]
+    new = np.flatnonzero(np.concatenate([[True], (np.diff(of_strip) != 0) | (np.diff(point) != 0)])[: len(rows)])
+    start, n = np.append(new, len(rows)), len(new)
+    mean, found = np.empty((n, 3)), np.empty((n, 3, 3))
+    covariance = np.require(models.covariance, np.float64, ["C", "W"])
+
+    def part(first: int, last: int) -> None:
+        means(first, last, start, rows, model, scale, rotation, covariance, placed, mean, found)
+
+    in_threads(n, part, worth=WORTH_A_THREAD)
+    return of_strip[new].astype(np.int64), point[new].astype(np.int64), mean, found, np.diff(start)

@@ -14,7 +14,8 @@ import numpy as np
 from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.strips.kernels.joints import join
-from aatri.orientation.strips.log_scale import ModelRows, log_scales, root_of
+from aatri.orientation.strips.kernels.log_scale import log_scales
+from aatri.orientation.strips.log_scale import root_of
 from aatri.orientation.strips.scale_transfer import Model, scale_transfer
 
 AT_ONCE = 250_000
@@ -125,15 +126,14 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
         start, first_row, second_row, np.zeros(n, dtype=bool),
         np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan),
     )  # fmt: skip
-    roots, of_row = root_of(models.orientation_covariance), models.of_row()
+    of_models = _of_models(models)
     pieces = max(round(n / AT_ONCE), 1)
     bounds = np.searchsorted(start[:-1], np.linspace(0, n, pieces + 1)[1:-1])
     edges = np.unique(np.concatenate([[0], bounds, [j]])).tolist()
     done = np.zeros(j, dtype=bool)
     for a, b in pairwise(edges):
         rows = slice(int(start[a]), int(start[b]))
-        sides = (_rows(models, roots, of_row, side[rows]) for side in (first_row, second_row))
-        done[a:b] = _joined(found, a, b, *log_scales(*sides), snooping_limit)
+        done[a:b] = _joined(found, a, b, *_observed(of_models, first_row[rows], second_row[rows]), snooping_limit)
     for k in np.flatnonzero(~done & (np.diff(start) > 0)).tolist():
         _one_by_one(found, models, k, snooping_limit)
     found.spread[:] = _spreads(models, found)
@@ -160,16 +160,29 @@ def _rows_of(start: Int, chosen: Int) -> tuple[Int, Int]:
     return item, row
 
 
-def _rows(models: ModelTable, roots: Float, of_row: Int, rows: Int) -> ModelRows:
-    k = of_row[rows]
-    return ModelRows(models.xyz[rows], models.covariance[rows], models.base[k], models.left_from_right[k], roots[k])
+def _of_models(models: ModelTable) -> tuple[Int | Float, ...]:
+    """What the compiled observation equations take of the models."""
+    roots = root_of(models.orientation_covariance)
+    columns = (models.xyz, models.covariance, models.base, models.left_from_right, roots)
+    of_row = np.ascontiguousarray(models.of_row(), dtype=np.int64)
+    return (of_row, *(np.require(column, np.float64, ["C", "W"]) for column in columns))
 
 
-def _joined(found: JointTable, a: int, b: int, observed: Float, sigma: Float, J: Float, limit: float) -> Bool:
+def _observed(of_models: tuple[Int | Float, ...], first: Int, second: Int) -> tuple[Float, Float, Float]:
+    """Observed logarithms of the scale, their standard deviations and whitened derivatives of common points."""
+    n = len(first)
+    a, b = (np.ascontiguousarray(rows, dtype=np.int64) for rows in (first, second))
+    observed, sigma, A = np.empty(n), np.empty(n), np.empty((n, 11))
+    arguments = (a, b, *of_models, observed, sigma, A)
+    in_threads(n, lambda begin, end: log_scales(begin, end, *arguments), worth=WORTH_A_THREAD)
+    return observed, sigma, A
+
+
+def _joined(found: JointTable, a: int, b: int, observed: Float, sigma: Float, A: Float, limit: float) -> Bool:
     """The compiled loop over the joints a ... b - 1; returns which are done."""
     start = np.ascontiguousarray(found.start[a : b + 1] - found.start[a], dtype=np.int64)
     n, m = len(observed), b - a
-    A, y = np.ascontiguousarray(J / sigma[:, None]), np.ascontiguousarray(observed / sigma)
+    y = observed / sigma
     x, scale_sigma, done = np.full((m, 11), np.nan), np.full(m, np.nan), np.zeros(m, dtype=bool)
     active, work = np.zeros(n, dtype=bool), np.full((n, 3), np.nan)
 
