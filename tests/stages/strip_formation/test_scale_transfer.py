@@ -11,7 +11,7 @@ from aatri.errors import GeometryError
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_formation.scale_transfer import ScaleTransferOptions, scale_transfer
 from tests.stages.made_strips import made_strips
-from tests.stages.test_dependent import Log
+from tests.stages.relative_orientation.test_dependent import Log
 
 
 def _strips(made, **arguments):

@@ -10,9 +10,9 @@ import pytest
 from aatri.errors import GeometryError
 from aatri.stages.absolute_orientation.direct import direct
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.bundle_adjustment.test_attitudes import flown
 from tests.stages.film_blocks import Told
 from tests.stages.geodetic_blocks import figures
-from tests.stages.test_attitudes import flown
 
 ARM = (0.2, -0.1, 0.4)
 
