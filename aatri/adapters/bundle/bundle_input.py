@@ -9,16 +9,17 @@ import numpy as np
 
 from aatri.adapters.bundle.network_start import network_start
 from aatri.adapters.bundle.orientations import given_orientations
+from aatri.adapters.film_errors import film_errors
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
-from aatri.artifacts.image_points import ImagePoints, Interior
+from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import film_correction, rays_of
+from aatri.observations.image_points import rays_of
 from aatri.observations.kinds import observe
 from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.observed import Given, Observed
@@ -145,32 +146,13 @@ def origin_of(poses: Poses, xyz_m: Float) -> Float:
 
 
 def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
-    """The film corrections that the fiducials leave open, weighted by their interior orientation.
-
-    None where no image has measured fiducials: pixels are where they are.
-    """
-    n, interior = len(block.images), image_points.interior
-    covariance = np.zeros((n, *interior.covariance.shape[1:]))
-    covariance[interior.image] = interior.covariance
-    open_ = np.einsum("nii->ni", covariance) > 0
-    if not open_.any():
+    """The film corrections that the fiducials leave open, weighted by their interior orientation; None without any."""
+    film = film_errors(block, image_points)
+    if film is None:
         return None
-    size = int(np.flatnonzero(open_.any(axis=0)).max()) + 1
-    model, linear = np.full(n, "affine", dtype=interior.model.dtype), np.tile(np.eye(2), (n, 1, 1))
-    model[interior.image], linear[interior.image] = interior.model, _linear_part(block, interior)
-    rays = rays_of(block, image_points)
-    labels = tuple(f"film correction d{k}" for k in range(size))
-    free, zero, covariance = open_[:, :size], np.zeros((n, size)), covariance[:, :size, :size]
-    basis = film_correction(rays, FILM, model, linear, size).basis
-    return ParameterRows(FILM, block.images.id, labels, zero, free, zero, covariance, free, rays.image, basis,
-                         per_image=True)  # fmt: skip
-
-
-def _linear_part(block: Block, interior: Interior) -> Float:
-    """Of the transformations, from nominal millimetres: the axes of the measurement."""
-    size = block.cameras.pixel_size_mm[block.images.camera[interior.image]]
-    pixel = (block.cameras.image_coordinates == "pixel")[block.images.camera[interior.image]]
-    return np.asarray(interior.matrix[:, :, :2] / np.where(pixel[:, None], size, 1.0)[:, None, :])
+    zero, image = np.zeros(film.open.shape), image_points.measurements.image
+    return ParameterRows(FILM, block.images.id, film.labels, zero, film.open, zero, film.covariance, film.open, image,
+                         film.basis, per_image=True)  # fmt: skip
 
 
 def _start_poses(block: Block, initial: Solution | None) -> tuple[Float, Float]:

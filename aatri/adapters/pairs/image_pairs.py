@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array, triu
 
+from aatri.adapters.pairs.film_in_orientations import film_in_orientations
 from aatri.adapters.solution import stacked
 from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
@@ -158,6 +159,8 @@ def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: Rela
     model_of = np.full(len(pairs.left), -1, dtype=np.int32)
     model_of[formed] = np.arange(len(formed))
     model = np.repeat(model_of, np.diff(pairs.start))
+    film = film_in_orientations(block, image_points, pairs.rays, pairs.start, (pairs.left, pairs.left_row),
+                                (pairs.right, pairs.right_row), found)  # fmt: skip
     return Models(
         images=image_points.images,
         points=image_points.points,
@@ -167,7 +170,7 @@ def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: Rela
             right=pairs.right[formed],
             left_from_right=found.left_from_right[formed],
             base=found.base[formed],
-            covariance=found.covariance[formed],
+            covariance=(found.covariance + film)[formed],
             sigma0=found.sigma0[formed],
             redundancy=found.redundancy[formed].astype(np.int32),
             iterations=found.iterations[formed].astype(np.int32),
