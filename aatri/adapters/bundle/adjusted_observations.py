@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adjustment.covariance.gains import Gains
-from aatri.adjustment.statistics.reliability import moved, reliability
+from aatri.adjustment.statistics.reliability import Reliability, independent_reliability, moved, reliability
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import Residuals, Tests
@@ -43,16 +43,23 @@ def reliability_table(found: AdjustedObservations, state: State, gains: Gains | 
         Of the rows that take part.
     """
     o, rows = found.observed, found.rows
-    covariance, adjusted = _covariances(found)
-    observed = o.records.observed_components()[rows] & found.used[rows][:, None]
-    r = reliability(np.where(observed, found.residuals(state), 0.0), covariance, adjusted)
     whitener = o.records.whitener[rows]
+    observed = o.records.observed_components()[rows] & found.used[rows][:, None]
+    v = np.where(observed, found.residuals(state), 0.0)
+    independent = whitener.ndim == 2
+    r = independent_reliability(v, whitener, found.covariance[rows]) if independent else _correlated(found, v)
     effects = [_moved(gains, group, whitener, r.detectable, part) for group, part in _MOVED]
     columns = [np.where(observed, x, np.nan) for x in (r.redundancy, r.test, r.detectable, r.external, *effects)]
     if o.components:
         row, component = np.nonzero(np.isfinite(o.sigmas()[rows]))
         columns = [x[row, component][:, None] for x in columns]
-    return Tests(*(np.pad(x, ((0, 0), (0, WIDTH - x.shape[1])), constant_values=np.nan) for x in columns))
+    return Tests(*map(_as_wide, columns))
+
+
+def _as_wide(values: Float) -> Float:
+    wide = np.full((len(values), WIDTH), np.nan)
+    wide[:, : values.shape[1]] = values
+    return wide
 
 
 _MOVED = ((POINT, slice(0, 3)), (POSE, slice(0, 3)), (POSE, slice(3, 6)))
@@ -63,14 +70,11 @@ def _moved(gains: Gains | None, group: str, whitener: Float, detectable: Float, 
     return np.full(detectable.shape, np.nan) if gain is None else moved(gain, whitener, detectable, part)
 
 
-def _covariances(found: AdjustedObservations) -> tuple[Float, Float]:
-    """Covariances of the observations and of their adjusted values, in units of the observation."""
+def _correlated(found: AdjustedObservations, v: Float) -> Reliability:
+    """Of records with correlated components, from covariances in units of the observation."""
     records, rows = found.observed.records, found.rows
     L, R = records.whitener[rows], found.covariance[rows]
-    if L.ndim == 2:
-        sigma = 1.0 / np.where(L > 0, L, 1.0)
-        return sigma[:, :, None] * np.eye(records.rows) * sigma[:, None, :], sigma[:, :, None] * R * sigma[:, None, :]
     used = records.observed_components()[rows]
     both: Bool = used[:, :, None] & used[:, None, :]
     back = np.linalg.inv(np.where(both, L, np.eye(records.rows)))
-    return back @ back.swapaxes(1, 2), back @ np.where(both, R, 0.0) @ back.swapaxes(1, 2)
+    return reliability(v, back @ back.swapaxes(1, 2), back @ np.where(both, R, 0.0) @ back.swapaxes(1, 2))

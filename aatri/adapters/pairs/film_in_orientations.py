@@ -49,7 +49,7 @@ def film_in_orientations(
     film = film_errors(block, image_points)
     if film is None:
         return added
-    some = film.open.any(axis=1)
+    some = np.asarray(film.open.any(axis=1))
     for k in np.flatnonzero(found.formed & (some[left[0]] | some[right[0]])).tolist():
         rows = int(start[k]) + np.flatnonzero(found.active[int(start[k]) : int(start[k + 1])])
         R, b, of_pair = found.left_from_right[k], found.base[k], rays.take(rows)

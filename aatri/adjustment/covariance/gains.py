@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.kernels.ray_gains import ray_gains
 from aatri.adjustment.records import Records
 from aatri.adjustment.structure.index import group_sizes
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -68,30 +69,34 @@ def take_gains(gains: Gains, rows: Int, K: Float) -> None:
             gain[rows] = K[:, columns]
 
 
-def gains_of_rays(gains: Gains, rows: Int, A: Float, B: Float, row: Int, S: Float, X: Float, Q: Float) -> None:
+def gains_of_rays(
+    gains: Gains, rows: Int, A: Float, B: Float, row: Int, S: Float, X: Float, block: Int, Q: Float
+) -> None:
     """Fill in the gains of some rays of eliminated blocks.
 
     Parameters
     ----------
     A, B : (n, m, columns), (n, m, 3) float64
+        Zero for unknowns that are held.
     row : (n, columns) int
         Row of the front of each column of A, -1 where held.
-    S : (size, size) float64
+    S : (size, size) float64, column-major
         Covariance of the front.
     X : (n, columns, 3) float64
         Minus the covariance of the kept unknowns with the block.
-    Q : (n, 3, 3) float64
-        Covariance of the block of each ray.
+    block : (n,) int
+        Block of each ray.
+    Q : (n_blocks, 3, 3) float64
+        Covariances of the blocks.
     """
-    both = (row >= 0)[:, :, None] & (row >= 0)[:, None, :]
-    own = np.where(both, S[row[:, :, None], row[:, None, :]], 0.0)
-    kept = own @ A.swapaxes(1, 2) - np.where((row >= 0)[:, :, None], X, 0.0) @ B.swapaxes(1, 2)
-    block = Q @ B.swapaxes(1, 2) - X.swapaxes(1, 2) @ A.swapaxes(1, 2)
+    n, m, k = A.shape
+    kept, own = np.empty((n, k, m)), np.empty((n, 3, m))
+    ray_gains(A, B, np.ascontiguousarray(row, np.int64), S, X, np.ascontiguousarray(block, np.int64), Q, kept, own)
     first = 0
     for group, columns, gain in zip(gains.group, gains.columns, gains.gain):
         width = columns.stop - columns.start
         if group == gains.eliminated:
-            found = block
+            found = own
         else:
             found = kept[:, first : first + width]
             first += width

@@ -183,9 +183,9 @@ class _Down:
                 block_covariances(p0, p1, base, rays.ray_start, active, A, B, row, S, self.problem.block_free,
                                   self.factored.block_factor, self.block, self.ray, X)  # fmt: skip
             if self.gains:
-                of_block = self.block[np.repeat(np.arange(p0, p1), np.diff(rays.ray_start[p0 : p1 + 1]))]
+                block = np.repeat(np.arange(p0, p1), np.diff(rays.ray_start[p0 : p1 + 1]))
                 gains = self.gains[place_of(self.problem, rays.records)]
-                gains_of_rays(gains, rays.rows[base:last], A, B, row, S, X, of_block)
+                gains_of_rays(gains, rays.rows[base:last], A, B, row, S, X, block, self.block)
 
     def result(self) -> Covariances:
         """Covariances by group and block, and by row of the rays' records."""

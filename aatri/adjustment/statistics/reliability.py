@@ -79,6 +79,26 @@ def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) 
     return Reliability(r, np.where(known, w, np.nan), detectable, external)
 
 
+def independent_reliability(residual: Float, whitener: Float, adjusted: Float) -> Reliability:
+    """The same of records of independent components.
+
+    Parameters
+    ----------
+    residual : (n, m) float64
+    whitener : (n, m) float64
+        Inverse standard deviations.
+    adjusted : (n, m, m) float64
+        Covariance of the whitened adjusted values; NaN where not known.
+    """
+    r = 1.0 - np.einsum("nii->ni", adjusted)
+    known = (r > UNCONTROLLED) & (whitener > 0)
+    root = np.sqrt(np.where(known, r, 1.0))
+    over = np.where(known, 1.0 / root, np.nan)
+    test = np.where(known, whitener * residual / root, np.nan)
+    detectable = DELTA0 * over / np.where(known, whitener, 1.0)
+    return Reliability(r, test, detectable, DELTA0 * over * np.sqrt(np.maximum(1.0 - r, 0.0)))
+
+
 def moved(gain: Float, whitener: Float, detectable: Float, part: slice = slice(None)) -> Float:
     """How far a detectable error of each component moves a block of unknowns: the length of some of its scalars.
 
@@ -96,5 +116,8 @@ def moved(gain: Float, whitener: Float, detectable: Float, part: slice = slice(N
     (n, m) float64
         NaN where uncontrolled.
     """
-    per_unit = gain[:, part] * whitener[:, None, :] if whitener.ndim == 2 else gain[:, part] @ whitener
+    some = gain[:, part]
+    if whitener.ndim == 2:
+        return np.asarray(np.sqrt(np.einsum("nkm,nkm->nm", some, some)) * whitener * detectable)
+    per_unit = some @ whitener
     return np.asarray(np.sqrt((per_unit**2).sum(axis=1)) * detectable)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.adjust import Adjusted
+from aatri.adjustment.residuals import residuals
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
@@ -57,7 +58,7 @@ class AdjustedObservations:
 
     def residuals(self, state: State) -> Float:
         """Computed minus observed of the rows that take part, (k, m)."""
-        return self.observed.records.evaluate(state, self.rows)[0]
+        return residuals(self.observed.records, state, self.rows)
 
 
 @dataclass(frozen=True)

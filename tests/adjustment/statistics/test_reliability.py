@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.statistics.reliability import DELTA0, moved, reliability
+from aatri.adjustment.statistics.reliability import DELTA0, independent_reliability, moved, reliability
 
 
 def test_independent_components_follow_the_textbook() -> None:
@@ -98,3 +98,16 @@ def test_blocks_are_moved_by_what_an_adjustment_with_the_error_moves_them() -> N
             error = np.zeros(30)
             error[3 * k + i] = found.detectable[k, i]
             assert lengths[k, i] == pytest.approx(np.linalg.norm((Q @ A.T @ W @ error)[1:3]), rel=1e-9)
+
+
+def test_records_of_independent_components_take_a_short_way_to_the_same_figures() -> None:
+    rng = np.random.default_rng(5)
+    L, v = rng.uniform(0.5, 2.0, (6, 2)), rng.normal(size=(6, 2))
+    half = 0.4 * rng.normal(size=(6, 2, 2))
+    R = half @ half.swapaxes(1, 2)
+    R[0, 0, 0], R[1] = 1.0, np.nan
+    back = (1.0 / L)[:, :, None] * np.eye(2)
+    wanted = reliability(v, back @ back, back @ R @ back)
+    found = independent_reliability(v, L, R)
+    for name in ("redundancy", "test", "detectable", "external"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-12)
