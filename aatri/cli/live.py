@@ -73,10 +73,6 @@ class Live:
             self._steps[stage] = f"{done}/{total} {what}".strip() if total else what
             self._progress.update(self._stages[stage][0], total=total or None, completed=done if total else 0)
 
-    def said(self, stage: str, text: str) -> None:
-        """Say what a stage does that does not tell it."""
-        self._steps[stage] = text
-
     def ended(self, stage: str) -> None:
         """Take that a stage is over, made or not."""
         if stage in self._stages:
@@ -92,8 +88,8 @@ class Live:
 
         self.console.print(Text(text, style=style), soft_wrap=True)
 
-    def tick(self) -> None:
-        """Bring times and bars up to now."""
+    def tick(self, note: str = "") -> None:
+        """Bring times and bars up to now; a note stands beside the bar of the run."""
         now = time.monotonic()
         under_way = 0.0
         for stage, (task, began, expected) in self._stages.items():
@@ -103,5 +99,5 @@ class Live:
             under_way += min(now - began, 0.99 * self._weights.get(stage, UNKNOWN_S))
         left = sum(self._weights.values()) - self._done_weight - under_way
         about = f", about {left:.0f} s left" if self._known and left >= 1 else ""
-        said = f"{self._done}/{self._count} stages  {now - self._began:.0f} s{about}"
+        said = f"{self._done}/{self._count} stages  {now - self._began:.0f} s{about}  {note}".rstrip()
         self._progress.update(self._run, completed=self._done_weight + under_way, said=said)

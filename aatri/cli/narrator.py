@@ -1,7 +1,7 @@
 """Tells what happens during a run, on stderr: bars on a terminal (`live`), else a line now and then.
 
 A line per stage that is done and per iteration of a long adjustment; warnings always. While code is compiled, how many
-kernels are ready.
+kernels are ready, and at the end of the stage how many there were: its seconds are theirs too.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.compiling import Compiling
+from aatri.cli.compiling import Compiling, found
 from aatri.cli.console import is_terminal, narrate
 from aatri.cli.figures import highlights
 
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from aatri.cli.live import Live
     from aatri.pipeline.plan.plan import Plan
 
-_LIVE_S, _HEARTBEAT_S = 0.25, 10.0
+_LOOK_S, _HEARTBEAT_S = 0.25, 10.0
+_COMPILING_S = 6.0
+"""So long after the last one compiled a count of kernels is shown; the largest take as long."""
 LONG_S = 1.0
 """Iterations of a stage under way for longer are told one by one."""
 
@@ -35,6 +37,7 @@ class _UnderWay:
     use: str
     began: float
     step: str = ""
+    ready: int = 0  # kernels compiled when it began
 
 
 class Narrator:
@@ -82,7 +85,7 @@ class Narrator:
         """Remember how the line of the stage begins."""
         with self._turn:
             self._heads[stage] = f"[{number:{len(str(total))}}/{total}] {stage}"
-            self._under_way[stage] = _UnderWay(self._heads[stage], use, time.monotonic())
+            self._under_way[stage] = _UnderWay(self._heads[stage], use, time.monotonic(), ready=found())
             if self._live is not None:
                 self._live.started(stage, self._heads[stage], self._expected.get(stage, 0.0))
 
@@ -105,9 +108,12 @@ class Narrator:
     def finished(self, record: Mapping[str, Any]) -> None:
         """One line per stage."""
         with self._turn:
-            self._end(record["stage"])
+            at = self._end(record["stage"])
             if not self._quiet:
-                self._say(f"{self._heads[record['stage']]}  {record['seconds']:.2f} s  {highlights(record['metrics'])}")
+                compiled = found() - at.ready if at else 0
+                once = f" ({compiled} kernels compiled meanwhile, once)" if compiled > 0 else ""
+                head = f"{self._heads[record['stage']]}  {record['seconds']:.2f} s{once}"
+                self._say(f"{head}  {highlights(record['metrics'])}")
 
     def failed(self, stage: str, folder: Path) -> None:
         """Say where the log is; the error itself follows at the end."""
@@ -115,10 +121,10 @@ class Narrator:
             self._end(stage)
             self._say(f"{self._heads[stage]}  failed; log: {folder / 'stage.log'}", "red")
 
-    def _end(self, stage: str) -> None:
-        self._under_way.pop(stage, None)
+    def _end(self, stage: str) -> _UnderWay | None:
         if self._live is not None:
             self._live.ended(stage)
+        return self._under_way.pop(stage, None)
 
     def _say(self, text: str, style: str = "") -> None:
         with self._turn:
@@ -130,18 +136,23 @@ class Narrator:
                 self._live.line(printable(text), style)
 
     def _tick(self) -> None:
-        while not self._ended.wait(_LIVE_S if self._live is not None else _HEARTBEAT_S):
-            compiling = self._compiling.told()
+        line_at, noted, noted_until = time.monotonic() + _HEARTBEAT_S, "", 0.0
+        while not self._ended.wait(_LOOK_S):
+            now, told = time.monotonic(), self._compiling.told()
+            begins = bool(told) and not noted
+            if told:
+                noted, noted_until = told, now + _COMPILING_S
+            elif now >= noted_until:
+                noted = ""
             with self._turn:
-                for stage, at in self._under_way.items():
-                    if self._live is None:
-                        narrate(self._line(stage, compiling))
-                    elif compiling and not at.step:
-                        self._live.said(stage, compiling)
                 if self._live is not None:
-                    self._live.tick()
+                    self._live.tick(noted)
+                elif begins or now >= line_at:
+                    line_at = now + _HEARTBEAT_S
+                    for stage in self._under_way:
+                        narrate(self._line(stage, noted))
 
     def _line(self, stage: str, compiling: str) -> str:
         at = self._under_way[stage]
         expected = f" of about {self._expected[stage]:.0f} s" if self._expected.get(stage, 0) >= 1 else ""
-        return f"{at.head}: {at.use}  {time.monotonic() - at.began:.0f} s{expected}  {at.step or compiling}".rstrip()
+        return f"{at.head}: {at.use}  {time.monotonic() - at.began:.0f} s{expected}  {compiling or at.step}".rstrip()

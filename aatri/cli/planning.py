@@ -9,7 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.console import narrate
+from aatri.cli.compiling import shown
+from aatri.cli.console import is_terminal, narrate
 from aatri.cli.locate import in_folder
 from aatri.errors import ArtifactError, SpecError
 
@@ -97,8 +98,9 @@ def open_request(request: Request) -> Opened:
     spec = with_set(spec, request.set_)
     compiled = use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
     if compiled is not None and not compiled.exists():
-        narrate("compiling the inner loops for this processor, once; it takes some 35 s")
-    nodes = wire(spec, catalogue)
+        narrate("compiling the inner loops for this processor, once; it takes some 35 s, here and in the first stages")
+    with shown(narrate, terminal=is_terminal()):
+        nodes = wire(spec, catalogue)
     for note in notes:
         narrate(f"note: {note}")
     return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from aatri.cli.compiling import Compiling, declared
+from aatri.cli.compiling import Compiling, declared, shown
 from aatri.cli.live import Live
 from aatri.cli.narrator import Narrator
 from aatri.progress import SILENT, tell_iteration
@@ -81,6 +82,7 @@ def test_bars_keep_to_the_width() -> None:
 
 def test_into_a_pipe_go_plain_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("aatri.cli.narrator._HEARTBEAT_S", 0.02)
+    monkeypatch.setattr("aatri.cli.narrator._LOOK_S", 0.01)
     with Narrator(quiet=False) as narrator:
         plan: Any = SimpleNamespace(decisions=[SimpleNamespace(record=None, stage="bundle")], stale=[])
         narrator.planned(plan, {"bundle": 30.0})
@@ -103,12 +105,52 @@ def test_iterations_are_told_with_sigma0_step_and_damping() -> None:
     tell_iteration(SILENT, 1, 1.0, 0, 1.0, 0.0)  # without redundancy there is no sigma0, and no error
 
 
+def _kernel(folder: Path, name: str) -> None:
+    (folder / "room").mkdir(exist_ok=True)
+    (folder / "room" / f"{name}.nbi").write_text("")
+
+
 def test_compilation_is_counted_while_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     compiling = Compiling()
     assert compiling.told() == ""
-    (tmp_path / "assemble").mkdir()
-    (tmp_path / "assemble" / "a.nbi").write_text("")
-    assert compiling.told() == f"compiling: 1 of {declared()} kernels ready"
+    _kernel(tmp_path, "a")
+    assert compiling.told() == f"compiling, once: 1 kernels ready of {declared()} that methods may need"
     assert compiling.told() == ""  # it stands still
     assert declared() > 20
+
+
+def test_compilation_within_a_stage_is_announced_at_once_and_told_at_its_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr("aatri.cli.narrator._LOOK_S", 0.01)
+    with Narrator(quiet=False) as narrator:
+        narrator.started("bundle", "bundle_adjustment/bundle", 1, 1)
+        narrator.advanced("bundle", 0, 0, "iteration 1")
+        _kernel(tmp_path, "a")
+        narrator._ended.wait(0.2)
+        _kernel(tmp_path, "b")
+        narrator.finished({"stage": "bundle", "seconds": 7.9, "metrics": {}})
+        narrator.started("next", "a/b", 1, 1)
+        narrator.finished({"stage": "next", "seconds": 0.1, "metrics": {}})
+    told = capsys.readouterr().err
+    assert "compiling, once: 1 kernels ready" in told
+    assert "[1/1] bundle  7.90 s (2 kernels compiled meanwhile, once)" in told
+    assert "[1/1] next  0.10 s\n" in told.replace("  \n", "\n")
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_compilation_is_told_while_a_pipeline_is_planned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, terminal: bool
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr("aatri.cli.compiling._LOOK_S", 0.01)
+    monkeypatch.setattr("aatri.cli.compiling._LINE_S", 0.01)
+    told: list[str] = []
+    with shown(told.append, terminal=terminal):
+        time.sleep(0.1)
+        _kernel(tmp_path, "a")
+        time.sleep(0.4)
+    assert "1 kernels ready" in (capsys.readouterr().err if terminal else told[0])
