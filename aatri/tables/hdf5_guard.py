@@ -127,12 +127,15 @@ def _attributes(owner: Any, where: str) -> None:
         raise ArtifactError(f"{count} attributes", where=where)
     for k in range(count):
         attribute = h5py.h5a.open(owner, index=k)
-        kind, name = attribute.get_type(), clipped(attribute.name.decode("utf-8", "replace"))
-        text = kind.get_class() == h5py.h5t.STRING
+        kind = attribute.get_type()
         if attribute.shape != () or attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
-            raise ArtifactError(f"attribute {name} is not one value", where=where)
-        if not text:
-            _dtype(kind, f"{where}, attribute {name}")
+            raise ArtifactError(f"attribute {_name(attribute)} is not one value", where=where)
+        if kind.get_class() != h5py.h5t.STRING:
+            _dtype(kind, f"{where}, attribute {_name(attribute)}")
+
+
+def _name(attribute: h5py.h5a.AttrID) -> str:
+    return clipped(attribute.name.decode("utf-8", "replace"))
 
 
 def _product(shape: tuple[int, ...], item: int) -> int:

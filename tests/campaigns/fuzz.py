@@ -4,7 +4,8 @@
 
 Every input is a good one (`fuzz_seeds`) with up to six changes: bytes flipped, put in, cut out, doubled; words replaced
 by numbers too large, too small, not finite, not ASCII, by quotes, zero bytes, control characters, the words of other
-places; lines doubled, swapped, glued; texts of 40,000 characters. Afterwards the reader must have given a result or an
+places; lines doubled, swapped, glued; texts of 40,000 characters; HDF5 files also by changes of what they hold
+(`hdf5_changes`). Afterwards the reader must have given a result or an
 error of aatri's own, of the kind that its input can have (exit code 2, 3, 4 or 9 for what a user writes, 7 for files of
 a run), each in at most 2 s of processor time and 500 MB of memory more than before. What is not so is printed and, with
 `--keep DIR`, kept.
@@ -31,6 +32,8 @@ from tests.campaigns.fuzz_seeds import READERS, Reader
 
 MOST_SECONDS, MOST_BYTES = 2.0, 500_000_000
 HANGS_S = 60
+IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
+"""Where inputs are written: on a disk their writing takes longer than their reading."""
 WORDS = (
     b"1e308", b"-1e308", b"1e-320", b"1e999", b"nan", b"-inf", b".inf", b"NaN", b"-0", b"0", b"-1", b"1.0", b"1e2",
     b"9223372036854775808", b"18446744073709551616", b"4611686018427387904", b"2147483648", b"1_000", b"0x1F", b"12,5",
@@ -60,7 +63,7 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
     """Try a reader on so many inputs; how many of them went wrong."""
     reader, counted, begin = READERS[name], Counter[str](), time.monotonic()
     slowest, largest, wrong = 0.0, 0, 0
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as place, _quiet():
+    with tempfile.TemporaryDirectory(prefix="fuzz-", dir=IN_MEMORY) as place, _quiet():
         folder = Path(place) / "input"
         folder.mkdir()
         reader.write(folder)
@@ -70,7 +73,7 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
         for number in range(count):
             chance = random.Random(f"{name}:{seed}:{number}")
             file = chance.choice(reader.files)
-            (folder / file).write_bytes(changed(good[file], chance, binary=reader.binary))
+            (folder / file).write_bytes(_input(good[file], reader, chance))
             clock = time.process_time()
             outcome, complaint = _tried(reader, folder)
             seconds, grown = time.process_time() - clock, _memory() - memory
@@ -91,6 +94,13 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
                      f"MB; {time.monotonic() - begin:.0f} s"
                      + (f"; WRONG {wrong}" if wrong else "") + "\n")  # fmt: skip
     return wrong
+
+
+def _input(good: bytes, reader: Reader, chance: random.Random) -> bytes:
+    if reader.other is None or chance.random() < 0.5:
+        return changed(good, chance, binary=reader.binary)
+    data = reader.other(good, chance)
+    return changed(data, chance, binary=reader.binary) if chance.random() < 0.1 else data
 
 
 def changed(data: bytes, chance: random.Random, *, binary: bool) -> bytes:
@@ -179,7 +189,7 @@ def _tried(reader: Reader, folder: Path) -> tuple[str, str]:
 
 def folder_of_run(reader: Reader) -> bool:
     """Whether its input is a file of a run, and not one of a user."""
-    return reader in (READERS["records"], READERS["hdf5"])
+    return reader in (READERS["records"], READERS["hdf5"], READERS["hdf5_block"])
 
 
 def _too_long(*_: object) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import random
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
 from aatri.formats.bal.reader import read_bal
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
@@ -18,10 +20,14 @@ from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.spec.spec import load_spec
 from aatri.pipeline.store.records import SCHEMA, read_failure, read_overview, read_record, seal
+from aatri.stages.interior_orientation.affine import affine
 from aatri.tables import hdf5
+from aatri.tables.schema import Artifact
+from tests.campaigns.hdf5_changes import changed_file
 from tests.contract.made_files import colmap_model
 from tests.formats.start_solution import start_solution
 from tests.formats.tables.block_folder import write_folder
+from tests.stages.film_blocks import flown
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,8 @@ class Reader:
     read: Callable[[Path], object]
     files: tuple[str, ...]
     binary: bool = False
+    other: Callable[[bytes, random.Random], bytes] | None = None
+    """Changes the file in its own way, half of the times."""
 
 
 BAL = "3 4 12\n" + "".join(
@@ -95,11 +103,15 @@ def _artifact(folder: Path) -> None:
     hdf5.write(read_block(write_folder(folder / "block")), folder / "a.h5", ["a warning"])
 
 
-def _both_ways(path: Path) -> None:
+def _small_artifact(folder: Path) -> None:
+    hdf5.write(affine(flown()), folder / "a.h5", ["a warning"])
+
+
+def _every_way(path: Path, kind: type[Artifact]) -> None:
     hdf5.read_header(path)
     hdf5.read_warnings(path)
     hdf5.read_plain(path)
-    hdf5.read(path, Block)
+    hdf5.read(path, kind)
 
 
 def _records(folder: Path) -> None:
@@ -165,5 +177,10 @@ READERS: dict[str, Reader] = {
         lambda f: read_colmap(f / "m", control=f / "g.csv"), ("g.csv",),
     ),
     "records": Reader(_records, _read_records, ("run.json", "current/s.json", "failed/s/error.json")),
-    "hdf5": Reader(_artifact, lambda f: _both_ways(f / "a.h5"), ("a.h5",), binary=True),
+    "hdf5": Reader(
+        _small_artifact, lambda f: _every_way(f / "a.h5", ImagePoints), ("a.h5",), binary=True, other=changed_file
+    ),
+    "hdf5_block": Reader(
+        _artifact, lambda f: _every_way(f / "a.h5", Block), ("a.h5",), binary=True, other=changed_file
+    ),
 }  # fmt: skip

@@ -133,13 +133,12 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
     def fault(what: str, *keys: str | int, remedy: str = "") -> None:
         source.problems.append(InputError(what, where=document.where(k, *keys), remedy=remedy))
 
-    if not isinstance(item, dict) or item.get("type") not in FORMS:
-        kind = str(item.get("type", "")) if isinstance(item, dict) else ""
+    kind = str(item.get("type", "")) if isinstance(item, dict) else ""
+    if kind not in FORMS:
         fault(f"unknown condition {clipped(kind)!r}{did_you_mean(kind, FORMS)}", "type",
               remedy=f"types are {', '.join(FORMS)}")  # fmt: skip
         return None
     item = {key: value for key, value in item.items() if not key.startswith("x_")}
-    kind = str(item["type"])
     form = FORMS[kind]
     for key in item:
         if key not in KEYS:

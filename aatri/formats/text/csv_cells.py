@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from itertools import repeat
 from typing import NamedTuple
@@ -46,15 +47,27 @@ def unshielded(cell: str) -> str:
     return cell[1:] if cell.startswith("'") and cell.lstrip("'").startswith(FORMULA) else cell
 
 
+_SEPARATES = re.compile('[",]')
+
+
 def start_of_cell(text: str, index: int) -> int:
     """Character, from 1, at which a cell of a line begins."""
-    quoted, starts = False, [0]
-    for position, sign in enumerate(text):
-        if sign == '"' and (quoted or not text[starts[-1] : position].strip(" ")):
-            quoted = not quoted  # a quote within a cell that does not begin with one is a sign like others
-        elif sign == "," and not quoted:
-            starts.append(position + 1)
-    rest = text[starts[min(index, len(starts) - 1)] :]
+    start, cell, quoted, closed, plain = 0, 0, False, -2, False
+    for found in _SEPARATES.finditer(text):
+        position = found.start()
+        if cell == index:
+            break
+        if found.group() == ",":
+            if not quoted:
+                start, cell, plain = position + 1, cell + 1, False
+        elif quoted:
+            quoted, closed = False, position
+        elif position == closed + 1:
+            quoted = True  # two quotes are one within the cell
+        elif not plain:  # a quote within a cell that does not begin with one is a sign like others
+            quoted = not text[start:position].strip(" ")
+            plain = not quoted
+    rest = text[start:]
     return len(text) - len(rest.lstrip(" \t")) + 1
 
 

@@ -60,6 +60,11 @@ def test_an_open_quote_is_refused() -> None:
         cells_of('a,"b,c')
 
 
+def test_a_comma_between_doubled_quotes_separates_nothing() -> None:
+    assert start_of_cell('"a""b,c",d', 1) == 10
+    assert start_of_cell('1" 2,"3,4", 5', 2) == 13
+
+
 @pytest.mark.parametrize(("index", "character"), [(0, 1), (1, 3), (2, 12), (3, 14)])
 def test_the_place_of_a_cell_is_its_first_character(index: int, character: int) -> None:
     assert start_of_cell('a,"b,""c", d,', index) == character

@@ -181,3 +181,17 @@ def test_an_exported_block_holds_no_formula_and_reads_back_to_the_bit(tmp_path: 
 def test_what_is_clipped_says_how_long_it_was() -> None:
     assert clipped("a\x1b" + "b" * 200).endswith("(202 characters)")
     assert clipped("short\x1b") == "short\\x1b"
+
+
+@pytest.mark.parametrize("line", ["x" * 1_000_000 + ",", '"' * 1_000_000, 'a"' * 500_000 + ",b", ',"' * 500_000])
+def test_the_place_of_a_cell_is_found_at_once_in_a_line_of_any_length(line: str) -> None:
+    for index in (0, 1, 7):  # a scan that looks back at every quote would take hours
+        assert 1 <= start_of_cell(line, index) <= len(line) + 1
+
+
+@pytest.mark.parametrize("kind", ["[a, b]", "{a: 1}", "~", "5"])
+def test_a_condition_whose_type_is_no_text_is_refused(tmp_path: Path, kind: str) -> None:
+    text = FILES["relative_control.yaml"].replace("type: sphere", f"type: {kind}", 1)
+    told = fault_of(write_folder(tmp_path / "b", {"relative_control.yaml": text}))
+    assert "relative_control.yaml:6:" in told
+    assert "unknown condition" in told
