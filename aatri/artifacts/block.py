@@ -144,7 +144,7 @@ class TruePoints(Table):
 class GrossErrors(Table):
     """Gross errors a simulation has put in."""
 
-    kind: Text = column("str", doc="image_point, fiducial, control or position")
+    kind: Text = column("str", doc="image_point, fiducial, or the kind of observation")
     row: Int = column("i4", doc="row in its table")
     size: Float = column("f8", 3, doc="error added, in the unit of the table; zeros where it has fewer coordinates")
 

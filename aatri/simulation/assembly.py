@@ -20,6 +20,10 @@ from aatri.simulation.measured import Disturbance, no_source, rows, texts
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
 from aatri.simulation.settings import BROWN, Camera, Film, Gnss, Imu, RigMember
+from aatri.simulation.structures import relative_control
+from aatri.simulation.survey import sighted
+from aatri.simulation.survey_settings import Survey
+from aatri.simulation.survey_tables import surveyed
 from aatri.units import EARTH_RADIUS_M, LENGTH_MM
 
 
@@ -43,7 +47,7 @@ class Scene:
         return np.asarray(local_m + np.array([*self.false_origin_m, 0.0]))
 
 
-def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: Disturbance) -> b.Block:
+def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, survey: Survey, disturbance: Disturbance) -> b.Block:
     """The Block of a scene as the instruments saw it."""
     camera, points, plan = scene.photography.camera, scene.points, scene.plan
     of_image, of_point = _canonical(plan.id), _canonical(points.id)
@@ -78,6 +82,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: D
         )  # fmt: skip
     at_frame = np.flatnonzero(np.isin(scene.member[of_image][exterior.image], ("", rig.FRAME)))
     gross_position, gross_attitude = (_of_rows(g, at_frame) for g in (gross_position, gross_attitude))
+    observed, gross_survey = _survey(scene, survey, disturbance)
     return b.Block(
         name=scene.name,
         rotation=imu.rotation,
@@ -99,10 +104,15 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, disturbance: D
         ground_points=ground,
         exterior=exterior.take(at_frame),
         rig_members=rig.rig_table(scene.rig),
-        **_not_simulated(),
+        **observed,
+        files=b.Files.empty(),
+        ground_point_covariances=b.GroundPointCovariances.empty(),
+        rejects=b.Rejects.empty(),
         true_images=true_images,
         true_points=b.TruePoints(point=rows(np.arange(len(xyz))), xyz_m=xyz[of_point]),
-        gross_errors=_gross([gross_image, gross_fiducial, gross_control, gross_position, gross_attitude]),
+        gross_errors=_gross(
+            [gross_image, gross_fiducial, gross_control, gross_position, gross_attitude, *gross_survey]
+        ),
     )
 
 
@@ -127,16 +137,17 @@ def whole(table: b.Exterior, images: int) -> b.Exterior:
     )  # fmt: skip
 
 
-def _not_simulated() -> dict[str, Any]:
+def _survey(scene: Scene, survey: Survey, disturbance: Disturbance) -> tuple[dict[str, Any], list[tuple[Any, ...]]]:
+    """Tables of geodetic observations and relative control, and the gross errors in them."""
+    points, photography = scene.points, scene.photography
+    candidates = np.flatnonzero(~points.in_structure)
+    seen = sighted(survey, photography, points.local_m, candidates, scene.in_block_frame, disturbance.streams["survey"])
+    geodetic, covariances, gross = surveyed(seen, np.array(points.id), np.array(scene.plan.id), disturbance)
+    control, members, of_control = relative_control(points.structures, photography, scene.in_block_frame)
     return {
-        "files": b.Files.empty(),
-        "ground_point_covariances": b.GroundPointCovariances.empty(),
-        "geodetic": b.Geodetic.empty(),
-        "geodetic_covariances": b.GeodeticCovariances.empty(),
-        "relative_control": b.RelativeControl.empty(),
-        "relative_control_members": b.RelativeControlMembers.empty(),
-        "rejects": b.Rejects.empty(),
-    }
+        "geodetic": geodetic, "geodetic_covariances": covariances, "relative_control": control,
+        "relative_control_members": members,
+    }, [*gross, *of_control]  # fmt: skip
 
 
 def _canonical(ids: list[str]) -> Int:

@@ -52,6 +52,14 @@ class Geodetic:
         """Meridian convergence at places: grid north from true north, clockwise, rad."""
         return np.asarray(np.radians(self.convergence_deg(self._geographic(local_m))))
 
+    def on_ellipsoid(self, start_m: Float, end_m: Float) -> Float:
+        """Lengths of geodesics between the places below, m, by PROJ."""
+        import pyproj
+
+        (a, b, _), (c, d, _) = self._geographic(start_m).T, self._geographic(end_m).T
+        body: Any = pyproj.CRS(self.crs).ellipsoid
+        return np.asarray(pyproj.Geod(a=body.semi_major_metre, rf=body.inverse_flattening).inv(a, b, c, d)[2])
+
     def axes(self, local_m: Float) -> Float:
         """Grid east, grid north and up of places, in the topocentric axes, (n, 3, 3), columns."""
         place = self._geographic(local_m)

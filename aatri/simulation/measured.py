@@ -51,7 +51,7 @@ class Disturbance:
 STREAMS = (
     "terrain", "flight", "points", "film", "image_point", "fiducial", "control", "position", "drift",
     "gross_image_point", "gross_fiducial", "gross_control", "gross_position", "attitude", "attitude_drift",
-    "gross_attitude",
+    "gross_attitude", "structure", "structure_error", "gross_structure", "survey", "survey_error", "gross_survey",
 )  # fmt: skip
 """Names of the random streams; a new one goes to the end."""
 

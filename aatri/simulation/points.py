@@ -16,8 +16,10 @@ from aatri.artifacts.block import CHECK, CONTROL
 from aatri.errors import GeometryError
 from aatri.simulation import earth, targets
 from aatri.simulation.flight import Plan
+from aatri.simulation.measured import Streams
 from aatri.simulation.rays import Photography, SimulatedRays, taken
 from aatri.simulation.settings import Flight, Known, Ties
+from aatri.simulation.structures import Structure
 from aatri.simulation.terrain import Surface
 
 LEAST_RAYS = 2
@@ -36,6 +38,8 @@ class GroundTargets:
     local_m: Float  # (n, 3) E, N, h
     role: Int  # (n, 3) as in Block.ground_points, zeros for new points without known coordinates
     rays: SimulatedRays
+    structures: list[Structure]
+    in_structure: Bool  # (n,)
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ def ground_targets(
     flight: Flight,
     ties: Ties,
     known: Known,
-    rng: np.random.Generator,
+    planned: list[Structure],
+    streams: Streams,
 ) -> GroundTargets:
     """All points of the block with their rays.
 
@@ -74,6 +79,7 @@ def ground_targets(
         If the images overlap too little for the points asked for.
     """
     low, high = targets.extent(plan)
+    rng = streams["points"]
     inset = CHECK_INSET * (high - low)
     control_role = _roles(CONTROL, known.full, known.plan, known.height)
     check_role = _roles(CHECK, known.check_full, known.check_plan, known.check_height)
@@ -89,13 +95,36 @@ def ground_targets(
         unknown = ties.new_points - len(check_role)
         standard = _at_most(standard, unknown)
         more = unknown - len(standard.local_m)
-    parts = [standard, _random(photography, ground, more, low, high, rng), check, control]
-    new = len(standard.local_m) + more
+    structures = [_standing(photography, ground, s, (low, high), streams["structure"]) for s in planned]
+    erected = np.concatenate([np.zeros((0, 3)), *(s.local_m for s in structures)])
+    of_structures = _Seen(erected, taken(photography, erected))
+    parts = [standard, _random(photography, ground, more, low, high, rng), of_structures, check, control]
+    new, known_points = len(standard.local_m) + more, len(check_role) + len(control_role)
+    ids = _ids(new, len(check_role), len(control_role))
     return GroundTargets(
-        id=_ids(new, len(check_role), len(control_role)),
+        id=[*ids[:new], *(name for s in structures for name in s.ids()), *ids[new:]],
         local_m=np.concatenate([part.local_m for part in parts]),
-        role=np.concatenate([np.zeros((new, 3), np.int64), check_role, control_role]),
+        role=np.concatenate([np.zeros((new + len(erected), 3), np.int64), check_role, control_role]),
         rays=_joined(parts),
+        structures=structures,
+        in_structure=np.repeat([False, True, False], [new, len(erected), known_points]),
+    )
+
+
+def _standing(
+    photography: Photography, ground: Ground, planned: Structure, area: tuple[Float, Float], rng: np.random.Generator
+) -> Structure:
+    """A structure at a random place where all its points are seen often enough, clear of the ground."""
+    clear = np.array([0.0, 0.0, np.abs(planned.offset_m).max()])
+    for _ in range(MOST_BATCHES):
+        place = ground.at(targets.scattered(*area, 1, rng))[0] + clear
+        found = planned.standing(photography, place)
+        if (_counts(taken(photography, found.local_m), len(found.local_m)) >= LEAST_RAYS).all():
+            return found
+    raise GeometryError(
+        f"{planned.type}: nowhere are all of {len(planned.offset_m)} points in {LEAST_RAYS} images",
+        where="options of block/simulate",
+        remedy="raise flight.forward_overlap or lower survey.shape_size_m",
     )
 
 

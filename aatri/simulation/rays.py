@@ -16,6 +16,7 @@ from aatri.arrays import Float, Int
 from aatri.simulation import earth, forward
 from aatri.simulation.geodetic import Geodetic
 from aatri.simulation.settings import Camera
+from aatri.units import EARTH_RADIUS_M
 
 CHUNK = 256
 """Images at a time."""
@@ -41,14 +42,31 @@ class Photography:
         """Local (E, N, h) of what is displaced from the stations by an arm in camera axes."""
         if not any(arm_m):
             return self.station_m
-        away = self.cartesian(self.station_m) + self.cartesian_rotations() @ np.array(arm_m)
+        return self.local(self.cartesian(self.station_m) + self.cartesian_rotations() @ np.array(arm_m))
+
+    def local(self, cartesian_m: Float) -> Float:
+        """Local (E, N, h) of Cartesian coordinates: the inverse of `cartesian`."""
         if self.geodetic:
-            return self.geodetic.local(away)
-        return earth.map_from_tangent(away) if self.spherical else away
+            return self.geodetic.local(cartesian_m)
+        return earth.map_from_tangent(cartesian_m) if self.spherical else cartesian_m
+
+    def axes(self, local_m: Float) -> Float:
+        """East, north and up of places in the Cartesian frame, (n, 3, 3), columns."""
+        if self.geodetic:
+            return self.geodetic.axes(local_m)
+        return cartesian_rotation(local_m, np.broadcast_to(np.eye(3), (len(local_m), 3, 3)), self.spherical)
 
     def convergence_rad(self) -> Float:
         """Grid north from true north at the stations, clockwise, rad."""
         return self.geodetic.convergence_rad(self.station_m) if self.geodetic else np.zeros(len(self.station_m))
+
+    def on_ellipsoid(self, start_m: Float, end_m: Float) -> Float:
+        """Lengths on the earth's surface between places (E, N, h), m: of the geodesic, the great circle, the line."""
+        if self.geodetic:
+            return self.geodetic.on_ellipsoid(start_m, end_m)
+        level = np.array([1.0, 1.0, 0.0])
+        chord = np.linalg.norm(self.cartesian(end_m * level) - self.cartesian(start_m * level), axis=1)
+        return np.asarray(2 * EARTH_RADIUS_M * np.arcsin(0.5 * chord / EARTH_RADIUS_M) if self.spherical else chord)
 
     def cartesian_rotations(self) -> Float:
         """Rotations of the stations to the Cartesian frame."""

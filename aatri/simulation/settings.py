@@ -231,6 +231,12 @@ class Noise(BaseModel):
     attitude_deg: tuple[Positive, Positive, Positive] = Field(
         (0.005, 0.005, 0.01), description="observed attitudes, a1 a2 a3, degrees"
     )
+    distance_m: float = Field(0.005, gt=0, description="distances, m")
+    angle_deg: float = Field(0.0015, gt=0, description="directions, azimuths, angles, zenith angles, degrees")
+    height_difference_m: float = Field(0.002, gt=0, description="height differences, m")
+    baseline_m: float = Field(0.01, gt=0, description="coordinate differences, m; those of a baseline correlate by 0.3")
+    relative_m: float = Field(0.005, gt=0, description="relative control, m")
+    relative_deg: float = Field(0.02, gt=0, description="angles of relative control, degrees")
 
 
 class GrossErrors(BaseModel):
@@ -243,6 +249,8 @@ class GrossErrors(BaseModel):
     control: Much = Field(0.0, description="control points: share below 1, else count")
     positions: Much = Field(0.0, description="observed positions: share below 1, else count")
     attitudes: Much = Field(0.0, description="observed attitudes: share below 1, else count")
+    geodetic: Much = Field(0.0, description="geodetic observations: share below 1, else count")
+    relative_control: Much = Field(0.0, description="members of relative control: share below 1, else count")
     size_sigmas: Range = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
 
 

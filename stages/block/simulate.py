@@ -31,6 +31,8 @@ from aatri.simulation.points import Ground, ground_targets
 from aatri.simulation.presets import PRESETS
 from aatri.simulation.rays import Photography
 from aatri.simulation.rig import rigged
+from aatri.simulation.structures import planned_structures
+from aatri.simulation.survey_settings import Survey
 from aatri.simulation.terrain import random_surface
 
 
@@ -50,6 +52,7 @@ class SimulateOptions(Options):
     known: settings.Known = Field(settings.Known(), description="control and check points")
     gnss: settings.Gnss = Field(settings.Gnss(), description="positions of the stations")
     imu: settings.Imu = Field(settings.Imu(), description="attitudes of the stations")
+    survey: Survey = Field(Survey(), description="geodetic observations and relative control")
     rig: dict[str, settings.RigMember] = Field({}, description="cameras beside the frame at every station, by name")
     earth: Literal["flat", "tangent", "map", "geodetic"] = Field(
         "flat",
@@ -107,11 +110,10 @@ def simulate(
     )
     context.log(f"{len(plan.id)} stations flown, {plan.base_m:.1f} m apart, strips {plan.spacing_m:.1f} m apart")
     made = rigged(plan, photography, options.rig)
+    disturbance = Disturbance(options.noise, options.gross_errors, streams)
     points = ground_targets(made.photography, plan, Ground(surface, false_origin), options.flight, options.ties,
-                            options.known, streams["points"])  # fmt: skip
+                            options.known, planned_structures(options.survey, disturbance), streams)  # fmt: skip
     context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
     scene = Scene(options.name, options.earth, false_origin, made.plan, made.photography, points, made.member,
                   options.rig)  # fmt: skip
-    return assembled(
-        scene, options.film, options.gnss, options.imu, Disturbance(options.noise, options.gross_errors, streams)
-    )
+    return assembled(scene, options.film, options.gnss, options.imu, options.survey, disturbance)

@@ -33,7 +33,7 @@ def made(seed: int, height_m: float, **options: Any) -> Block:
     assert block.true_images is not None
     if block.exterior.angle_use.any():
         return block
-    angles = angles_from_rotation(block.true_images.ground_from_image)
+    angles = angles_from_rotation(block.true_images.ground_from_image[block.exterior.image])
     angles = angles + OFF * np.random.default_rng(seed).standard_normal(angles.shape)
     return replace(block, exterior=replace(block.exterior, angles_rad=angles))
 

@@ -3,24 +3,26 @@
     v = (1 + m) d + a - d_observed,    d = |l| or sqrt(e^2 + n^2),    l the line in the axes of its station
 
 l goes from instrument to target, h_from and h_to above their points. Distances of a `group` share a scale m and an
-addition constant a, both free unless the options hold them. A slope distance that is `reduced`: `horizon` is a
-horizontal one. Those reduced to the map are lengths in its plane; those reduced to the ellipsoid are, in a frame that
-knows no Earth, the same. Source: Kraus, Photogrammetry; docs/formulas.md 5.4.
+addition constant a, both free unless the options hold them. A slope distance that is `reduced: horizon` is a horizontal
+one; those reduced to the map or the ellipsoid are in `reduced`. Source: Kraus, Photogrammetry; docs/formulas.md 5.4.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import Field
 
-from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Float
 from aatri.observations.geodetic.lengths import horizontal, slope
+from aatri.observations.geodetic.reduced import check_map, in_map, in_the_plane, not_reduced, on_ellipsoid
 from aatri.observations.geodetic.sights import (
     ALL,
     PLAN,
+    Between,
     Calibrated,
     Measured,
     Sights,
@@ -29,7 +31,7 @@ from aatri.observations.geodetic.sights import (
     sight_records,
     sights_of,
 )
-from aatri.observations.level import Level
+from aatri.observations.level import Level, line_between
 from aatri.observations.observed import Given, Observed, named
 from aatri.options import Options
 
@@ -52,34 +54,69 @@ class DistanceOptions(Options):
 def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]:
     """Distances of the geodetic observations."""
     rows = sights_of(given.block, KIND, HORIZONTAL)
-    type_ = given.block.geodetic.type[rows.row]
-    plane = (type_ == HORIZONTAL) | (rows.reduced != "no")
     found: list[Observed] = []
-    for kind, some, measured, sees in ((KIND, ~plane, slope, ALL), (HORIZONTAL, plane, horizontal, PLAN)):
-        grouped = some & (rows.group != "") & (options.scale | options.addition)
-        found += observed_sights(kind, rows.take(some & ~grouped), given.level, measured, "m", sees)
-        if grouped.any():
-            found += _calibrated(kind, rows.take(grouped), given.level, measured, sees, options)
+    for kind, ways in _ways(given, rows):
+        own = _groups(kind, [way.rows for way in ways], options)
+        calibrated: list[Observed] = []
+        for way in ways:
+            grouped = way.rows.group != "" if own else np.zeros(len(way.rows), dtype=bool)
+            found += observed_sights(kind, way.rows.take(~grouped), given.level, way.measured, "m", way.sees,
+                                     way.between)  # fmt: skip
+            if own and grouped.any():
+                calibrated += _calibrated(kind, way, way.rows.take(grouped), given.level, own)
+        if own:
+            start = {own.name: np.zeros((len(own.ids), 2))}
+            calibrated[0] = replace(calibrated[0], unknowns=(own,), start=start)
+        found += calibrated
+    notes = not_reduced(given, rows.take(np.isin(rows.reduced, ("no", "horizon"))))
+    if found and notes:
+        found[0] = replace(found[0], notes=notes)
     return tuple(found)
 
 
-def _calibrated(
-    kind: str, rows: Sights, level: Level, measured: Measured, sees: tuple[bool, bool, bool], options: DistanceOptions
-) -> Iterator[Observed]:
-    """Distances of groups; the unknowns come with the first part."""
-    ids = np.unique(rows.group)
+@dataclass(frozen=True)
+class _Way:
+    """Distances that are computed alike."""
+
+    rows: Sights
+    measured: Measured
+    sees: tuple[bool, bool, bool]
+    between: Between = line_between
+
+
+def _ways(given: Given, rows: Sights) -> list[tuple[str, list[_Way]]]:
+    """Distances by kind, and by what they are reduced to."""
+    type_ = given.block.geodetic.type[rows.row]
+    level_with = (rows.reduced == "horizon") | ((type_ == HORIZONTAL) & (rows.reduced == "no"))
+    to_map, to_ellipsoid = (rows.take(rows.reduced == name) for name in ("map", "ellipsoid"))
+    check_map(given, to_map)
+    plane = [_Way(rows.take(level_with), horizontal, PLAN)]
+    if given.frame is None:
+        plane += [_Way(some, horizontal, PLAN) for some in (to_map, in_the_plane(given, to_ellipsoid))]
+    else:
+        between, arc = on_ellipsoid(given.frame, given.origin_m)
+        plane += [_Way(to_map, slope, PLAN, in_map), _Way(to_ellipsoid, arc, PLAN, between)]
+    return [(KIND, [_Way(rows.take((type_ == KIND) & (rows.reduced == "no")), slope, ALL)]), (HORIZONTAL, plane)]
+
+
+def _groups(kind: str, parts: list[Sights], options: DistanceOptions) -> Unknowns | None:
+    """Scale and addition constant of the groups of a kind, if there are any."""
+    named = np.unique(np.concatenate([part.group for part in parts]))
+    ids = named[named != ""]
+    if not len(ids) or not (options.scale or options.addition):
+        return None
     name = f"{CALIBRATION}_{kind}" if kind != KIND else CALIBRATION
     free = np.tile([options.scale, options.addition], (len(ids), 1))
-    own: tuple[Unknowns, ...] = (Unknowns(name, free, ("scale", "addition"), ids, add_step,
-                                          generator=lambda state: _generator(state[name])),)  # fmt: skip
-    start: State = {name: np.zeros((len(ids), 2))}
-    number = dict(zip(ids.tolist(), range(len(ids))))
+    return Unknowns(name, free, ("scale", "addition"), ids, add_step, generator=lambda state: _generator(state[name]))
+
+
+def _calibrated(kind: str, way: _Way, rows: Sights, level: Level, own: Unknowns) -> Iterator[Observed]:
+    """Distances of groups."""
+    number = {name: k for k, name in enumerate(own.ids)}
     for part, exact in alike(rows):
         of = np.array([number[g] for g in part.group.tolist()], dtype=np.int32)
-        records = sight_records(kind, part, level, measured, Calibrated(name, of, _shown))
-        yield Observed(records, part.row, named(point=part.names), "m", unknowns=own, start=start, exact=exact,
-                       sees=sees)  # fmt: skip
-        own, start = (), {}
+        records = sight_records(kind, part, level, way.measured, Calibrated(own.name, of, _shown), between=way.between)
+        yield Observed(records, part.row, named(point=part.names), "m", exact=exact, sees=way.sees)
 
 
 def _shown(distance: Float, unknowns: Float) -> tuple[Float, Float, Float]:

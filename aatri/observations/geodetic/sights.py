@@ -127,6 +127,10 @@ Measured = Callable[[Float], tuple[Float, Float]]
 """The line in the axes of the station (n, 3) -> value (n,) and its derivatives (n, 3)."""
 
 
+Between = Callable[[Level, Float, Float, Float, Float], tuple[Float, Float, Float]]
+"""(level, places and heights of instruments and targets) -> the line (n, 3), by station and by target (n, 3, 3)."""
+
+
 @dataclass(frozen=True)
 class Calibrated:
     """Further unknowns between the value computed from the line and what the instrument shows.
@@ -146,8 +150,9 @@ class Calibrated:
 
 
 def sight_records(
-    kind: str, sights: Sights, level: Level, measured: Measured, own: Calibrated | None = None, *, angular: bool = False
-) -> Records:
+    kind: str, sights: Sights, level: Level, measured: Measured, own: Calibrated | None = None, *,
+    angular: bool = False, between: Between = line_between,
+) -> Records:  # fmt: skip
     """Records of sights that are alike.
 
     Parameters
@@ -159,13 +164,15 @@ def sight_records(
     own : Calibrated, optional
     angular : bool
         Residuals are angles, taken between -pi and pi.
+    between : callable
+        The line that is measured.
     """
     at, to = groups_of(sights)
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         start, end = position(state, at)[sights.station[some]], position(state, to)[sights.target[some]]
         heights = sights.station_height_m[some], sights.target_height_m[some]
-        line, by_start, by_end = line_between(level, start, end, *heights)
+        line, by_start, by_end = between(level, start, end, *heights)
         value, by_line = measured(line)
         by_own: tuple[Float, ...] = ()
         if own is not None:
@@ -186,9 +193,10 @@ def around(angle: Float) -> Float:
 
 
 def observed_sights(
-    kind: str, sights: Sights, level: Level, measured: Measured, unit: str, sees: tuple[bool, bool, bool] = ALL
-) -> Iterator[Observed]:
+    kind: str, sights: Sights, level: Level, measured: Measured, unit: str, sees: tuple[bool, bool, bool] = ALL,
+    between: Between = line_between,
+) -> Iterator[Observed]:  # fmt: skip
     """Sights without further unknowns as observations."""
     for part, exact in alike(sights):
-        records = sight_records(kind, part, level, measured, angular=unit == "rad")
+        records = sight_records(kind, part, level, measured, angular=unit == "rad", between=between)
         yield Observed(records, part.row, named(point=part.names), unit, exact=exact, sees=sees)

@@ -1,0 +1,184 @@
+"""Relative control of a block: points of its own that fulfil a condition, and the conditions as the block states them.
+
+Points stand at random places of the block, on shapes that hold exactly in Cartesian coordinates and the axes of their
+place (heights: in those of the block). The error of an observed condition is put into its points, which leave the shape
+by it; conditions with a value (distance, difference, angle) have it in the value. So have gross errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from aatri.arrays import Float, Text
+from aatri.artifacts import block as b
+from aatri.simulation.gross import gross_errors
+from aatri.simulation.measured import Disturbance, rows
+from aatri.simulation.rays import Photography
+from aatri.simulation.shapes import ANGULAR, LEVEL, VALUED, Laid, laid_out
+from aatri.simulation.survey_settings import Survey
+
+KIND = {"distance": "relative_distance", "coordinate_difference": "relative_difference", "angle": "relative_angle"}
+"""Kinds of observation that are not called as their conditions."""
+ONE_ROW = ("parallel", "perpendicular")
+"""Conditions whose error is of the condition, not of a point."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A condition and its points.
+
+    Attributes
+    ----------
+    type : str
+    number : int
+        Of its type, from 1.
+    offset_m : (m, 3) float64, m
+        Its points from its place, in the axes there, with their errors.
+    sigma : float, m or rad
+        0 exact.
+    radius_m : float, m
+    gross : (m, 2) float64, m or rad
+        Gross errors of the points; the first of a condition with a value is that of the value.
+    of_value : float, m or rad
+        Error of a value.
+    local_m : (m, 3) float64, m
+        E, N, h, where it stands.
+    """
+
+    type: str
+    number: int
+    offset_m: Float
+    sigma: float
+    radius_m: float
+    gross: Float
+    of_value: float
+    local_m: Float = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def ids(self) -> list[str]:
+        """Ids of its points."""
+        width = len(str(len(self.offset_m)))
+        return [f"{self.type}{self.number:02d}-{k + 1:0{width}d}" for k in range(len(self.offset_m))]
+
+    def standing(self, photography: Photography, place_m: Float) -> Structure:
+        """The structure at a place (E, N, h)."""
+        if self.type in LEVEL:
+            return replace(self, local_m=place_m + self.offset_m)
+        axes = photography.axes(place_m[None])[0]
+        away = photography.cartesian(place_m[None]) + self.offset_m @ axes.T
+        return replace(self, local_m=photography.local(away))
+
+
+def planned_structures(settings: Survey, disturbance: Disturbance) -> list[Structure]:
+    """A structure for every condition asked for, not yet at a place."""
+    wanted = [(str(t), k + 1) for t, count in sorted(settings.relative.items()) for k in range(count)]
+    rng = disturbance.streams["structure"]
+    laid = [laid_out(t, settings.points_per_shape, settings.shape_size_m, rng) for t, _ in wanted]
+    sigma = [_sigma(t, disturbance, settings.exact) for t, _ in wanted]
+    gross = _gross(wanted, laid, sigma, disturbance)
+    errors = disturbance.streams["structure_error"]
+    found = []
+    for (type_, number), shape, s, wrong in zip(wanted, laid, sigma, gross):
+        noise = disturbance.noise.factor * s * errors.standard_normal((len(shape.offset_m), 2))
+        away = np.einsum("mk,mki->mi", noise + wrong, shape.away)
+        of_value = float(noise[0, 0] + wrong[0, 0]) if type_ in VALUED else 0.0
+        found.append(Structure(type_, number, shape.offset_m + away, s, shape.radius_m, wrong, of_value))
+    return found
+
+
+def _sigma(type_: str, disturbance: Disturbance, exact: bool) -> float:
+    noise = disturbance.noise
+    return 0.0 if exact else float(np.radians(noise.relative_deg)) if type_ in ANGULAR else noise.relative_m
+
+
+def _gross(
+    wanted: list[tuple[str, int]], laid: list[Laid], sigma: list[float], disturbance: Disturbance
+) -> list[Float]:
+    """Gross errors, as many rows as points for each condition."""
+    counts = [len(shape.offset_m) for shape in laid]
+    open_to = [np.zeros((n, 2)) for n in counts]
+    for (type_, _), shape, s, mine in zip(wanted, laid, sigma, open_to):
+        if type_ in VALUED:
+            mine[0, 0] = s
+        else:
+            mine[:] = s * (np.abs(shape.away).sum(axis=2) > 0)
+    stacked = np.concatenate([np.zeros((0, 2)), *open_to])
+    much, size = disturbance.gross.relative_control, disturbance.gross.size_sigmas
+    chosen, errors = gross_errors(much, stacked, size, disturbance.streams["gross_structure"], "relative_control")
+    stacked[:] = 0.0
+    stacked[chosen] = errors
+    return [stacked[end - n : end] for n, end in zip(counts, np.cumsum(counts))]
+
+
+def relative_control(
+    structures: list[Structure], photography: Photography, in_block: Any
+) -> tuple[b.RelativeControl, b.RelativeControlMembers, list[tuple[Any, ...]]]:
+    """The tables of the conditions, in canonical order, and the gross errors in them.
+
+    Parameters
+    ----------
+    in_block : callable
+        Local coordinates to those of the block.
+    """
+    if not structures:
+        return b.RelativeControl.empty(), b.RelativeControlMembers.empty(), []
+    axis = {id(s): "XYZ"[(s.number - 1) % 3] if s.type == "coordinate_difference" else "" for s in structures}
+    order = sorted(structures, key=lambda s: (s.type, axis[id(s)], s.ids()))
+    values = [_value(s, axis[id(s)], photography, in_block) for s in order]
+    table = b.RelativeControl(
+        type=_texts(s.type for s in order), value=np.array(values), sigma=np.array([s.sigma for s in order]),
+        axis=_texts(axis[id(s)] for s in order), file=rows(np.full(len(order), -1)),
+        line=rows(np.full(len(order), -1)),
+    )  # fmt: skip
+    parts = [[p for p, _ in _members(s)] for s in order]
+    members = b.RelativeControlMembers(
+        condition=rows(np.repeat(np.arange(len(order)), [len(p) for p in parts])),
+        part=_texts(p for of in parts for p in of), id=_texts(name for s in order for _, name in _members(s)),
+    )  # fmt: skip
+    return table, members, _told(order, parts)
+
+
+def _told(order: list[Structure], parts: list[list[str]]) -> list[tuple[Any, ...]]:
+    """Gross errors by kind of observation, with the row that its residuals have."""
+    found: list[tuple[Any, ...]] = []
+    first = np.cumsum([0, *(len(p) for p in parts)])
+    for type_ in dict.fromkeys(s.type for s in order):
+        at: list[int] = []
+        errors: list[Float] = []
+        for k, s in enumerate(order):
+            for member in np.flatnonzero(np.abs(s.gross).sum(axis=1)) if s.type == type_ else ():
+                own = member - member % 2 if type_ == "equal_distance" else member
+                at.append(k if type_ in (*VALUED, *ONE_ROW) else int(first[k] + own))
+                errors.append(s.gross[member])
+        if at:
+            found.append((KIND.get(type_, type_), np.array(at), np.array(errors)))
+    return found
+
+
+def _members(s: Structure) -> list[tuple[str, str]]:
+    ids = s.ids()
+    if s.type == "angle":
+        return [("at", ids[0]), ("between", ids[1]), ("between", ids[2])]
+    return [("pairs" if s.type in ("equal_distance", *ONE_ROW) else "points", name) for name in ids]
+
+
+def _value(s: Structure, axis: str, photography: Photography, in_block: Any) -> float:
+    """The observed value; a radius is known for every other one."""
+    if s.type in ("sphere", "cylinder"):
+        return s.radius_m if s.number % 2 else np.nan
+    if s.type == "coordinate_difference":
+        low, high = in_block(s.local_m)[:, "XYZ".index(axis)]
+        return float(high - low) + s.of_value
+    X = photography.cartesian(s.local_m)
+    if s.type == "distance":
+        return float(np.linalg.norm(X[1] - X[0])) + s.of_value
+    if s.type == "angle":
+        u, w = X[1] - X[0], X[2] - X[0]
+        return float(np.arccos(u @ w / np.sqrt((u @ u) * (w @ w)))) + s.of_value
+    return float("nan")
+
+
+def _texts(values: Any) -> Text:
+    return np.array(list(values), dtype=np.str_)
