@@ -90,8 +90,13 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str],
         where = source.document.where()
         source.problems.append(InputError(f"rotation is missing, but {table.path.name} has angles", where=where,
                                           remedy="add rotation: omega-phi-kappa (or another)"))  # fmt: skip
-    table.complain(np.flatnonzero(given & (frame > 0)), "frame", "angles cannot be converted from frame {}",
-                   "give angles in the first frame of block.yaml")  # fmt: skip
+    elsewhere = np.flatnonzero(given & (frame > 0) & (frame != source.default_frame))
+    what, remedy = "angles cannot be converted from frame {}", "give angles in the first frame of block.yaml"
+    table.complain(elsewhere, "frame", what, remedy)
+    if source.default_frame and source.settings.rotation != "roll-pitch-heading":
+        what = "observed angles {} against the axes of a frame in degrees"
+        remedy = "give roll, pitch and heading, or make the map of the angles the first frame"
+        table.complain(np.flatnonzero(angle_use == 1), "a1", what, remedy)
     factor = source.settings.units.sigma_angle_rad
     if factor is None and (angle_use == 1).any():
         where = source.document.where("units")

@@ -57,6 +57,7 @@ def geodetic_tables(
     kinds = {end: choice(table, f"{end}_kind", ("point", "image"), "point") for end in ("from", "to")}
     _check_ids(table, kinds, list(images), list(points))
     _check_types(table, types)
+    _check_axes(source, table, types)
     value, sigma = _values(source, table, types, "value"), _values(source, table, types, "sigma")
     table.complain(np.flatnonzero(sigma <= 0), "sigma", "sigma is {}", "a standard deviation is more than 0")
     if source.problems:
@@ -98,6 +99,17 @@ def _check_types(table: CsvTable, types: list[str]) -> None:
                    "a direction needs `set`", "name the set: its directions share an orientation")  # fmt: skip
 
 
+def _check_axes(source: Source, table: CsvTable, types: list[str]) -> None:
+    """In a frame in degrees there are no axes and no map for what is counted in them."""
+    if not source.default_frame:
+        return
+    rows = [k for k, t in enumerate(types) if t in ("dX", "dY", "azimuth")]
+    table.complain(rows, "type", "{} is counted in the axes of the first frame, which is in degrees",
+                   "make a map, or a geocentric frame, the first one")  # fmt: skip
+    rows = [k for k, cell in enumerate(table.text["reduced"]) if cell == "map"]
+    table.complain(rows, "reduced", "reduced to a map, but the first frame is in degrees", "make the map the first one")
+
+
 def _values(source: Source, table: CsvTable, types: list[str], column: str) -> Float:
     """Values in m or rad, by type."""
     units = source.settings.units
@@ -129,8 +141,9 @@ def _own_axis(source: Source, kind: str) -> str:
 
 def right_handed_axis(source: Source, axis: str) -> str:
     """The axis of the Block that the tables call X, Y or Z."""
-    name = next(iter(source.settings.frames.values())).axes["XYZ".index(axis)]
-    return {"east": "X", "north": "Y", "up": "Z"}.get(name, name.upper())
+    name = list(source.settings.frames.values())[source.default_frame].axes["XYZ".index(axis)]
+    known = {"east": "X", "north": "Y", "up": "Z", "longitude": "X", "latitude": "Y", "height": "Z"}
+    return known.get(name, name.upper())
 
 
 def unusable(rows: Geodetic) -> list[str]:

@@ -35,7 +35,7 @@ def frames_of(source: Source, table: CsvTable) -> Int:
     """Number of the frame of each row, in the order of block.yaml."""
     known = {name: k for k, name in enumerate(source.settings.frames)}
     rows = look_up(table, "frame", known, "frame", "add it to `frames` in block.yaml, or mend the name")
-    return np.maximum(rows, 0)
+    return np.where(rows < 0, source.default_frame, rows)
 
 
 def in_own_order(source: Source, frame: Int, role: Int) -> Int:
@@ -101,6 +101,11 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
     for number in np.unique(frame[frame > 0]).tolist():
         rows = np.flatnonzero((frame == number) & np.isfinite(xyz).any(axis=1))
         partial = rows[~np.isfinite(xyz[rows]).all(axis=1)]
+        if number == source.default_frame:
+            whole, of_axes = _as_whole(xyz, frames[number].axes, rows)
+            partial = rows[~of_axes]
+        else:
+            whole = xyz
         table.complain(
             partial, "frame", "frame {} needs all three coordinates", "only whole positions can be converted"
         )
@@ -108,7 +113,7 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
         table.complain(wrong, "frame", "latitude or longitude is out of range in frame {}",
                        "check the order of `axes`: X, Y, Z of the tables follow it")  # fmt: skip
         rows = np.setdiff1d(rows, np.union1d(partial, wrong))
-        given = xyz[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
+        given = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
         unknown = np.isnan(covariance[rows]).any(axis=(1, 2))
         try:
             moved, spread = convert(given, np.nan_to_num(covariance[rows]), frames[number], frames[0])
@@ -116,11 +121,36 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
             where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
             table.problems.append(InputError(error.what, where=where, remedy=error.remedy))
             continue
-        result[rows] = moved
+        absent = np.isnan(in_right_handed_order(xyz[rows], frames[number].axes))
+        result[rows] = np.where(absent, np.nan, moved)
         spread = _with_square_variances(spread)
         spread[unknown] = np.nan
         result_covariance[rows] = spread
     return result, result_covariance
+
+
+def _as_whole(xyz: Float, axes: Sequence[str], rows: Int) -> tuple[Float, Bool]:
+    """Plan or height alone, of the frame in degrees that a map of the same heights is put before, made whole.
+
+    The map does not depend on the height, nor the height on the map; what is filled in here is taken out again.
+
+    Returns
+    -------
+    (n, 3) float64
+        Height 0 where there is none, the middle of the others where there is no plan.
+    (rows,) bool
+        Rows with plan, height or both.
+    """
+    found = xyz.copy()
+    plan = np.array([k for k, a in enumerate(axes) if a != "height"])
+    up = list(axes).index("height")
+    has_plan, has_up = np.isfinite(xyz[rows][:, plan]).all(axis=1), np.isfinite(xyz[rows, up])
+    middle = np.nanmedian(xyz[rows[has_plan]][:, plan], axis=0) if has_plan.any() else np.zeros(2)
+    lone = rows[~np.isfinite(xyz[rows][:, plan]).any(axis=1)]
+    found[np.ix_(lone, plan)] = middle
+    found[rows[~has_up], up] = 0.0
+    broken = np.isfinite(xyz[rows][:, plan]).any(axis=1) & ~has_plan
+    return found, (has_plan | has_up) & ~broken
 
 
 def _with_square_variances(covariance: Float) -> Float:

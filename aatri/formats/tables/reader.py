@@ -18,6 +18,7 @@ from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.exterior import exterior_table
 from aatri.formats.tables.geodetic import geodetic_tables
+from aatri.formats.tables.geographic import with_metric_frame
 from aatri.formats.tables.ground import ground_point_tables, read_ground_points
 from aatri.formats.tables.images import fiducial_point_table, image_point_table, image_tables, read_image_points
 from aatri.formats.tables.relative_control import relative_control_tables
@@ -68,7 +69,7 @@ def read_block(folder: Path, reporter: Reporter = SILENT, max_reject_share: floa
     source = Source(folder, settings, document, reporter)
     _check_files(source)
     _check_frames(source)
-    block = _block(source)
+    block = _block(with_metric_frame(source))
     return screen_block(block, reporter, max_reject_share)
 
 

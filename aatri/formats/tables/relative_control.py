@@ -164,6 +164,9 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
     axis = str(item.get("axis") or "")
     if (kind == "coordinate_difference") != (axis in ("X", "Y", "Z")) or (axis and axis not in ("X", "Y", "Z")):
         fault(f"axis is {axis!r}", "axis", remedy="a coordinate_difference, and only it, has axis: X, Y or Z")
+    if source.default_frame and axis and right_handed_axis(source, axis) != "Z":
+        fault("a difference in an axis of the first frame, which is in degrees", "axis",
+              remedy="make a map the first frame")  # fmt: skip
     if len(source.problems) > before:
         return None
     line = int(document.where(k).rsplit(":", 2)[1])

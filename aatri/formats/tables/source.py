@@ -36,6 +36,7 @@ class Source:
     document: Document
     reporter: Reporter = SILENT
     problems: list[AatriError] = field(default_factory=list)
+    default_frame: int = 0  # of rows that name none: 1 where a map was put before a frame in degrees
 
     def table(self, name: str, columns: Mapping[str, Column]) -> CsvTable | None:
         """A table of the folder; None if it is not there or its header is wrong (then the fault is kept)."""

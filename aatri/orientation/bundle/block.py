@@ -225,7 +225,16 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     onto = bool(poses.any()) or given.held_images is None
     return [
         *groups,
-        Unknowns(POINT, free, ("X", "Y", "Z"), given.point_ids, add_step, eliminated=onto, generator=point_generator),
+        Unknowns(
+            POINT,
+            free,
+            ("X", "Y", "Z"),
+            given.point_ids,
+            add_step,
+            eliminated=onto,
+            position=given.xyz_m,
+            generator=point_generator,
+        ),
     ]
 
 

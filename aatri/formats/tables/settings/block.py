@@ -104,9 +104,6 @@ class Settings(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Settings:
-        frame = next(iter(self.frames.values()))
-        if "latitude" in frame.axes:
-            raise ValueError("the first frame must have east, north, up or x, y, z axes in metres, not latitude")
         if self.heading and self.rotation != "roll-pitch-heading":
             raise ValueError("heading belongs to rotation: roll-pitch-heading")
         return self

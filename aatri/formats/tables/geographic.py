@@ -1,0 +1,75 @@
+"""A block whose first frame is in latitude, longitude and height: a map of its own comes before it.
+
+The block is then in the UTM zone of its middle, on the same datum and with the same heights; rows without `frame` stay
+in the declared one. What is counted in the axes of the first frame has none in degrees, and is refused by name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.errors import AatriError, Errors, InputError
+from aatri.formats.tables.exterior import EXTERIOR
+from aatri.formats.tables.ground import GROUND_POINTS
+from aatri.formats.tables.settings.block import FrameSettings
+from aatri.formats.tables.source import Source
+from aatri.formats.text.csv_table import read_csv
+from aatri.frames.checks import out_of_range
+from aatri.frames.conversion import Frame
+from aatri.frames.own_map import utm_of
+
+TABLES = {"ground_points.csv": GROUND_POINTS, "exterior.csv": EXTERIOR}
+
+
+def with_metric_frame(source: Source) -> Source:
+    """The source with a map as its first frame, where that is geographic."""
+    settings = source.settings
+    name, first = next(iter(settings.frames.items()))
+    if "latitude" not in first.axes:
+        return source
+    declared = Frame(name, tuple(first.axes), first.crs, first.vertical)
+    place = _middle(source, declared)
+    if place is None:
+        raise InputError(
+            f"frame {name} is in latitude and longitude, and no row of ground_points.csv or exterior.csv has both",
+            where=source.document.where("frames", name),
+            remedy="give coordinates, or make a frame in metres the first one",
+        )
+    own = utm_of(declared, *place)
+    called = own.name
+    while called in settings.frames:
+        called += "_"
+    if settings.heading == "grid":
+        raise InputError("headings count from the grid, but the first frame is in latitude and longitude",
+                         where=source.document.where("heading"),
+                         remedy="write heading: true, or make the map the first frame")  # fmt: skip
+    frame = FrameSettings(axes=list(own.axes), crs=own.crs, vertical=own.vertical)
+    source.reporter.log(f"frame {name} is in latitude and longitude: the block is in {called} ({_called(own)})")
+    settings = settings.model_copy(update={"frames": {called: frame, **settings.frames}})
+    return replace(source, settings=settings, default_frame=1)
+
+
+def _middle(source: Source, frame: Frame) -> tuple[float, float] | None:
+    """Middle latitude and longitude of the rows in the first frame, degrees."""
+    found = []
+    for name, columns in TABLES.items():
+        try:
+            table = read_csv(source.folder / name, columns, [])
+        except (Errors, AatriError):
+            continue  # its faults are told where the table is read
+        xyz = np.stack([table.number[c] for c in ("X", "Y", "Z")], axis=1)
+        xyz = xyz[np.array([cell in ("", frame.name) for cell in table.text["frame"]], dtype=bool)]
+        plan = xyz[:, [frame.axes.index("latitude"), frame.axes.index("longitude")]]
+        good = np.isfinite(plan).all(axis=1) & ~out_of_range(np.nan_to_num(xyz), frame.axes)
+        found.append(plan[good])
+    rows = np.concatenate([np.zeros((0, 2)), *found])
+    if not len(rows):
+        return None
+    return float(np.median(rows[:, 0])), float(np.median(rows[:, 1]))
+
+
+def _called(own: Frame) -> str:
+    """What messages call the map: its code, or that it has none."""
+    return own.crs if len(own.crs) < 20 else "no code, its definition is in the block"

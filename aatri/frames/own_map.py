@@ -1,0 +1,31 @@
+"""A map for coordinates in latitude, longitude and height: the UTM zone of their middle, on their datum."""
+
+from __future__ import annotations
+
+from aatri.frames.conversion import Frame, crs_of
+
+SURE = 60
+"""Confidence in per cent from which on a code of the EPSG is taken for the map."""
+
+
+def utm_of(frame: Frame, latitude_deg: float, longitude_deg: float) -> Frame:
+    """The map, east, north, up, with the heights of the geographic frame.
+
+    Parameters
+    ----------
+    frame : Frame
+        Geographic.
+    latitude_deg, longitude_deg : float, degrees
+        Where the block is.
+    """
+    from pyproj.crs import ProjectedCRS
+    from pyproj.crs.coordinate_operation import UTMConversion
+
+    zone = int((longitude_deg + 180.0) % 360.0 // 6.0) + 1
+    half = "N" if latitude_deg >= 0 else "S"
+    datum = crs_of(frame).geodetic_crs.to_2d()
+    name = f"{datum.name} / UTM zone {zone}{half}"
+    made = ProjectedCRS(conversion=UTMConversion(str(zone), half), name=name, geodetic_crs=datum)
+    code = made.to_authority(min_confidence=SURE)
+    return Frame(f"utm{zone}{half.lower()}", ("east", "north", "up"), ":".join(code) if code else made.to_wkt(),
+                 frame.vertical)  # fmt: skip
