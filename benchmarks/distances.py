@@ -23,7 +23,7 @@ CAMERA = {"kind": "digital", "format": (20000.0, 20000.0), "pixel_size_mm": 0.01
 
 
 def block_of(strips: int, distances: int) -> Block:
-    """Images with positions and angles to begin with, a third as many control points as distances, and the distances."""
+    """Images with angles to begin with, a third as many control points as distances, distances."""
     options = {
         "camera": CAMERA, "flight": {"strips": strips, "images_per_strip": 2 * strips},
         "ties": {"per_position": 4, "random_per_image": 60.0}, "known": {"full": -(-distances // 3)},

@@ -20,6 +20,7 @@ from aatri.adjustment.adjust import Adjusted, adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.forecast import forecast
 from aatri.adjustment.loss import Huber
+from aatri.adjustment.reach import scaled, within_reach
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
@@ -55,6 +56,7 @@ def adjust_bundle(
     """
     part = taking_part(given)
     start = start_of(given)
+    given, raised = _within_reach(given, start)
     poses = _free_poses(given, part.of[POSE], settings.datum)
     unknowns = unknowns_of(given, part, poses, _places(given, settings.solution.ordering))
     records, constraints = _records(given, part, settings)
@@ -79,7 +81,7 @@ def adjust_bundle(
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
     if settings.weights:
         adjusted = _weighted_down(adjusted, settings.weights)
-    covariances, notes = settings.covariances and not adjusted.down_weighted, list(adjusted.notes)
+    covariances, notes = settings.covariances and not adjusted.down_weighted, [*raised, *adjusted.notes]
     if covariances and not adjusted.has_factor:
         needed = forecast(adjusted.problem)
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
@@ -92,6 +94,27 @@ _WITHOUT_FACTOR = (
     "no standard deviations: exact covariances need the factor of the normal equations, and this block was solved by "
     "conjugate gradients, without it; `solver: direct` gives them, in {:.2g} GB of memory and {:.2g} GB on disk"
 )
+
+
+def _within_reach(given: BundleInput, start: dict[str, object]) -> tuple[BundleInput, list[Note]]:
+    """Observations between points or images whose standard deviations are too small beside those of all others."""
+    some = [i for i, o in enumerate(given.observed)
+            if len(o.records.touches) > 1 and not (o.exact or o.components or _is_ray(o.records))]  # fmt: skip
+    if not some:
+        return given, []
+    others = [replace(o.records, active=o.records.active & ~np.bool_(o.exact)) for o in given.observed]
+    factors = within_reach(others, some, start)
+    observed, notes = list(given.observed), []
+    for i, factor in factors.items():
+        o = given.observed[i]
+        far = np.flatnonzero(factor < 1)
+        sigmas = [np.nanmin(f) for f in (o.sigmas()[far], o.sigmas()[far] / factor[far, None])]
+        names = tuple(o.label(int(k)) for k in far)
+        text = (f"{o.kind}: the standard deviations of {len(far)} observations are too small beside all others; "
+                f"raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}")  # fmt: skip
+        notes.append(Note("note", text, names))
+        observed[i] = replace(o, records=scaled(o.records, factor))
+    return replace(given, observed=tuple(observed)), notes
 
 
 def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:

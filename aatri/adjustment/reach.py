@@ -1,0 +1,108 @@
+"""Observations so accurate beside all others that double precision cannot hold both: weights are brought within reach.
+
+The squares of an observation's derivatives by the unknowns it touches are what it adds to the normal matrix. Where it
+adds more than BEYOND times what all less accurate ones together add, what those say is lost in the rounding of the sum.
+Such an observation gets the weight that adds WITHIN times as much: its standard deviation is larger, and still a ten
+thousandth of what would be felt. Where accurate observations are enough to determine a block alone there is nothing to
+lose. Only observations between blocks are changed; that of one block does no harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
+
+BEYOND, WITHIN = 1e10, 1e9
+"""Ratios of weights; at 1e12 the rank tolerance is met."""
+
+
+def within_reach(records: Sequence[Records], candidates: Sequence[int], state: State) -> dict[int, Float]:
+    """By how much the whiteners of records are to be multiplied, (n,), for those candidates that are beyond reach.
+
+    Parameters
+    ----------
+    records : sequence of Records
+    candidates : sequence of int
+        Places of those whose weight may be brought within reach.
+    state : mapping
+        Where the derivatives are formed.
+    """
+    touched: dict[str, list[Int]] = {}
+    for i in candidates:
+        for group, block in records[i].touches:
+            touched.setdefault(group, []).append(block[records[i].active])
+    wanted = {group: np.unique(np.concatenate(blocks)) for group, blocks in touched.items()}
+    pieces: dict[str, list[tuple[Int, Float, Int, Int, int, int]]] = {group: [] for group in wanted}
+    for i, r in enumerate(records):
+        near = np.zeros(len(r.active), dtype=bool)
+        for group, block in r.touches:
+            if group in wanted:
+                near |= np.isin(block, wanted[group])
+        rows = np.flatnonzero(near & r.active)
+        if not len(rows):
+            continue
+        _, jacobians = whitened(r, state, rows)
+        for (group, block), J in zip(r.touches, jacobians):
+            if group in wanted:
+                size = (J**2).sum(axis=2).max(axis=1)
+                pieces[group].append((block[rows], size, np.full(len(rows), i), rows, r.rows, J.shape[2]))
+    factor = {i: np.ones(len(records[i].active)) for i in candidates}
+    for parts in pieces.values():
+        block, size, of, row = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        residuals = np.concatenate([np.full(len(part[0]), part[4]) for part in parts])
+        _bring(_Added(block, size, of, row, residuals), parts[0][5], factor)
+    return {i: f for i, f in factor.items() if (f < 1).any()}
+
+
+@dataclass(frozen=True)
+class _Added:
+    """What observations add to the blocks of one group: (n,) each."""
+
+    block: Int
+    size: Float
+    of: Int
+    row: Int
+    residuals: Int
+
+
+def _bring(added: _Added, scalars: int, factor: dict[int, Float]) -> None:
+    """Lower the factors of what is beyond reach at some blocks of one group."""
+    known = np.flatnonzero(np.isfinite(added.size) & (added.size > 0))
+    order = known[np.lexsort((added.size[known], added.block[known]))]
+    block, size = added.block[order], added.size[order]
+    if not len(block):
+        return
+    new = np.concatenate([[True], block[1:] != block[:-1]])
+    number = np.cumsum(new) - 1
+    below = _sums_within(size, new)
+    from_here = _sums_within(added.residuals[order][::-1].astype(float), np.append(new[1:], True)[::-1])[::-1]
+    enough = from_here + added.residuals[order] >= scalars
+    gap = (below > 0) & (size > BEYOND * below) & ~enough
+    limit = np.full(int(number[-1]) + 1, np.inf)
+    limit[number[gap]] = WITHIN * below[gap]  # of several gaps the last
+    share = np.sqrt(np.minimum(limit[number] / size, 1.0))
+    for i, f in factor.items():
+        mine = (added.of[order] == i) & (share < 1)
+        np.minimum.at(f, added.row[order][mine], share[mine])
+
+
+def _sums_within(size: Float, new: np.ndarray) -> Float:
+    """Sum of those before each in its block: block by block, so that no large one of another block is added."""
+    found = np.zeros(len(size))
+    starts = np.append(np.flatnonzero(new), len(size))
+    for a, z in pairwise(starts):
+        found[a + 1 : z] = np.cumsum(size[a : z - 1])
+    return found
+
+
+def scaled(records: Records, factor: Float) -> Records:
+    """The records with their whiteners multiplied row by row."""
+    shape = (-1, *[1] * (records.whitener.ndim - 1))
+    return replace(records, whitener=records.whitener * factor.reshape(shape))
