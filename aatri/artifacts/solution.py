@@ -215,10 +215,11 @@ class Solution(Artifact):
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""
+        found = np.isfinite(self.points.xyz_m)  # of a network without images a height, or a place, is all there is
         known = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
         return {
             "images": int(self.images.oriented.sum()),
-            "points": int(np.isfinite(self.points.xyz_m).all(axis=1).sum()),
+            "points": int((found.all(axis=1) if len(self.images) else found.any(axis=1)).sum()),
             "image_points": int(self.images.image_points.sum()),
             "observations": self.observations,
             "unknowns": self.unknowns,

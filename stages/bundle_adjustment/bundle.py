@@ -35,6 +35,7 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.orderings import report_orderings
+from aatri.adapters.bundle.position_datum import shift_notes
 from aatri.adapters.bundle.systematic_residuals import systematic_notes
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.plausibility import of_start
@@ -189,6 +190,7 @@ def bundle(
     tell(of_start(block, given, check=initial is None), context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)
+    as_given = given
     done = _in_rounds(given, options, context)
     done, components = with_variance_components(
         block, done, lambda block: _adjusted(block, options, context, How()), options.variance_components
@@ -197,6 +199,7 @@ def bundle(
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)
     tell(remarks(given, result.adjusted.state, before=False), context)
+    tell(shift_notes(as_given, given, result, lambda block: _adjusted(block, options, SILENT, How())), context)
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
     notes += [*systematic_notes(result), *parameter_notes(given, result), *correlation_notes(result)]
     tell([*done.notes, *result.notes, *notes], context)
