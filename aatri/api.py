@@ -176,7 +176,7 @@ def run_pipeline(
     from aatri.report.page import write_report
 
     request = Request(str(pipeline), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
-    opened = open_request(request)
+    opened = open_request(request, quiet=quiet)
     how = runner.How(command="aatri.run", source=opened.source, request=opened.request.plain())
     with Narrator(quiet) as narrator:
         runner.run_pipeline(opened.spec, opened.nodes, narrator, how)

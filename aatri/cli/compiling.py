@@ -26,12 +26,16 @@ class Compiling:
         self._total = 0
 
     def told(self) -> str:
-        """`compiling, once: 34 kernels ready of 88 ...` if there are more than at the last look; else empty."""
+        """`compiling, once: 34 kernels ready of 88 ...` if there are more than at the last look; else empty.
+
+        Those for pairs of sizes are made as sizes come, so that there may be more than are declared.
+        """
         before, self.ready = self.ready, found()
         if self.ready <= before:
             return ""
         self._total = self._total or declared()
-        return f"compiling, once: {self.ready} kernels ready of {max(self.ready, self._total)} that methods may need"
+        of = f" of {self._total} that methods may need" if self.ready <= self._total else ""
+        return f"compiling, once: {self.ready} kernels ready{of}"
 
 
 def found() -> int:

@@ -5,6 +5,7 @@ A run keeps what was asked for in its run.json, so that a verb that is given the
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,8 +67,8 @@ class Opened:
         return planned
 
 
-def open_request(request: Request) -> Opened:
-    """Read and wire the pipeline of a request.
+def open_request(request: Request, *, quiet: bool = False) -> Opened:
+    """Read and wire the pipeline of a request; unless quiet, tell of compilation, which that may take.
 
     Raises
     ------
@@ -97,9 +98,9 @@ def open_request(request: Request) -> Opened:
     spec, notes = with_use(spec, request.use, catalogue)
     spec = with_set(spec, request.set_)
     compiled = use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
-    if compiled is not None and not compiled.exists():
+    if compiled is not None and not compiled.exists() and not quiet:
         narrate("compiling the inner loops for this processor, once; it takes some 35 s, here and in the first stages")
-    with shown(narrate, terminal=is_terminal()):
+    with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
         nodes = wire(spec, catalogue)
     for note in notes:
         narrate(f"note: {note}")
@@ -107,7 +108,8 @@ def open_request(request: Request) -> Opened:
 
 
 def open_run(
-    given: Path | None, *, local_plugins: bool = False, set_: tuple[str, ...] = (), use: tuple[str, ...] = ()
+    given: Path | None, *, local_plugins: bool = False, set_: tuple[str, ...] = (), use: tuple[str, ...] = (),
+    quiet: bool = False,
 ) -> Opened:  # fmt: skip
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
 
@@ -120,7 +122,7 @@ def open_run(
     if given is None and not path.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
     if not path.is_dir():
-        return open_request(Request(str(path), set_=set_, use=use, local_plugins=local_plugins))
+        return open_request(Request(str(path), set_=set_, use=use, local_plugins=local_plugins), quiet=quiet)
     overview = read_overview(path)
     if overview is None:
         raise ArtifactError("not the folder of a run: no run.json in it", where=str(path),
@@ -135,4 +137,4 @@ def open_run(
     into = "" if kept["variant"] else str(path)
     request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use),
                       kept["variant"], local_plugins)  # fmt: skip
-    return open_request(request)
+    return open_request(request, quiet=quiet)

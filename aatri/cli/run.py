@@ -81,10 +81,11 @@ def run(
         if into is not None or variant:
             raise SpecError("a run has its folder and its variant", where=str(pipeline),
                             remedy="give the pipeline file with --into or --variant")  # fmt: skip
-        opened = open_run(pipeline, local_plugins=local_plugins, set_=tuple(set_ or ()), use=tuple(use or ()))
+        opened = open_run(pipeline, local_plugins=local_plugins, set_=tuple(set_ or ()), use=tuple(use or ()),
+                          quiet=quiet or json)  # fmt: skip
     else:
         given = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-        opened = open_request(Request(str(pipeline), *given))
+        opened = open_request(Request(str(pipeline), *given), quiet=quiet or json)
     selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())
     if dry_run:
         from aatri.cli.plan_table import plain_plan, say_plan

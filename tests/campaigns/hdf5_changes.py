@@ -49,7 +49,7 @@ def _change(file: h5py.File, column: str, chance: random.Random) -> None:
         chance.choice((_values, _values, _values, _shape, _type, _attribute, _structure, _hostile))(
             file, column, chance
         )
-    except (TypeError, ValueError, OSError, KeyError, RuntimeError, AttributeError, OverflowError):
+    except (TypeError, ValueError, OSError, LookupError, RuntimeError, AttributeError, OverflowError):
         return
 
 

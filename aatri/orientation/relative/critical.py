@@ -1,6 +1,7 @@
 """Critical configurations of a pair, by name, for an orientation that its points leave open or weak.
 
 - tiny base: the points are more than 50 bases away;
+- corner: the points take up a small part of the model only;
 - collinear: the model points lie near a line, so that they leave the turn about it open;
 - critical cylinder: points and both projection centres lie on a circular cylinder whose axis is along the base, as the
   sides of a valley may; the right image can turn about the base and shift across it without y-parallax. Across the base
@@ -19,6 +20,9 @@ from aatri.geometry.vectors import tangents
 FAR = 50.0
 """Bases to the points beyond which the base is tiny."""
 
+IN_A_CORNER = 0.25
+"""Largest extent, in bases, of points in one small part of the model."""
+
 ON_A_LINE = 0.02
 """Extent across over extent along of points near a line."""
 
@@ -27,6 +31,9 @@ ON_A_CIRCLE = 0.05
 
 FLAT = 0.02
 """Points whose depth varies by a smaller share of their width lie on a plane, not on a cylinder."""
+
+BETTER = 0.5
+"""Largest RMS deviation from the circle over that from a straight line: rough ground is no cylinder."""
 
 
 def critical_configuration(xyz: Float, base: Float) -> str:
@@ -46,13 +53,17 @@ def critical_configuration(xyz: Float, base: Float) -> str:
     sizes = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
     if sizes[1] < ON_A_LINE * sizes[0]:
         return "the points lie near a line (collinear)"
+    extent = float(np.ptp(xyz, axis=0).max())
+    if extent < IN_A_CORNER:
+        return f"the points lie in one small part of the model, {extent:.2f} bases wide (in a corner)"
     across = xyz @ tangents(base)
     centre = np.linalg.lstsq(2 * across, (across**2).sum(axis=1))[0]
     radius = float(np.linalg.norm(centre))
     off = np.linalg.norm(across - centre, axis=1) - radius
     spread = np.linalg.svd(across - across.mean(axis=0), compute_uv=False)
-    extent = float(np.ptp(across, axis=0).max())
-    if np.sqrt((off**2).mean()) < ON_A_CIRCLE * extent and spread[1] > FLAT * spread[0]:
+    apart, straight = float(np.sqrt((off**2).mean())), float(spread[1] / np.sqrt(len(xyz)))
+    near = apart < ON_A_CIRCLE * float(np.ptp(across, axis=0).max()) and apart < BETTER * straight
+    if near and spread[1] > FLAT * spread[0]:
         return "points and projection centres lie near a circular cylinder along the base (critical cylinder)"
     return GENERAL
 

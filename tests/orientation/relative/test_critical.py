@@ -43,6 +43,19 @@ def test_collinear_points_are_named() -> None:
     assert "line" in said(X)
 
 
+def test_points_in_a_corner_are_named_so_and_not_a_cylinder() -> None:
+    rng = np.random.default_rng(4)
+    X = np.array([0.5, 0.6, -1.0]) + rng.uniform(-0.03, 0.03, (14, 3))
+    assert "in a corner" in said(X)
+    assert "cylinder" not in said(X)
+
+
+def test_rough_ground_is_no_cylinder() -> None:
+    rng = np.random.default_rng(5)
+    rough = np.column_stack([rng.uniform(0, 1, 40), rng.uniform(-1, 1, 40), -2 + rng.normal(0, 0.06, 40)])
+    assert critical_configuration(rough, np.array([1.0, 0.0, 0.0])) == GENERAL
+
+
 def test_fewer_than_five_points_are_named() -> None:
     assert "4" in said(gruber_ground(1)[:4])
 
