@@ -76,8 +76,9 @@ class CalibratedSets(Table):
 
     object: Text = column("str", doc="id of the camera, session or image, as in parameters")
     camera: Text = column("str", doc="id of the camera")
-    per: Text = column("str", doc="camera, session or image: what shares a set")
+    per: Text = column("str", doc="camera, flight, session or image: what shares them")
     set: Text = column("str", doc="name of the set")
+    parameters: Int = column("i4", doc="how many of its parameters are those of the object, in the order of parameters")
     interior: Bool = column("bool", doc="c, x0 and y0 stand before the parameters of the set")
     principal_distance_mm: Float = column("f8", unit="mm", doc="nominal: what the parameters correct")
     principal_point_mm: Float = column("f8", 2, unit="mm", doc="nominal, as subtracted")
@@ -87,7 +88,7 @@ class CalibratedSets(Table):
 
 @dataclass(frozen=True, eq=False)
 class ParameterCovariances(Table):
-    """Covariances of the additional parameters of one camera or session, each pair once, with the variances."""
+    """Covariances of the camera parameters, additional and of camera models, each pair once, with the variances."""
 
     first: Int = column("i4", doc="row in parameters", refers="parameters")
     second: Int = column("i4", doc="row in parameters, not before first", refers="parameters")

@@ -1,4 +1,4 @@
-"""The compiled lane of the collinearity equations, and the sides of the cameras that points lie on."""
+"""The compiled lanes of the collinearity equations, and the sides of the cameras that points lie on."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from aatri.adjustment.records import Bind, Compiled, Fill, Weigh
 from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.observations.camera_models import CameraRows, compared
+from aatri.observations.kernels.camera_frame import brown, into_camera, out_of_camera
 from aatri.observations.kernels.collinearity import in_front, linearise
 from aatri.observations.poses import POINT, POSE, Poses
 
@@ -38,6 +40,48 @@ def compiled_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection])
                     for target, (group, block, basis) in zip(J[1:-1], terms):
                         target[:] = basis[first:last]
                         v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
+
+                return fill
+
+            return bind
+
+        return weigh
+
+    return prepared
+
+
+def camera_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection], cameras: CameraRows) -> Compiled:
+    """The compiled lane of cameras with models of their own: Brown's is compiled, others are NumPy in between."""
+    all_brown = set(cameras.model) == {"brown"}
+    unknown = cameras.known is None
+
+    def prepared(order: Int) -> Weigh:
+        image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
+        xy, block = taken(rows.xy_mm, order), _int32(cameras.block[order])
+        unweighted = [(k.group, k.block[order], k.basis[order]) for k in corrections]
+
+        def weigh(weight: Float) -> Bind:
+            def bind(state: State) -> Fill:
+                poses: Poses = state[POSE]
+                X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
+                parameters = _own(cameras.parameters(state))
+
+                def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                    u, by_u = np.empty((last - first, 3)), np.empty((last - first, 2, 3))
+                    into_camera(first, last, image, point, X0, R, X, u)
+                    if all_brown:
+                        by_camera = np.empty((last - first, 2, parameters.shape[1]))
+                        brown(first, last, block, xy, parameters, u, v, by_u, by_camera)
+                    else:
+                        v[:], by_u, by_camera = compared(cameras, parameters, order[first:last], u, xy[first:last])
+                    w = weight[first:last, :, None]
+                    for target, (group, of_ray, basis) in zip(J[1:-1], unweighted):
+                        v -= np.einsum("nij,nj->ni", basis[first:last], state[group][of_ray[first:last]])
+                        target[:] = -basis[first:last] * w
+                    if unknown:
+                        np.multiply(by_camera, w, out=J[-2])
+                    v *= w[:, :, 0]
+                    out_of_camera(first, last, image, point, X0, R, X, weight, by_u, J[0], J[-1])
 
                 return fill
 

@@ -24,12 +24,12 @@ import numpy as np
 from aatri.adjustment.records import Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.camera.models import calibration
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.plane_transformations import open_basis
 from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.collinearity_lane import compiled_lane, side_veto
+from aatri.observations.camera_models import CameraRows, compared, known_beforehand
+from aatri.observations.collinearity_lane import camera_lane, compiled_lane, side_veto
 from aatri.observations.observed import Given, Names, Observed, named
 from aatri.observations.parameters import ParameterRows, parameter_unknowns, prior_records
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
@@ -73,7 +73,7 @@ def observed_image_points(
 ) -> tuple[Observed, ...]:
     """Rays with the parameters they touch, and the priors of these."""
     corrections = [LinearCorrection(p.group, p.block, p.basis) for p in parameters if p.basis is not None]
-    cameras = next((CameraRows(p.block, p.model) for p in parameters if p.group == CAMERA), None)
+    rays, cameras = _through_cameras(rays, parameters)
     rows = np.arange(len(rays.image))
     found = [
         Observed(
@@ -94,6 +94,18 @@ def observed_image_points(
             ids = np.asarray(p.ids, dtype=np.str_)[block]
             found.append(Observed(records, np.full(len(block), -1), named(image=ids), "", components=p.labels))
     return tuple(found)
+
+
+def _through_cameras(
+    rays: ImagePointRows, parameters: Sequence[ParameterRows]
+) -> tuple[ImagePointRows, CameraRows | None]:
+    """Rays with the cameras that have models of their own; corrected where these are known and allow it."""
+    for p in parameters:
+        if p.group == CAMERA:
+            if p.free.any():
+                return rays, CameraRows(p.block, p.model)
+            return known_beforehand(rays, CameraRows(p.block, p.model, p.start))
+    return rays, None
 
 
 @dataclass(frozen=True)
@@ -151,26 +163,6 @@ class LinearCorrection:
         return LinearCorrection(self.group, self.block[rows], self.basis[rows])
 
 
-@dataclass(frozen=True)
-class CameraRows:
-    """Cameras with unknown parameters.
-
-    Attributes
-    ----------
-    block : (n,) int
-        Block of the group CAMERA for each ray.
-    model : (n_blocks,) str
-        Model of each block, see `calibration.PARAMETERS`; blocks are as wide as the widest model.
-    """
-
-    block: Int
-    model: tuple[str, ...]
-
-    def take(self, rows: Int | Bool) -> CameraRows:
-        """The chosen rows."""
-        return CameraRows(self.block[rows], self.model)
-
-
 def film_correction(
     rows: ImagePointRows, group: str, model: Text | None = None, axes: Float | None = None, size: int = 6
 ) -> LinearCorrection:
@@ -205,7 +197,7 @@ def image_point_records(
         image, point = rows.image[chosen], rows.point[chosen]
         X0, R, X = poses.position_m[image], poses.ground_from_image[image], state[POINT][point]
         u = in_image_axes(X0, R, X)
-        v, by_u, by_camera = _compared(rows, cameras, state, chosen, u)
+        v, by_u, by_camera = _at_camera(rows, cameras, state, chosen, u)
         for correction in corrections:
             v = v - np.einsum("nij,nj->ni", correction.basis[chosen], state[correction.group][correction.block[chosen]])
         by_point = np.einsum("nij,nkj->nik", by_u, R)
@@ -213,27 +205,19 @@ def image_point_records(
         return v, (by_pose, *(-c.basis[chosen] for c in corrections), *by_camera, by_point)
 
     touches = [(POSE, rows.image), *((c.group, c.block) for c in corrections)]
-    if cameras is not None:
+    if cameras is not None and cameras.known is None:
         touches.append((CAMERA, cameras.block))
     touches.append((POINT, rows.point))
-    lane = compiled_lane(rows, corrections) if cameras is None else None
+    lane = compiled_lane(rows, corrections) if cameras is None else camera_lane(rows, corrections, cameras)
     return Records(KIND, tuple(touches), evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active, lane)
 
 
-def _compared(
+def _at_camera(
     rows: ImagePointRows, cameras: CameraRows | None, state: State, chosen: Int, u: Float
 ) -> tuple[Float, Float, tuple[Float, ...]]:
-    """Computed minus measured, and its derivatives to u and to the camera."""
+    """Computed minus measured, and its derivatives to u and to the camera where that is unknown."""
     if cameras is None:
         xy, by_u = project_derivatives(u, rows.c_mm[chosen])
         return xy - rows.xy_mm[chosen], by_u, ()
-    block, measured = cameras.block[chosen], rows.xy_mm[chosen]
-    v, by_u = np.empty((len(chosen), 2)), np.empty((len(chosen), 2, 3))
-    by_camera = np.zeros((len(chosen), 2, state[CAMERA].shape[1]))
-    models = np.array(cameras.model)[block]
-    for model in np.unique(models):
-        some, size = np.flatnonzero(models == model), len(calibration.PARAMETERS[str(model)])
-        v[some], by_u[some], by_camera[some, :, :size] = calibration.residual(
-            str(model), u[some], measured[some], state[CAMERA][block[some], :size]
-        )
-    return v, by_u, (by_camera,)
+    v, by_u, by_camera = compared(cameras, cameras.parameters(state), chosen, u, rows.xy_mm[chosen])
+    return v, by_u, (by_camera,) if cameras.known is None else ()

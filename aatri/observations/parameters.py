@@ -52,6 +52,8 @@ class ParameterRows:
         Camera model of each block, for CAMERA.
     per_image : bool
         The blocks are those of the images, one by one.
+    calibrated : bool
+        What weights them is the result of another block.
     """
 
     group: str
@@ -66,6 +68,7 @@ class ParameterRows:
     basis: Float | None = None
     model: tuple[str, ...] = ()
     per_image: bool = False
+    calibrated: bool = False
 
     def take(self, rays: Int | Bool) -> ParameterRows:
         """With the chosen rays only."""

@@ -22,6 +22,11 @@ CAMERA = "camera"
 """Names of the groups of unknowns."""
 
 
+def is_additional(group: str) -> bool:
+    """Whether a group has additional parameters: all of a set, or the part that its cameras, images ... share."""
+    return group == ADDITIONAL or group.startswith(f"{ADDITIONAL} per ")
+
+
 @dataclass(frozen=True)
 class Poses:
     """Orientations of n images.

@@ -40,6 +40,7 @@ def orbit(flight: Flight, camera: Camera, ground_m: float) -> dict[str, object]:
     ring, place = np.repeat(np.arange(rings), per_ring), np.tile(np.arange(per_ring), rings)
     elevation = np.deg2rad(np.linspace(*flight.orbit_elevations_deg, rings))[ring]
     angle = 2 * np.pi * (place + 0.5 * (ring % 2)) / per_ring
+    roll = 0.5 * np.pi * (place % 4) if flight.orbit_rolls else np.zeros(len(place))
     out = distance * np.cos(elevation)
     position = np.column_stack([out * np.cos(angle), out * np.sin(angle), ground_m + distance * np.sin(elevation)])
     half = 0.35 * distance * min(camera.half_format_mm) / camera.principal_distance_mm
@@ -49,7 +50,7 @@ def orbit(flight: Flight, camera: Camera, ground_m: float) -> dict[str, object]:
         "sequence": place + 1.0,
         "heading_rad": angle + 0.5 * np.pi,
         "position_m": position,
-        "looking": looking(angle + np.pi, 0.5 * np.pi - elevation, np.full(len(angle), -0.5 * np.pi)),
+        "looking": looking(angle + np.pi, 0.5 * np.pi - elevation, -0.5 * np.pi + roll),
         "area": (np.full(2, -half), np.full(2, half)),
     }
 

@@ -107,6 +107,9 @@ class Flight(BaseModel):
     orbit_elevations_deg: Range = Field(
         (25.0, 50.0), description="of the lowest and highest ring, seen from its middle"
     )
+    orbit_rolls: bool = Field(
+        False, description="images of an orbit are turned about their view by 0, 90, 180, 270 degrees, one after another"
+    )
     cross_strips: int = Field(0, ge=0, description="strips across, flown north and south in turn")
     images_per_cross_strip: int | None = Field(None, ge=2, description="images in each; empty: as many as span them")
     forward_overlap: float = Field(60.0, gt=0, lt=100, description="overlap along the strip, percent")

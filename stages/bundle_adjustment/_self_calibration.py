@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from aatri.adapters.bundle.bundle_input import film_parameters
+from aatri.adapters.bundle.calibrated_cameras import calibrated_cameras, has_camera_models
 from aatri.adapters.bundle.calibration import Calibration, calibrated_parameters, calibration_of
 from aatri.adapters.bundle.calibration_tables import CalibrationTables, calibration_tables
 from aatri.adapters.bundle.camera_parameters import (
@@ -15,20 +16,25 @@ from aatri.adapters.bundle.camera_parameters import (
     additional_parameters,
     camera_parameters,
     camera_scale,
+    classical_factors,
     classical_table,
+    listed_parameters,
     parameter_table,
 )
+from aatri.adapters.bundle.parameter_covariances import TableRows, parameter_covariances
+from aatri.adapters.bundle.set_parts import SetPart, names_of_parts, parts_of_set
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Parameters, Solution
-from aatri.camera.parameters.catalogue import holds_interior, parameter_set, with_interior
+from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
+from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, parameter_set, with_interior
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
 from aatri.formats.text.text_file import read_lines
+from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
-from aatri.observations.poses import ADDITIONAL
-from aatri.orientation.bundle.result import AdjustedParameters
+from aatri.observations.poses import CAMERA
+from aatri.orientation.bundle.result import BundleResult
 from aatri.plugin import CodePath, Field, Options
 
 
@@ -38,7 +44,10 @@ class SelfCalibration(Options):
     set: Literal["brown_conrady", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"] = Field(
         description="set of parameters"
     )
-    per: Literal["camera", "session", "image"] = Field("camera", description="what shares a set")
+    per: Unit | dict[Unit, list[str]] = Field(
+        "camera",
+        description="what shares a set: camera, flight, session, image; or which of its parameters each of them shares",
+    )
     sigma_um: float | None = Field(
         50.0, gt=0, description="a-priori standard deviation of each parameter at the border, um; null leaves them free"
     )
@@ -54,15 +63,21 @@ class SelfCalibration(Options):
     )
 
 
+def units_named(wanted: SelfCalibration | None) -> tuple[str, ...]:
+    """What the options say to share parameters."""
+    if wanted is None:
+        return ()
+    return (wanted.per,) if isinstance(wanted.per, str) else tuple(wanted.per)
+
+
 @dataclass(frozen=True)
 class ChosenSet:
-    """The set of an adjustment; `calibration` weights it where another block has determined it."""
+    """The set of an adjustment in its parts; `calibration` weights those that another block has determined."""
 
     name: str
     interior: bool
-    per: Unit
     sigma_mm: float | None
-    parameters: ParameterSet
+    parts: tuple[SetPart, ...]
     calibration: Calibration | None = None
 
 
@@ -70,7 +85,7 @@ def chosen_set(
     block: Block, wanted: SelfCalibration | None, observed_positions: bool, solution: Solution | None = None
 ) -> ChosenSet | None:
     """The set of the options, or of a finished block that calibrates this one."""
-    if solution is not None:
+    if solution is not None and (solution.calibrated_sets is not None or not has_camera_models(solution)):
         return _calibrated(wanted, calibration_of(solution))
     if wanted is None:
         return None
@@ -78,23 +93,35 @@ def chosen_set(
     has_it = holds_interior(chosen, camera_scale(block, 0))
     if wanted.interior and has_it:
         raise SpecError(f"{chosen.name} has the interior orientation already", remedy="interior: false")
-    interior = wanted.interior if wanted.interior is not None else observed_positions and not has_it
-    sigma_mm = None if wanted.sigma_um is None else 1e-3 * wanted.sigma_um
-    return ChosenSet(wanted.set, interior, wanted.per, sigma_mm, with_interior(chosen) if interior else chosen)
+    if isinstance(wanted.per, str):
+        interior = wanted.interior if wanted.interior is not None else observed_positions and not has_it
+    else:
+        named = {name for names in wanted.per.values() for name in names}
+        interior = not has_it and bool(named & set(INTERIOR.parameters))
+    full = with_interior(chosen) if interior else chosen
+    return ChosenSet(wanted.set, interior, _sigma_mm(wanted), parts_of_set(full, wanted.per))
+
+
+def _sigma_mm(wanted: SelfCalibration) -> float | None:
+    return None if wanted.sigma_um is None else 1e-3 * wanted.sigma_um
 
 
 def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> ChosenSet:
-    if wanted is not None and (wanted.set, wanted.per) != (calibration.set, calibration.per):
-        raise SpecError(
-            f"self_calibration is {wanted.set} per {wanted.per}, the calibration {calibration.set} per "
-            f"{calibration.per}",
-            remedy="leave self_calibration out, or set it as in the block that calibrates",
-        )
-    if wanted is not None and wanted.remove:
-        raise SpecError("self_calibration.remove with a calibration: its parameters are known", remedy="remove: false")
     chosen = _set_by_name(calibration.set, wanted)
     chosen = with_interior(chosen) if calibration.interior else chosen
-    return ChosenSet(calibration.set, calibration.interior, calibration.per, None, chosen, calibration)
+    parts = parts_of_set(chosen, calibration.per)
+    if wanted is not None:
+        mine = names_of_parts(parts_of_set(chosen, wanted.per)) if wanted.set == calibration.set else ""
+        if mine != names_of_parts(parts):
+            per = mine or (f"per {wanted.per}" if isinstance(wanted.per, str) else str(wanted.per))
+            raise SpecError(
+                f"self_calibration is {wanted.set} {per}, the calibration {calibration.set} {names_of_parts(parts)}",
+                remedy="leave self_calibration out, or set it as in the block that calibrates",
+            )
+    if wanted is not None and wanted.remove:
+        raise SpecError("self_calibration.remove with a calibration: its parameters are known", remedy="remove: false")
+    return ChosenSet(calibration.set, calibration.interior, _sigma_mm(wanted or SelfCalibration(set="brown_conrady")),
+                     parts, calibration)  # fmt: skip
 
 
 def _set_by_name(name: str, wanted: SelfCalibration | None) -> ParameterSet:
@@ -106,33 +133,56 @@ def _set_by_name(name: str, wanted: SelfCalibration | None) -> ParameterSet:
 
 
 def parameters_of(
-    block: Block, image_points: ImagePoints, film: bool, chosen: ChosenSet | None
+    block: Block, image_points: ImagePoints, film: bool, chosen: ChosenSet | None, solution: Solution | None = None
 ) -> tuple[ParameterRows, ...]:
     """Unknowns beside poses and points: film corrections, additional parameters, parameters of camera models."""
     groups = []
     if film and (corrections := film_parameters(block, image_points)) is not None:
         groups.append(corrections)
-    if chosen is not None and chosen.calibration is not None:
-        groups.append(calibrated_parameters(block, image_points, chosen.parameters, chosen.calibration))
-    elif chosen is not None:
-        groups.append(additional_parameters(block, image_points, chosen.parameters, chosen.per, chosen.sigma_mm))
-    camera = camera_parameters(block, image_points)
+    for k, part in enumerate(chosen.parts if chosen is not None else ()):
+        assert chosen is not None
+        if chosen.calibration is not None and part.per != "image":
+            groups.append(calibrated_parameters(block, image_points, part, chosen.calibration.parts[k]))
+        else:
+            groups.append(additional_parameters(block, image_points, part.parameters, part.per, chosen.sigma_mm,
+                                                part.group))  # fmt: skip
+    known = solution is not None and has_camera_models(solution)
+    camera = camera_parameters(block, image_points, calibrated=known)
+    if camera is not None and solution is not None and known:
+        camera = calibrated_cameras(block, camera, solution)
     return (*groups, camera) if camera is not None else tuple(groups)
 
 
-def tables_of(
-    block: Block, adjusted: tuple[AdjustedParameters, ...], chosen: ChosenSet | None
-) -> tuple[list[Parameters], CalibrationTables | None]:
+@dataclass(frozen=True)
+class ToldParameters:
     """Adjusted parameters as tables, and what a self-calibration leaves for reports and other blocks."""
+
+    tables: list[Parameters]
+    covariances: ParameterCovariances | None
+    calibration: CalibrationTables | None
+    notes: tuple[Note, ...]
+
+
+def told_parameters(block: Block, result: BundleResult, chosen: ChosenSet | None) -> ToldParameters:
+    """Adjusted parameters with their covariances."""
     tables: list[Parameters] = []
-    calibration = None
-    for p in adjusted:
-        if p.given.group != ADDITIONAL or chosen is None:
-            tables.append(parameter_table(p))
+    rows: list[TableRows] = []
+    parts = {part.group: part for part in chosen.parts} if chosen is not None else {}
+    for p in result.parameters:
+        first, part = int(np.sum([len(t) for t in tables])), parts.get(p.given.group)
+        if part is not None:
+            tables.append(classical_table(block, p, part.parameters, part.per))
+            row = first + np.arange(p.value.size).reshape(p.value.shape)
+            rows.append(TableRows(p, row, classical_factors(block, part.parameters, part.per)))
             continue
-        first = int(np.sum([len(t) for t in tables]))
-        calibration = calibration_tables(
-            block, p, chosen.parameters, chosen.name, chosen.interior, chosen.per, first_row=first
-        )
-        tables.append(classical_table(block, p, chosen.parameters, chosen.per))
-    return tables, calibration
+        tables.append(parameter_table(p))
+        if p.given.group == CAMERA:
+            listed = listed_parameters(p.given)
+            row = first + np.cumsum(listed).reshape(listed.shape) - 1
+            rows.append(TableRows(p, np.where(listed & p.given.free, row, -1), np.ones(row.shape)))
+    covariances, notes = parameter_covariances(result, rows)
+    calibration = None
+    if chosen is not None:
+        adjusted = [p for p in result.parameters if p.given.group in parts]
+        calibration = calibration_tables(block, adjusted, chosen.parts, chosen.name, chosen.interior)
+    return ToldParameters(tables, covariances, calibration, notes)

@@ -67,7 +67,7 @@ from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._blunders import GONE, Blunders
-from ._self_calibration import SelfCalibration, chosen_set, parameters_of, tables_of
+from ._self_calibration import SelfCalibration, chosen_set, parameters_of, told_parameters, units_named
 from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
 
@@ -158,12 +158,12 @@ class BundleOptions(Options):
 
 
 def _uses(options: BundleOptions) -> tuple[str, ...]:
-    sets, components = options.self_calibration, options.variance_components
+    units, components = units_named(options.self_calibration), options.variance_components
     return used(
         marked=options.datum_over == "marked",
-        sessions=sets is not None and sets.per == "session",
+        sessions="session" in units,
         levels=components.groups if components is not None else (),
-        flights=options.positions.drift != "none" and options.positions.per == "flight",  # type: ignore[attr-defined]
+        flights="flight" in units or (options.positions.drift != "none" and options.positions.per == "flight"),  # type: ignore[attr-defined]
     )
 
 
@@ -184,7 +184,9 @@ def bundle(
         assemble.check_same_block(block, initial.images.id, "initial")
     suspects = initial.suspects if initial is not None else Suspects.empty()
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
-    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen) if image_points else ()
+    parameters = (
+        parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
+    )
     given = bundle_input(block, image_points, initial, options, parameters)
     tell([*given.notes, *(note for o in given.observed for note in o.notes)], context)
     tell(of_start(block, given, check=initial is None), context)
@@ -203,11 +205,13 @@ def bundle(
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
     notes += [*systematic_notes(result), *parameter_notes(given, result), *correlation_notes(result)]
     tell([*done.notes, *result.notes, *notes], context)
-    tables, calibrated = tables_of(block, result.parameters, chosen)
+    told = told_parameters(block, result, chosen)
+    tell(told.notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":
         suspects = with_gross_errors(result, suspects, options.blunders.limit)
-    made = bundle_solution(block, given, result, suspects, tables, calibrated, orderings, tests=options.reliability)
+    made = bundle_solution(block, given, result, suspects, told.tables, told.calibration, told.covariances, orderings,
+                           tests=options.reliability)  # fmt: skip
     made = replace(made, variance_components=components)
     return with_datum(block, made, options.datum, options.datum_over)
 

@@ -8,9 +8,9 @@ import pytest
 from aatri.adjustment.records import predicted
 from aatri.camera.models import calibration
 from aatri.geometry.rotations import rotation_from_angles, skew
+from aatri.observations.camera_models import CameraRows, known_beforehand
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_points import (
-    CameraRows,
     ImagePointRows,
     LinearCorrection,
     film_correction,
@@ -95,6 +95,59 @@ def test_the_compiled_lane_equals_the_numpy_form() -> None:
     np.testing.assert_allclose(v, expected, rtol=1e-12, atol=1e-9)
     for found, wanted in zip(J, jacobians):
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-9)
+
+
+def _many_rays(seed: int) -> tuple[ImagePointRows, dict[str, object], np.random.Generator]:
+    rng, n = np.random.default_rng(seed), 40
+    X0 = np.array([0.0, 0.0, 400.0]) + rng.normal(0, 50, (4, 3))
+    X = rng.uniform(-200, 200, (12, 3)) * [1, 1, 0.1]
+    rows = ImagePointRows(rng.integers(0, 4, n), rng.integers(0, 12, n), rng.uniform(-100, 100, (n, 2)),
+                          rng.uniform(0.004, 0.01, (n, 2)), np.full(n, 150.0), np.zeros((n, 2)),
+                          rng.uniform(size=n) > 0.2)  # fmt: skip
+    return rows, {POSE: Poses(X0, rotation_from_angles(rng.normal(0, 0.1, (4, 3)))), POINT: X}, rng
+
+
+def _models(names: tuple[str, ...], rng: np.random.Generator) -> np.ndarray:
+    p = np.zeros((len(names), max(len(calibration.PARAMETERS[m]) for m in names)))
+    for row, model in zip(p, names):
+        for k, name in enumerate(calibration.PARAMETERS[model]):
+            size = {"principal_distance": 150.0, "q": 1.0}.get(name, 0.0)
+            row[k] = size + rng.normal() * (1e-6 if model == "brown" and name != "as" else 1e-3)
+    return p
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("models", [("brown", "brown"), ("opencv", "opencv"), ("fisheye", "brown"), ("bal", "pinhole")])
+def test_the_compiled_lane_of_camera_models_equals_the_numpy_form(models: tuple[str, ...], known: bool) -> None:
+    rows, state, rng = _many_rays(7)
+    p = _models(models, rng)
+    block = rng.integers(0, 2, 40)
+    K = LinearCorrection(ADDITIONAL, rng.integers(0, 3, 40), rng.normal(size=(40, 2, 5)))
+    state = {**state, CAMERA: p, ADDITIONAL: rng.normal(0, 1e-2, (3, 5))}
+    records = image_point_records(rows, [K], CameraRows(block, models, p if known else None))
+    assert records.compiled is not None
+    order = rng.permutation(40)
+    widths = (6, 5, 3) if known else (6, 5, p.shape[1], 3)
+    v, J = np.empty((25, 2)), tuple(np.full((25, 2, k), np.nan) for k in widths)
+    records.compiled(order)(records.whitener[order])(state)(10, 35, v, J)
+    expected, jacobians = predicted(records, state, order[10:35])
+    np.testing.assert_allclose(v, expected, rtol=1e-12, atol=1e-9)
+    for found, wanted in zip(J, jacobians, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-12 * np.abs(wanted).max())
+
+
+def test_known_models_that_correct_the_measurement_leave_a_central_projection() -> None:
+    rows, state, rng = _many_rays(8)
+    p, block = _models(("brown", "pinhole"), rng), rng.integers(0, 2, 40)
+    known = CameraRows(block, ("brown", "pinhole"), p)
+    corrected, left = known_beforehand(rows, known)
+    assert left is None
+    some = np.arange(40)
+    v, J = image_point_records(rows, cameras=known).evaluate(state, some)
+    found, jacobians = image_point_records(corrected).evaluate(state, some)
+    np.testing.assert_allclose(found, v, atol=1e-12)
+    for a, b in zip(jacobians, J, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))

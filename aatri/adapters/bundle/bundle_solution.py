@@ -16,6 +16,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
     Orderings,
+    ParameterCovariances,
     Parameters,
     Residuals,
     Solution,
@@ -32,7 +33,8 @@ from aatri.orientation.bundle.result import BundleResult, without_absent
 
 def bundle_solution(
     block: Block, given: BundleInput, result: BundleResult, suspects: Suspects, parameters: Sequence[Parameters],
-    calibration: CalibrationTables | None = None, orderings: Orderings | None = None, *, tests: bool = False,
+    calibration: CalibrationTables | None = None, covariances: ParameterCovariances | None = None,
+    orderings: Orderings | None = None, *, tests: bool = False,
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted
@@ -63,7 +65,7 @@ def bundle_solution(
         suspects=suspects,
         tests=_tests(result) if tests else None,
         calibrated_sets=calibration.sets if calibration else None,
-        parameter_covariances=calibration.covariances if calibration else None,
+        parameter_covariances=covariances,
         error_fields=calibration.fields if calibration else None,
         orderings=orderings,
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.bundle.camera_parameters import Unit, Units, additional_parameters, camera_scale, units_of
+from aatri.adapters.bundle.set_parts import Per, SetPart, parts_of_set
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -26,16 +27,14 @@ _SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """Sets of additional parameters of another block.
+class CalibratedPart:
+    """Parameters of a set that share their unit, as another block has determined them.
 
     Attributes
     ----------
-    set : str
-    interior : bool
     per : str
     ids : (n,) str
-        Cameras, or sessions of cameras.
+        Cameras, flights or sessions of cameras.
     names : tuple of str
         The s parameters.
     scale : tuple of SetScale
@@ -46,8 +45,6 @@ class Calibration:
         NaN where the block was adjusted without standard deviations.
     """
 
-    set: str
-    interior: bool
     per: Unit
     ids: Text
     names: tuple[str, ...]
@@ -62,37 +59,59 @@ class Calibration:
         return self.classical[unit] / factors, self.classical_covariance[unit] / np.outer(factors, factors)
 
 
+@dataclass(frozen=True)
+class Calibration:
+    """A set of additional parameters of another block, in parts by what shares them."""
+
+    set: str
+    interior: bool
+    parts: tuple[CalibratedPart, ...]
+
+    @property
+    def per(self) -> Per:
+        """As in the options."""
+        if len(self.parts) == 1:
+            return self.parts[0].per
+        return {part.per: part.names for part in self.parts}
+
+    @property
+    def shared(self) -> tuple[CalibratedPart, ...]:
+        """Parts that hold for other images too."""
+        return tuple(part for part in self.parts if part.per != "image")
+
+
 def calibration_of(solution: Solution) -> Calibration:
     """Additional parameters of a finished adjustment, for another block.
 
     Raises
     ------
     InputError
-        If it has none, or has them per image.
+        If it has none, or has them all per image.
     """
     sets, covariances, p = solution.calibrated_sets, solution.parameter_covariances, solution.parameters
     if sets is None or covariances is None or not len(sets):
         raise InputError("the solution given as calibration has no additional parameters",
                          remedy="give one of bundle_adjustment with self_calibration")  # fmt: skip
-    if sets.per[0] == "image":
+    if (sets.per == "image").all():
         raise InputError("additional parameters per image belong to those images: they calibrate nothing else",
                          remedy="adjust the test field with `per: camera`")  # fmt: skip
-    mine = np.flatnonzero(p.group == ADDITIONAL)
-    n = len(sets)
-    s = len(mine) // n
-    start = mine[0] if len(mine) else 0
-    covariance = np.full((n, s, s), np.nan)
-    unit, i = np.divmod(covariances.first - start, s)
-    j = (covariances.second - start) % s
-    covariance[unit, i, j] = covariance[unit, j, i] = covariances.covariance
-    scales = tuple(SetScale(float(c), (float(w), float(h)), float(b))
-                   for c, (w, h), b in zip(sets.principal_distance_mm, sets.half_format_mm, sets.base_mm))  # fmt: skip
-    per: Unit = "camera" if sets.per[0] == "camera" else "session"
-    return Calibration(str(sets.set[0]), bool(sets.interior[0]), per, sets.object, tuple(p.name[mine[:s]].tolist()),
-                       scales, sets.principal_point_mm, p.value[mine].reshape(n, s), covariance)  # fmt: skip
+    rows = np.split(np.flatnonzero(p.group == ADDITIONAL), np.cumsum(sets.parameters)[:-1])
+    C = {(int(a), int(b)): c for a, b, c in zip(covariances.first, covariances.second, covariances.covariance)}
+    parts = []
+    for per in dict.fromkeys(sets.per.tolist()):
+        mine = np.flatnonzero(sets.per == per)
+        values = np.array([p.value[rows[k]] for k in mine])
+        covariance = np.array([[[C.get((min(a, b), max(a, b)), np.nan) for a in rows[k].tolist()]
+                                for b in rows[k].tolist()] for k in mine])  # fmt: skip
+        scales = tuple(SetScale(float(sets.principal_distance_mm[k]), (float(w), float(h)), float(sets.base_mm[k]))
+                       for k, (w, h) in zip(mine, sets.half_format_mm[mine]))  # fmt: skip
+        names = tuple(p.name[rows[mine[0]]].tolist())
+        parts.append(CalibratedPart(per, sets.object[mine], names, scales, sets.principal_point_mm[mine], values,
+                                    covariance))  # fmt: skip
+    return Calibration(str(sets.set[0]), bool(sets.interior[0]), tuple(parts))
 
 
-def calibrated_units(block: Block, calibration: Calibration) -> tuple[Units, Int]:
+def calibrated_units(block: Block, calibration: CalibratedPart) -> tuple[Units, Int]:
     """Units of a block and their rows in a calibration of the same cameras.
 
     Raises
@@ -126,9 +145,9 @@ def calibrated_units(block: Block, calibration: Calibration) -> tuple[Units, Int
 
 
 def calibrated_parameters(
-    block: Block, image_points: ImagePoints, parameters: ParameterSet, calibration: Calibration
+    block: Block, image_points: ImagePoints, part: SetPart, calibration: CalibratedPart
 ) -> ParameterRows:
-    """Unknowns of a set of additional parameters, weighted by a calibration: its values, its whole covariance.
+    """Unknowns of additional parameters, weighted by a calibration: its values, its whole covariance.
 
     Parameters of variance zero, those that were left out there, are held.
 
@@ -138,33 +157,42 @@ def calibrated_parameters(
         If the calibration has no covariance, or is not of the cameras of the block.
     """
     rows = calibrated_units(block, calibration)[1]
-    known = [calibration.in_mm(parameters, int(k)) for k in rows]
+    known = [calibration.in_mm(part.parameters, int(k)) for k in rows]
     value, covariance = (np.array(part) for part in zip(*known))
     if not np.isfinite(covariance).all():
         raise InputError("the solution given as calibration has no standard deviations",
                          remedy="adjust the test field with `standard_deviations: true`")  # fmt: skip
-    free = additional_parameters(block, image_points, parameters, calibration.per, None)
+    free = additional_parameters(block, image_points, part.parameters, part.per, None, part.group)
     determined = np.einsum("nii->ni", covariance) > 0
-    return replace(free, start=value, prior=value, covariance=covariance, free=determined, weighted=determined)
+    return replace(free, start=value, prior=value, covariance=covariance, free=determined, weighted=determined,
+                   calibrated=True)  # fmt: skip
 
 
 def calibrated_correction(
     block: Block, image_points: ImagePoints, parameters: ParameterSet, calibration: Calibration
 ) -> Float:
-    """Correction K p of all measurements by a calibration, (n, 2) float64, mm; NaN where there is no measurement.
+    """Correction K p of all measurements by what a calibration tells of cameras, flights and sessions.
+
+    Returns
+    -------
+    (n, 2) float64, mm
+        NaN where there is no measurement.
 
     Raises
     ------
     InputError
         If the calibration is not of the cameras of the block.
     """
-    units, rows = calibrated_units(block, calibration)
-    xy, unit = image_points.measurements.xy_mm, units.of_image[image_points.measurements.image]
-    found = np.full(xy.shape, np.nan)
-    for k, row in enumerate(rows):
-        mine = unit == k
-        scale, (value, _) = calibration.scale[row], calibration.in_mm(parameters, int(row))
-        found[mine] = correction(parameters, scale, value, xy[mine])
+    xy = image_points.measurements.xy_mm
+    found = np.where(np.isfinite(xy), 0.0, np.nan)
+    for part, known in zip(parts_of_set(parameters, calibration.per), calibration.parts):
+        if part.per == "image":
+            continue
+        units, rows = calibrated_units(block, known)
+        unit = units.of_image[image_points.measurements.image]
+        for k, row in enumerate(rows):
+            mine, scale, (value, _) = unit == k, known.scale[row], known.in_mm(part.parameters, int(row))
+            found[mine] += correction(part.parameters, scale, value, xy[mine])
     return found
 
 

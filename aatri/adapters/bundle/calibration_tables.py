@@ -1,16 +1,19 @@
-"""What a self-calibration leaves for the report and for other blocks: its sets, their covariances, the image errors."""
+"""What a self-calibration leaves for the report and for other blocks: its sets and the image errors."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adapters.bundle.camera_parameters import Unit, Units, camera_scale, units_of
+from aatri.adapters.bundle.set_parts import SetPart
+from aatri.adapters.solution import stacked
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import CalibratedSets, ErrorFields, ParameterCovariances
+from aatri.artifacts.solution import CalibratedSets, ErrorFields
 from aatri.camera.parameters.error_field import image_error_field
-from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical
+from aatri.camera.parameters.parameter_set import SetScale
 from aatri.orientation.bundle.result import AdjustedParameters
 
 GRID = 11
@@ -22,42 +25,43 @@ class CalibrationTables:
     """Tables of a Solution."""
 
     sets: CalibratedSets
-    covariances: ParameterCovariances
     fields: ErrorFields
 
 
 def calibration_tables(
-    block: Block, adjusted: AdjustedParameters, parameters: ParameterSet, name: str, interior: bool, per: Unit,
-    first_row: int,
-) -> CalibrationTables:  # fmt: skip
-    """Tables of an adjusted group of additional parameters; sets per image have no covariances and fields.
+    block: Block, adjusted: Sequence[AdjustedParameters], parts: Sequence[SetPart], name: str, interior: bool
+) -> CalibrationTables:
+    """Tables of adjusted additional parameters; parts per image have no fields.
 
     Parameters
     ----------
+    adjusted : sequence of AdjustedParameters
+        Of each part.
     name : str
         Of the set, as in the options.
     interior : bool
         Whether c, x0, y0 were put before the set.
-    first_row : int
-        Row of the group's first parameter in the table of parameters.
     """
-    units = units_of(block, per)
-    scales = [camera_scale(block, int(k)) for k in units.camera]
-    if per == "image":
-        covariances, fields = ParameterCovariances.empty(), ErrorFields.empty()
-    else:
-        covariances = _covariances(adjusted, parameters, scales, first_row)
-        fields = _fields(units, adjusted, parameters, scales)
-    return CalibrationTables(_sets(block, units, name, interior, per, scales), covariances, fields)
+    sets, fields = [CalibratedSets.empty()], [ErrorFields.empty()]
+    for a, part in zip(adjusted, parts):
+        units = units_of(block, part.per)
+        scales = [camera_scale(block, int(k)) for k in units.camera]
+        sets.append(_sets(block, units, name, interior, part.per, len(part.parameters), scales))
+        if part.per != "image":
+            fields.append(_fields(units, a, part, scales))
+    return CalibrationTables(stacked(sets), stacked(fields))
 
 
-def _sets(block: Block, units: Units, name: str, interior: bool, per: Unit, scales: list[SetScale]) -> CalibratedSets:
+def _sets(
+    block: Block, units: Units, name: str, interior: bool, per: Unit, parameters: int, scales: list[SetScale]
+) -> CalibratedSets:
     n = len(units.id)
     return CalibratedSets(
         object=units.id,
         camera=block.cameras.id[units.camera],
         per=np.full(n, per),
         set=np.full(n, name),
+        parameters=np.full(n, parameters, dtype=np.int32),
         interior=np.full(n, interior),
         principal_distance_mm=np.array([s.principal_distance_mm for s in scales]),
         principal_point_mm=block.cameras.principal_point_mm[units.camera],
@@ -66,25 +70,8 @@ def _sets(block: Block, units: Units, name: str, interior: bool, per: Unit, scal
     )
 
 
-def _covariances(
-    adjusted: AdjustedParameters, parameters: ParameterSet, scales: list[SetScale], first_row: int
-) -> ParameterCovariances:
-    s = len(parameters)
-    i, j = np.triu_indices(s)
-    found = [classical(parameters, scale, adjusted.value[k], adjusted.covariance[k])[1][i, j]
-             for k, scale in enumerate(scales)]  # fmt: skip
-    start = first_row + s * np.repeat(np.arange(len(scales)), len(i))
-    return ParameterCovariances(
-        first=(start + np.tile(i, len(scales))).astype(np.int32),
-        second=(start + np.tile(j, len(scales))).astype(np.int32),
-        covariance=np.concatenate(found),
-    )
-
-
-def _fields(
-    units: Units, adjusted: AdjustedParameters, parameters: ParameterSet, scales: list[SetScale]
-) -> ErrorFields:
-    fields = [image_error_field(parameters, scale, adjusted.value[k], adjusted.covariance[k], GRID)
+def _fields(units: Units, adjusted: AdjustedParameters, part: SetPart, scales: list[SetScale]) -> ErrorFields:
+    fields = [image_error_field(part.parameters, scale, adjusted.value[k], adjusted.covariance[k], GRID)
               for k, scale in enumerate(scales)]  # fmt: skip
     return ErrorFields(
         object=np.repeat(units.id, [len(f.xy_mm) for f in fields]),

@@ -12,18 +12,18 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.arrays import Bool, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters
 from aatri.camera.models import calibration
-from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, classical, scale_of_format
+from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, scale_of_format
 from aatri.errors import InputError
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.result import AdjustedParameters
 
-Unit = Literal["camera", "session", "image"]
+Unit = Literal["camera", "flight", "session", "image"]
 
 MODELS = {"none": "pinhole", "brown": "brown", "dbat3": "brown", "bal": "bal", "opencv": "opencv", "fisheye": "fisheye"}
 """Camera model of each distortion of the block."""
@@ -50,13 +50,14 @@ class Units:
 
 
 def units_of(block: Block, per: Unit) -> Units:
-    """Cameras, sessions of cameras, or images."""
+    """Cameras, flights or sessions of cameras, or images."""
     camera = block.images.camera
     if per == "image":
         return Units(block.images.id, camera, np.arange(len(camera)))
     if per == "camera":
         return Units(block.cameras.id, np.arange(len(block.cameras)), camera)
-    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, block.images.session)])
+    of = block.images.flight if per == "flight" else block.images.session
+    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, of)])
     ids, first, of_image = np.unique(names, return_index=True, return_inverse=True)
     return Units(ids, camera[first], of_image.ravel())
 
@@ -74,16 +75,19 @@ def camera_scale(block: Block, camera: int) -> SetScale:
 
 
 def additional_parameters(
-    block: Block, image_points: ImagePoints, chosen: ParameterSet, per: Unit, sigma_mm: float | None
-) -> ParameterRows:
+    block: Block, image_points: ImagePoints, chosen: ParameterSet, per: Unit, sigma_mm: float | None,
+    group: str = ADDITIONAL,
+) -> ParameterRows:  # fmt: skip
     """Unknowns of a set of additional parameters.
 
     Parameters
     ----------
     per : str
-        camera, session or image.
+        camera, flight, session or image.
     sigma_mm : float or None, mm
         A-priori standard deviation of every parameter around zero; None leaves them free.
+    group : str
+        Name of the group of unknowns.
     """
     units, m = units_of(block, per), image_points.measurements
     n, s = len(units.id), len(chosen)
@@ -96,12 +100,19 @@ def additional_parameters(
     weighted = np.full((n, s), sigma_mm is not None)
     covariance = np.tile(np.eye(s) * (sigma_mm or 1.0) ** 2, (n, 1, 1))
     zero = np.zeros((n, s))
-    return ParameterRows(ADDITIONAL, units.id, chosen.parameters, zero, np.ones((n, s), dtype=bool), zero, covariance,
+    return ParameterRows(group, units.id, chosen.parameters, zero, np.ones((n, s), dtype=bool), zero, covariance,
                          weighted, units.of_image[m.image], basis, per_image=per == "image")  # fmt: skip
 
 
-def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
+def camera_parameters(block: Block, image_points: ImagePoints, *, calibrated: bool = False) -> ParameterRows | None:
     """Unknowns of the camera models; None where the corrected measurements are those of a central projection.
+
+    Parameters
+    ----------
+    block : Block
+    image_points : ImagePoints
+    calibrated : bool
+        Another block will tell the parameters: they are unknown here too.
 
     Raises
     ------
@@ -112,6 +123,7 @@ def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows 
     corrected = "distortion" in image_points.corrections.name
     open_ = np.unique(block.camera_parameters.camera[_is_open(block)])
     distorted = block.cameras.distortion != "none"
+    open_ = np.arange(len(block.cameras)) if calibrated else open_
     if corrected and len(open_):
         raise InputError(
             "the distortion has been corrected, although camera parameters are to be estimated",
@@ -124,7 +136,20 @@ def camera_parameters(block: Block, image_points: ImagePoints) -> ParameterRows 
         if name not in MODELS:
             raise InputError(f"distortion {name} has not been corrected", where=f"camera {block.cameras.id[k]}",
                              remedy="correct it by image_refinement/systematic")  # fmt: skip
+    _refuse_symmetry_point(block)
     return _by_image(block, _camera_rows(block, image_points))
+
+
+def _refuse_symmetry_point(block: Block) -> None:
+    """The models of the adjustment are about the principal point."""
+    away = np.flatnonzero((np.nan_to_num(block.cameras.symmetry_point_mm) != 0).any(axis=1))
+    if len(away):
+        x, y = block.cameras.symmetry_point_mm[away[0]]
+        raise InputError(
+            f"symmetry_point {x:g}, {y:g} mm: the adjustment has distortions about the principal point only",
+            where=f"camera {block.cameras.id[away[0]]}",
+            remedy="correct the distortion by image_refinement/systematic before, or leave symmetry_point out",
+        )
 
 
 def _is_open(block: Block) -> Bool:
@@ -173,18 +198,25 @@ def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
                          None, tuple(rows.model[k] for k in camera), per_image=True)  # fmt: skip
 
 
+def listed_parameters(given: ParameterRows) -> Bool:
+    """Which parameters the table of a group tells: those that are free, of camera models all, (n, s)."""
+    if given.group != CAMERA:
+        return given.free
+    size = np.array([len(calibration.PARAMETERS[model]) for model in given.model])
+    return np.asarray(np.arange(given.free.shape[1]) < size[:, None])
+
+
 def parameter_table(adjusted: AdjustedParameters, names: tuple[str, ...] | None = None) -> Parameters:
     """Adjusted parameters as a table; held ones only where they belong to a camera model."""
     given = adjusted.given
     variance = np.einsum("nii->ni", adjusted.covariance)
     camera = given.group == CAMERA
-    listed = given.free.copy()
+    listed = listed_parameters(given)
     labels = np.array([given.labels] * len(given.free), dtype=np.str_).reshape(given.free.shape)
     if camera:
         for k, model in enumerate(given.model):
             own = calibration.PARAMETERS[model]
             labels[k, : len(own)] = own
-            listed[k] = np.arange(given.free.shape[1]) < len(own)
     elif names is not None:
         labels[:] = names
     row, column = np.nonzero(listed)
@@ -200,19 +232,19 @@ def parameter_table(adjusted: AdjustedParameters, names: tuple[str, ...] | None 
 
 def classical_table(block: Block, adjusted: AdjustedParameters, chosen: ParameterSet, per: Unit) -> Parameters:
     """Additional parameters in their classical units."""
-    units = units_of(block, per)
-    values, sigmas = [], []
-    for k in range(len(units.id)):
-        value, covariance = classical(
-            chosen, camera_scale(block, int(units.camera[k])), adjusted.value[k], adjusted.covariance[k]
-        )
-        values.append(value)
-        sigmas.append(np.sqrt(np.diag(covariance)))
+    units, factors = units_of(block, per), classical_factors(block, chosen, per)
     n, s = len(units.id), len(chosen)
     return Parameters(
         group=np.full(n * s, ADDITIONAL),
         object=np.repeat(units.id, s),
         name=np.tile(np.array(chosen.parameters), n),
-        value=np.concatenate(values),
-        sigma=np.concatenate(sigmas),
+        value=(factors * adjusted.value).ravel(),
+        sigma=(np.abs(factors) * np.sqrt(np.einsum("nii->ni", adjusted.covariance))).ravel(),
     )
+
+
+def classical_factors(block: Block, chosen: ParameterSet, per: Unit) -> Float:
+    """Classical value over length in mm of the parameters of every unit, (n, s)."""
+    cameras = units_of(block, per).camera
+    of_camera = {int(k): chosen.classical_factors(camera_scale(block, int(k))) for k in np.unique(cameras)}
+    return np.array([of_camera[int(k)] for k in cameras]).reshape(len(cameras), len(chosen))

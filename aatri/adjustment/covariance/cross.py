@@ -33,6 +33,7 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     ----------
     adjusted : Adjusted
     pairs : sequence of ((group, block), (group, block))
+        One solve each, and one for all that follow each other with the same second block.
 
     Returns
     -------
@@ -48,11 +49,13 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     problem = adjusted.problem
     factored = adjusted.factored or factorise(problem, adjusted.state)
     W = covariance_reduction(problem, factored, adjusted.state)
-    found = []
+    found: list[Float] = []
+    last: tuple[Block, Float] | None = None
     for first, second in pairs:
         if first == second:
             raise ValueError(f"{first} with itself: use marginal_covariances")
-        columns = _columns_of(adjusted, factored, second)
+        columns = last[1] if last and last[0] == second else _columns_of(adjusted, factored, second)
+        last = (second, columns)
         found.append(_rows_of(adjusted, factored, first, columns))
         if W:
             found[-1] -= W[first[0]][first[1]] @ W[second[0]][second[1]].T

@@ -16,7 +16,7 @@ from aatri.arrays import Float, Int
 from aatri.camera.parameters.advice import WARNED, advise
 from aatri.ids import shown
 from aatri.notes import Note
-from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE
+from aatri.observations.poses import CAMERA, FILM, POINT, POSE, is_additional
 from aatri.orientation.bundle.result import BundleResult
 
 LISTED = 0.90
@@ -35,12 +35,12 @@ def correlation_notes(result: BundleResult) -> list[Note]:
         u for u in shared if u.name in known and np.isfinite(result.covariances[u.name][u.free.any(axis=1)]).all()
     ]
     blocks: list[Block] = [(u.name, int(k)) for u in shared for k in np.flatnonzero(u.free.any(axis=1))]
-    if not {u.name for u in shared} - {ADDITIONAL, CAMERA} and len(blocks) < 2:
+    if all(_of_camera(u.name) for u in shared) and len(blocks) < 2:
         return []
     of = {u.name: u for u in shared}
     found: list[tuple[str, str, float]] = []
     for group, k in blocks:
-        if group not in (ADDITIONAL, CAMERA):
+        if not _of_camera(group):
             own = result.covariances[group][k]
             found += _high(own, of[group], k, own, of[group], k, np.triu_indices(len(own), 1))
     pairs = list(combinations(blocks, 2))
@@ -51,6 +51,10 @@ def correlation_notes(result: BundleResult) -> list[Note]:
         every = tuple(i.ravel() for i in np.indices(cross.shape))
         found += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)
     return [*_told(found), *_left_out(len(pairs))]
+
+
+def _of_camera(group: str) -> bool:
+    return group == CAMERA or is_additional(group)
 
 
 def _high(

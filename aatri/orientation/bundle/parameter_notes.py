@@ -28,7 +28,7 @@ from aatri.camera.parameters.advice import WARNED, advise
 from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
-from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
+from aatri.observations.poses import ADDITIONAL, CAMERA, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 
@@ -63,9 +63,9 @@ def parameter_notes(given: BundleInput, result: BundleResult) -> list[Note]:
     """
     notes: list[Note] = []
     for group in result.parameters:
-        if group.given.group not in (ADDITIONAL, CAMERA):
+        if group.given.group != CAMERA and not is_additional(group.given.group):
             continue
-        if group.given.group == ADDITIONAL and group.given.prior.any():
+        if group.given.calibrated:
             notes += _calibrated(group)
             continue
         found = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
@@ -115,7 +115,7 @@ def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[Parame
     """
     groups, notes = list(given.parameters), list[Note]()
     for i, group in enumerate(result.parameters):
-        if group.given.group != ADDITIONAL:
+        if not is_additional(group.given.group):
             continue
         free = group.given.free.copy()
         for k in range(len(free)):
@@ -169,7 +169,7 @@ def _calibrated(group: AdjustedParameters) -> list[Note]:
 
 def _unit(given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates) -> list[Note]:
     name, tests, notes = str(group.given.ids[unit]), parameter_tests(e), []
-    lens = np.array([n not in _SHORT.values() for n in e.names]) | (group.given.group == ADDITIONAL)
+    lens = np.array([n not in _SHORT.values() for n in e.names]) | is_additional(group.given.group)
     prior = tests.data_share < UNDETERMINED_SHARE
     if prior.any():
         which = ", ".join(f"{e.names[i]} ({tests.data_share[i]:.0%})" for i in np.flatnonzero(prior))

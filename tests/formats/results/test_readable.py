@@ -44,7 +44,7 @@ def full_solution():
         first=[1, 1, 1, 2, 2, 3], second=[1, 2, 3, 2, 3, 3],
         covariance=[4e-18, 0.0, -1e-15, 0.0, 0.0, 1e-12])  # fmt: skip
     sets = CalibratedSets(
-        object=["cam"], camera=["cam"], per=["camera"], set=["brown_conrady"], interior=[False],
+        object=["cam"], camera=["cam"], per=["camera"], set=["brown_conrady"], interior=[False], parameters=[3],
         principal_distance_mm=[150.0], principal_point_mm=[[0.0, 0.0]], half_format_mm=[[115.0, 115.0]],
         base_mm=[90.0])  # fmt: skip
     return replace(made_solution(made_block()), residuals=residuals, tests=tests, suspects=suspects,
