@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aatri.cli.console import narrate, say, say_table
 
 if TYPE_CHECKING:
-    from aatri.artifacts.solution import Solution
+    from aatri.artifacts.solution import Parameters, Solution
 
 MOST_ROWS = 40
 STRONG = 0.9
@@ -65,7 +65,15 @@ def _strong(solution: Solution) -> list[str]:
     with np.errstate(divide="ignore", invalid="ignore"):
         r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
     pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
-    return [
-        f"{p.object[c.first[k]]}: {p.name[c.first[k]]} and {p.name[c.second[k]]} correlate by {r[k]:.3f}"
-        for k in pairs[np.argsort(-np.abs(r[pairs]), kind="stable")].tolist()
+    found = [
+        f"{p.object[c.first[k]]}: {p.name[c.first[k]]} and {p.name[c.second[k]]}{_of(p, c.first[k], c.second[k])} "
+        f"correlate by {r[k]:.3f}"
+        for k in pairs[np.argsort(-np.abs(r[pairs]), kind="stable")][:MOST_ROWS].tolist()
     ]
+    if len(pairs) > MOST_ROWS:
+        found.append(f"{len(pairs) - MOST_ROWS} more correlations of {STRONG} and more")
+    return found
+
+
+def _of(p: Parameters, first: int, second: int) -> str:
+    return "" if p.object[first] == p.object[second] else f" of {p.object[second]}"

@@ -108,7 +108,8 @@ class Flight(BaseModel):
         (25.0, 50.0), description="of the lowest and highest ring, seen from its middle"
     )
     orbit_rolls: bool = Field(
-        False, description="images of an orbit are turned about their view by 0, 90, 180, 270 degrees, one after another"
+        False,
+        description="images of an orbit are turned about their view by 0, 90, 180, 270 degrees, one after another",
     )
     cross_strips: int = Field(0, ge=0, description="strips across, flown north and south in turn")
     images_per_cross_strip: int | None = Field(None, ge=2, description="images in each; empty: as many as span them")

@@ -8,8 +8,12 @@ Each is evaluated at the coordinates the one before has left, x, y and r from th
 aatri.camera.
 
 Earth curvature is corrected only where the block says `earth_curvature: correct` (a map frame with levelled heights);
-in a Cartesian frame there is nothing to correct. Refraction and curvature hold for near-vertical images: with known
-attitudes of more than 5 degrees they are refused.
+in a Cartesian frame there is nothing to correct. Curvature, and refraction without `solution`, hold for near-vertical
+images: with known attitudes of more than 5 degrees they are refused. With `solution`, a finished orientation, every ray
+is corrected for refraction in its own vertical plane, whatever the tilt of the image.
+
+`atmosphere`: the closed form of the Manual of Photogrammetry (ARDC 1959), or `standard`, the layered U.S. Standard
+Atmosphere 1976; below 1 km the former is about 22 % smaller.
 
 The height of a station is that of its exterior position, observed or approximate (of the antenna where that is what it
 refers to). Without positions it is estimated: c times ground over photo distances of the control points in the image,
@@ -19,9 +23,13 @@ mean of the control.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from aatri.adapters.refinement.systematic import IN_ORDER, systematically_corrected
+from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
 from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -30,19 +38,26 @@ class SystematicOptions(Options):
     """Which corrections are applied."""
 
     distortion: bool = Field(True, description="correct lens distortion by the camera's model")
-    refraction: bool = Field(True, description="correct atmospheric refraction (near-vertical images)")
+    refraction: bool = Field(True, description="correct atmospheric refraction; of tilted images with `solution`")
+    atmosphere: Literal["coefficients", "standard"] = Field(
+        "coefficients", description="of refraction: coefficients (closed form, ARDC 1959), or standard (layered, 1976)"
+    )
     earth_curvature: bool = Field(True, description="correct earth curvature, if the block asks for it (map frame)")
 
 
-@stage(version=1, uses=("images.strip", "cameras.distortion", "earth_curvature:correct"))
+@stage(version=2, uses=("images.strip", "cameras.distortion", "earth_curvature:correct"))
 def systematic(
     block: Block,
     image_points: ImagePoints,
+    solution: Solution | None = None,
     *,
     options: SystematicOptions = SystematicOptions(),
     context: Context = SILENT,
 ) -> ImagePoints:
     """Photo coordinates freed from the systematic errors that are known beforehand."""
-    made, notes = systematically_corrected(block, image_points, [name for name in IN_ORDER if getattr(options, name)])
+    if solution is not None:
+        check_same_block(block, solution.images.id, "solution")
+    wanted = [name for name in IN_ORDER if getattr(options, name)]
+    made, notes = systematically_corrected(block, image_points, wanted, solution, options.atmosphere)
     tell(notes, context)
     return made

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ LENS = {"k1": 1e-4, "k2": -1.5e-7, "k3": 1e-10, "p1": 1e-5, "p2": -8e-6, "b1": 2
 TEN = ("principal_distance", "principal_point.x", "principal_point.y", *LENS)
 
 
-def field_block(seed: int, rings: int, per_ring: int, targets: int, **options: Any) -> Block:
+def field_block(seed: int, rings: int, per_ring: int, targets: int, *, noise: float = 1.0) -> Block:
     """Images all round a field of targets with relief, true orientations as approximate ones, nothing known."""
     camera = {"kind": "digital", "principal_distance_mm": 24.0, "principal_point_mm": (0.05, -0.08),
               "format": (6000.0, 4000.0), "pixel_size_mm": 0.006, "distortion": "brown", "brown": LENS,
@@ -25,11 +24,11 @@ def field_block(seed: int, rings: int, per_ring: int, targets: int, **options: A
     block = simulated(
         seed, name="field", camera=camera,
         flight={"arrangement": "orbit", "strips": rings, "images_per_strip": per_ring, "scale_number": 200.0,
-                "orbit_elevations_deg": (35.0, 75.0), "kappa_sigma_deg": 1.0, "orbit_rolls": True, "tilt_sigma_deg": 2.0,
-                "tilt_max_deg": 6.0, "position_sigma_m": (0.1, 0.1, 0.1)},
+                "orbit_elevations_deg": (35.0, 75.0), "kappa_sigma_deg": 1.0, "orbit_rolls": True,
+                "tilt_sigma_deg": 2.0, "tilt_max_deg": 6.0, "position_sigma_m": (0.1, 0.1, 0.1)},
         terrain={"mean_height_m": 0.0, "relief_m": 0.8, "wavelength_m": 0.8},
         ties={"per_position": 0, "new_points": targets}, known={"full": 0}, gnss={"observed": False},
-        imu={"observed": True}, refraction="none", earth="flat", noise={"image_um": 0.6}, **options,
+        imu={"observed": True}, refraction="none", earth="flat", noise={"image_um": 0.6, "factor": noise},
     )  # fmt: skip
     true = block.true_images
     assert true is not None

@@ -1,4 +1,4 @@
-"""Close-range blocks: inner constraints, a bar, camera parameters; every sigma and correlation against dense matrices."""
+"""Close-range blocks: inner constraints, a bar, camera parameters; sigmas and correlations against dense matrices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from tests.stages.close_range_blocks import TEN, field_block, measured, with_bar
 
 def _adjusted(block: Block, points: ImagePoints) -> Solution:
     # no step is left that would move the place of the linearisation by more than rounding
-    return bundle(block, points, options=BundleOptions(datum="free", tolerance=1e-8, max_iterations=60, blunders={"method": "none"}))
+    return bundle(
+        block,
+        points,
+        options=BundleOptions(datum="free", tolerance=1e-8, max_iterations=60, blunders={"method": "none"}),
+    )
 
 
 def _dense(block: Block, points: ImagePoints, solution: Solution) -> np.ndarray:

@@ -44,7 +44,7 @@ def heights_of(block: Block, image_points: ImagePoints) -> tuple[Heights, tuple[
         If the block does not tell the heights, or a station lies below the terrain.
     """
     tangent = is_tangent_frame(str(block.frames.crs[0]) if len(block.frames) else "")
-    terrain = _terrain_height(block, tangent)
+    terrain = terrain_height(block, tangent)
     station = np.full(len(block.images), np.nan)
     station[block.exterior.image] = height_above_sea_level(block.exterior.position_m, tangent=tangent)
     notes: list[Note] = []
@@ -85,7 +85,8 @@ def refuse_tilted(block: Block, corrections: list[str]) -> None:
         raise GeometryError(
             f"{names} corrections hold for near-vertical images; tilted by more than 5 degrees: "
             f"{shown(block.images.id[tilted])}",
-            remedy="adjust in a tangent frame (earth_curvature: ignore), and switch the correction off here",
+            remedy="give orientations (`solution` in `from:`) for refraction by rays; for earth curvature adjust in a "
+            "tangent frame (earth_curvature: frame)",
         )
 
 
@@ -95,7 +96,14 @@ def _control_rows(block: Block, coordinates: list[int]) -> Bool:
     return np.asarray(control[:, coordinates].all(axis=1))
 
 
-def _terrain_height(block: Block, tangent: bool) -> float:
+def terrain_height(block: Block, tangent: bool) -> float:
+    """Height of the terrain above sea level, m: that of the block, or the mean of the control.
+
+    Raises
+    ------
+    GeometryError
+        If neither tells it.
+    """
     if np.isfinite(block.terrain_height_m):
         return block.terrain_height_m
     xyz = block.ground_points.xyz_m[_control_rows(block, [2])]

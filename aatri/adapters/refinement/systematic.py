@@ -9,11 +9,14 @@ import numpy as np
 from aatri.adapters.refinement.corrected import largest_length, with_corrections
 from aatri.adapters.refinement.heights import Heights, heights_of, refuse_tilted
 from aatri.adapters.refinement.lens import lens_correction
+from aatri.adapters.refinement.tilted import refraction_by_poses
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.camera.corrections.atmospheres import Atmosphere, constant_of
 from aatri.camera.corrections.earth_curvature import earth_curvature_correction
-from aatri.camera.corrections.refraction import refraction_constant, refraction_correction
+from aatri.camera.corrections.refraction import refraction_correction
 from aatri.errors import SpecError
 from aatri.notes import Note
 
@@ -21,9 +24,19 @@ IN_ORDER = ("distortion", "refraction", "earth_curvature")
 
 
 def systematically_corrected(
-    block: Block, image_points: ImagePoints, wanted: Sequence[str]
-) -> tuple[ImagePoints, tuple[Note, ...]]:
+    block: Block, image_points: ImagePoints, wanted: Sequence[str], poses: Solution | None = None,
+    atmosphere: Atmosphere = "coefficients",
+) -> tuple[ImagePoints, tuple[Note, ...]]:  # fmt: skip
     """Image points freed from what is wanted of `IN_ORDER`, and what is to be said of it.
+
+    Parameters
+    ----------
+    block : Block
+    image_points : ImagePoints
+    wanted : sequence of str
+    poses : Solution, optional
+        Orientations: refraction is corrected ray by ray, in images of any tilt.
+    atmosphere : str
 
     Raises
     ------
@@ -40,8 +53,9 @@ def systematically_corrected(
     rows = np.isfinite(xy).all(axis=1)
     image = m.image[rows]
     heights = None
-    if "refraction" in wanted or "earth_curvature" in wanted:
-        refuse_tilted(block, wanted)
+    near_vertical = [name for name in wanted if name == "earth_curvature" or (name == "refraction" and poses is None)]
+    if near_vertical:
+        refuse_tilted(block, near_vertical)
         heights, told = heights_of(block, image_points)
         notes += told
     largest = []
@@ -49,9 +63,12 @@ def systematically_corrected(
         if name == "distortion":
             correction, told = lens_correction(block, image, xy[rows])
             notes += told
+        elif name == "refraction" and poses is not None:
+            correction, told = refraction_by_poses(block, poses, image, xy[rows], atmosphere)
+            notes += told
         else:
             assert heights is not None
-            correction = _near_vertical(name, xy[rows], heights, block, image)
+            correction = _near_vertical(name, xy[rows], heights, block, image, atmosphere)
         xy[rows] += correction
         largest.append(largest_length(correction, m.active[rows]))
         notes.append(Note("note", f"{name}: at most {1e3 * largest[-1]:.2f} um"))
@@ -78,9 +95,11 @@ def _to_apply(block: Block, image_points: ImagePoints, wanted: Sequence[str]) ->
     return names, notes
 
 
-def _near_vertical(name: str, xy_mm: Float, heights: Heights, block: Block, image: Int) -> Float:
+def _near_vertical(
+    name: str, xy_mm: Float, heights: Heights, block: Block, image: Int, atmosphere: Atmosphere
+) -> Float:
     station = heights.station_m[image]
     c = block.cameras.principal_distance_mm[block.images.camera[image]]
     if name == "refraction":
-        return refraction_correction(xy_mm, refraction_constant(station, heights.terrain_m), c)
+        return refraction_correction(xy_mm, constant_of(atmosphere, station, heights.terrain_m), c)
     return earth_curvature_correction(xy_mm, station - heights.terrain_m, c)

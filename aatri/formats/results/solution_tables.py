@@ -2,7 +2,8 @@
 parameters if there are any.
 
 parameters.csv has an empty cell where a parameter was removed; parameter_covariances.csv has covariances and
-correlations of the additional parameters of each camera or session; frame.csv says what the coordinates refer to.
+correlations of the camera parameters, additional and of camera models, each pair once; frame.csv says what the
+coordinates refer to.
 
 Metres, millimetres in the image, degrees. Angles in both systems: omega-phi-kappa is R = Rx(omega) Ry(phi) Rz(kappa),
 phi-omega-kappa (columns `_pok_`) is R = Ry(-phi) Rx(omega) Rz(kappa). Standard deviations are a priori: sigma0 is not
@@ -154,8 +155,8 @@ def _covariances(p: Parameters, rows: ParameterCovariances) -> Columns:
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.where(units > 0, covariance / units, np.nan)
     return {
-        "object": p.object[first], "name_1": p.name[first], "name_2": p.name[second], "covariance": covariance,
-        "correlation": correlation,
+        "object_1": p.object[first], "name_1": p.name[first], "object_2": p.object[second], "name_2": p.name[second],
+        "covariance": covariance, "correlation": correlation,
     }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.solution import Solution
+from aatri.artifacts.solution import Parameters, Solution
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
 from aatri.report.numbers import DASH, number
@@ -45,7 +45,7 @@ def parameter_tables(solution: Solution) -> list[PageTable]:
 
 
 def _correlations(solution: Solution) -> PageTable | None:
-    """The strongest correlations of the additional parameters."""
+    """The strongest correlations of the camera parameters."""
     p, c = solution.parameters, solution.parameter_covariances
     if c is None or not len(c):
         return None
@@ -58,10 +58,15 @@ def _correlations(solution: Solution) -> PageTable | None:
     columns: Cells = {
         "of": lambda k: str(p.object[c.first[pairs[k]]]),
         "parameter": lambda k: str(p.name[c.first[pairs[k]]]),
-        "with": lambda k: str(p.name[c.second[pairs[k]]]),
+        "with": lambda k: _of_other(p, int(c.first[pairs[k]]), int(c.second[pairs[k]])),
         "correlation": lambda k: f"{r[pairs[k]]:.3f}",
     }
     return tables.all_rows(f"Correlations of {STRONG} or more, the strongest first", pairs, columns, 3)
+
+
+def _of_other(p: Parameters, first: int, second: int) -> str:
+    of = "" if p.object[first] == p.object[second] else f" of {p.object[second]}"
+    return f"{p.name[second]}{of}"
 
 
 def _film(solution: Solution) -> PageTable | None:

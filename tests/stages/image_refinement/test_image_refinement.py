@@ -10,9 +10,13 @@ import pytest
 
 from aatri.artifacts.block import Block, Exterior
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import ImageOrientations
 from aatri.errors import GeometryError, InputError, SpecError
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.affine import affine
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.made_solutions import made_block, made_solution
+from tests.stages.chain import simulated
 from tests.stages.film_blocks import Told, flown, true_photo_mm
 
 TABLE = {"distortion": "table", "symmetry_point_mm": (0.02, -0.01)}
@@ -132,3 +136,32 @@ def test_a_distortion_that_folds_names_its_camera(block: Block, points: ImagePoi
     with pytest.raises(InputError, match="folds") as caught:
         systematic(folded, points)
     assert caught.value.where == "camera camera"
+
+
+def test_oblique_images_are_freed_from_refraction_ray_by_ray() -> None:
+    """Rays bent in their vertical planes, by the simulator's own solution, come back to the straight ones."""
+    made = {"preset": "oblique", "noise": False, "flight": {"scale_number": 200_000.0}, "ties": {"new_points": 300}}
+    bent, straight = (simulated(3, refraction=r, **made) for r in ("vertical_plane", "none"))
+    a, b = calibrated(bent), calibrated(straight)
+    key = {(int(i), int(p)): k for k, (i, p) in enumerate(zip(b.measurements.image, b.measurements.point))}
+    pairs = [(k, key.get((int(i), int(p)))) for k, (i, p) in enumerate(zip(a.measurements.image, a.measurements.point))]
+    mine, theirs = np.array([pair for pair in pairs if pair[1] is not None]).T
+    true = straight.true_images
+    assert true is not None
+    n = len(straight.images)
+    oriented = ImageOrientations(
+        id=straight.images.id, oriented=np.ones(n, dtype=bool), position_m=true.position_m,
+        ground_from_image=true.ground_from_image, covariance=np.full((n, 6, 6), np.nan),
+        image_points=np.zeros(n, dtype=np.int32))  # fmt: skip
+    poses = replace(made_solution(made_block()), images=oriented)
+    options = SystematicOptions(distortion=False, earth_curvature=False)
+    corrected = systematic(bent, a, poses, options=options)
+
+    def off_um(points: ImagePoints) -> float:
+        return 1e3 * float(np.abs(points.measurements.xy_mm[mine] - b.measurements.xy_mm[theirs]).max())
+
+    assert off_um(a) > 0.3
+    assert off_um(corrected) < 0.01 * off_um(a)
+    low = replace(poses, images=replace(poses.images, position_m=true.position_m - [0.0, 0.0, 5000.0]))
+    with pytest.raises(GeometryError, match="not above the terrain"):
+        systematic(bent, a, low, options=options)
