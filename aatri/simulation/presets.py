@@ -89,5 +89,24 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "known": {"full": 6, "check_full": 6}, "gnss": {"observed": False, "approximate_positions": False},
         "earth": "flat", "refraction": "none", "noise": _UAV_NOISE,
     },
+    "test_field": {
+        "name": "test_field",
+        "camera": {
+            "id": "close", "kind": "digital", "principal_distance_mm": 24.0, "principal_point_mm": (0.05, -0.08),
+            "format": (6000.0, 4000.0), "pixel_size_mm": 0.006, "distortion": "brown", "margin_mm": 0.1,
+            "brown": {"k1": 3.0e-5, "k2": -4.0e-8, "p1": 5.0e-6, "p2": -4.0e-6, "b1": 1.0e-4, "b2": -5.0e-5},
+            "distortion_known": False,
+        },
+        "flight": {
+            "arrangement": "orbit", "strips": 3, "images_per_strip": 12, "scale_number": 200.0,
+            "orbit_elevations_deg": (35.0, 75.0), "orbit_rolls": True, "kappa_sigma_deg": 1.0, "tilt_sigma_deg": 2.0,
+            "tilt_max_deg": 6.0, "position_sigma_m": (0.1, 0.1, 0.1), "speed_m_per_s": 0.1,
+        },
+        "terrain": {"mean_height_m": 0.0, "relief_m": 0.8, "wavelength_m": 0.8},
+        "ties": {"per_position": 0, "new_points": 80},
+        "known": {"full": 20, "check_full": 20}, "gnss": {"observed": False, "approximate_positions": False},
+        "earth": "flat", "refraction": "none",
+        "noise": {"image_um": 0.6, "control_m": (2.0e-5, 2.0e-5, 3.0e-5)},
+    },
 }  # fmt: skip
 """Values laid under the user's own."""
