@@ -62,4 +62,7 @@ def _say_accuracy(record: Mapping[str, Any]) -> None:
 
 
 def _metres(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4f}"
+    """To 0.1 mm, and to two digits where that is too coarse: close range."""
+    if value is None:
+        return "-"
+    return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"
