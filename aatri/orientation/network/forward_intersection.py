@@ -5,8 +5,8 @@ Plan, A and B the stations, alpha and beta the angles at them between the base a
     P = A + [cot(alpha) b + s b_left] / (cot(alpha) + cot(beta)),    b = B - A,  b_left = (-b_y, b_x)
 
 s = 1 where P lies to the left of A -> B (x right, y up), else -1. With A (0, 0) and the base along y this is
-X = S / (cot a + cot b), Y = S cot a / (cot a + cot b). Heights, v the vertical angles, d the horizontal distances, i and
-t the heights of instrument and target, the mean of both stations:
+X = S / (cot a + cot b), Y = S cot a / (cot a + cot b). Heights (v vertical angles, d horizontal distances, i and t
+heights of instrument and target), the mean of both stations:
 
     Z = 1/2 [(Z_A + i_A + d_A tan v_A - t) + (Z_B + i_B + d_B tan v_B - t)]
 
