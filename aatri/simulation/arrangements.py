@@ -43,7 +43,7 @@ def orbit(flight: Flight, camera: Camera, ground_m: float) -> dict[str, object]:
     roll = 0.5 * np.pi * (place % 4) if flight.orbit_rolls else np.zeros(len(place))
     out = distance * np.cos(elevation)
     position = np.column_stack([out * np.cos(angle), out * np.sin(angle), ground_m + distance * np.sin(elevation)])
-    half = 0.35 * distance * min(camera.half_format_mm) / camera.principal_distance_mm
+    half = flight.orbit_share * distance * min(camera.half_format_mm) / camera.principal_distance_mm
     return {
         "id": [f"{r + 1:02d}{k + 1:03d}" for r, k in zip(ring, place)],
         "strip": [f"ring {r + 1}" for r in ring],

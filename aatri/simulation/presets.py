@@ -99,8 +99,9 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         },
         "flight": {
             "arrangement": "orbit", "strips": 3, "images_per_strip": 12, "scale_number": 200.0,
-            "orbit_elevations_deg": (35.0, 75.0), "orbit_rolls": True, "kappa_sigma_deg": 1.0, "tilt_sigma_deg": 2.0,
-            "tilt_max_deg": 6.0, "position_sigma_m": (0.1, 0.1, 0.1), "speed_m_per_s": 0.1,
+            "orbit_elevations_deg": (35.0, 75.0), "orbit_rolls": True, "orbit_share": 0.75,
+            "kappa_sigma_deg": 1.0, "tilt_sigma_deg": 2.0, "tilt_max_deg": 6.0, "position_sigma_m": (0.1, 0.1, 0.1),
+            "speed_m_per_s": 0.1,
         },
         "terrain": {"mean_height_m": 0.0, "relief_m": 0.8, "wavelength_m": 0.8},
         "ties": {"per_position": 0, "new_points": 80},

@@ -107,6 +107,9 @@ class Flight(BaseModel):
     orbit_elevations_deg: Range = Field(
         (25.0, 50.0), description="of the lowest and highest ring, seen from its middle"
     )
+    orbit_share: float = Field(
+        0.35, gt=0, le=1.5, description="half side of what is looked at, over half of what the shorter side could hold"
+    )
     orbit_rolls: bool = Field(
         False,
         description="images of an orbit are turned about their view by 0, 90, 180, 270 degrees, one after another",
