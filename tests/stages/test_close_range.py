@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from aatri.artifacts.solution import Solution
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.dense_bundle import Dense, blocks, brown_residual, by_complex_step, correlations, inner_constraints
 from tests.stages.close_range_blocks import TEN, field_block, measured, with_bar, with_open_camera
+from tests.stages.film_blocks import Told
 
 
 def _adjusted(block: Block, points: ImagePoints) -> Solution:
@@ -82,6 +85,17 @@ def _held_against_dense(rings: int, per_ring: int, targets: int) -> Solution:
 def test_a_small_block_has_the_sigmas_and_correlations_of_a_dense_computation() -> None:
     solution = _held_against_dense(2, 6, 30)
     assert solution.sigma0 == pytest.approx(1.0, abs=4 / np.sqrt(2 * solution.redundancy))
+
+
+def test_no_correlation_of_a_free_block_is_told_beyond_one() -> None:
+    """Cross covariances of one datum over standard deviations of another are none: 2.6 was told of x0 and phi."""
+    block = with_bar(with_open_camera(field_block(4, 2, 4, 20)))
+    told = Told()
+    options = BundleOptions(datum="free", blunders={"method": "none"})
+    bundle(block, measured(block), options=options, context=told)
+    found = [float(c) for line in told.warnings for c in re.findall(r"correlat\w+(?: by)?:? (-?[\d.]+\d)", line)]
+    assert found
+    assert max(map(abs, found)) <= 1.0
 
 
 @pytest.mark.slow

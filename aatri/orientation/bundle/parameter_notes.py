@@ -202,8 +202,11 @@ def _moved(group: AdjustedParameters, unit: int) -> list[Note]:
 def _pairs_with_pose(
     given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
 ) -> list[tuple[str, str, float]]:
-    """High correlations with the orientation of the image that has the most points of the unit."""
-    if group.given.per_image or given.rays is None:
+    """High correlations with the orientation of the image that has the most points of the unit.
+
+    None in a free datum: the factor has scalars held there, the variances of the orientations are of inner constraints.
+    """
+    if group.given.per_image or given.rays is None or result.free is not None:
         return []
     images = given.rays.image[(group.given.block == unit) & result.ray_used]
     if not len(images):
