@@ -17,6 +17,7 @@ import numpy as np
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.camera.models import calibration
+from aatri.camera.models.brown import brown_basis
 from aatri.observations.poses import CAMERA
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def known_beforehand(rows: ImagePointRows, cameras: CameraRows) -> tuple[ImagePo
         q = xy[mine] - p[1:3]
         if cameras.model[k] == "brown":
             q[:, 0] *= 1 + p[3]
-            q = q + calibration.brown_basis(q) @ p[4 : len(calibration.PARAMETERS["brown"])]
+            q = q + brown_basis(q) @ p[4 : len(calibration.PARAMETERS["brown"])]
         xy[mine], c[mine] = q, p[0]
     return replace(rows, xy_mm=xy, c_mm=c), None
 

@@ -40,7 +40,7 @@ def orbit(flight: Flight, camera: Camera, ground_m: float) -> dict[str, object]:
     ring, place = np.repeat(np.arange(rings), per_ring), np.tile(np.arange(per_ring), rings)
     elevation = np.deg2rad(np.linspace(*flight.orbit_elevations_deg, rings))[ring]
     angle = 2 * np.pi * (place + 0.5 * (ring % 2)) / per_ring
-    roll = 0.5 * np.pi * (place % 4) if flight.orbit_rolls else np.zeros(len(place))
+    roll: Float = np.asarray(0.5 * np.pi * (place % 4) * flight.orbit_rolls, dtype=np.float64)
     out = distance * np.cos(elevation)
     position = np.column_stack([out * np.cos(angle), out * np.sin(angle), ground_m + distance * np.sin(elevation)])
     half = flight.orbit_share * distance * min(camera.half_format_mm) / camera.principal_distance_mm
