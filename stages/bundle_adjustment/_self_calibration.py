@@ -41,9 +41,9 @@ from aatri.plugin import CodePath, Field, Options
 class SelfCalibration(Options):
     """A set of additional parameters."""
 
-    set: Literal["brown_conrady", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"] = Field(
-        description="set of parameters"
-    )
+    set: Literal[
+        "brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"
+    ] = Field(description="set of parameters")  # fmt: skip
     per: Unit | dict[Unit, list[str]] = Field(
         "camera",
         description="what shares a set: camera, flight, session, image; or which of its parameters each of them shares",

@@ -141,7 +141,11 @@ _ORIENTATION = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
 
 
 _TWO_WORDS = ("shift", "drift", "lever", "time")
-_SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
+_SHORT = {
+    "principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0",
+    "A1": "k1", "A2": "k2", "A3": "k3", "B1": "p1", "B2": "p2", "C1": "b1", "C2": "b2",
+}  # fmt: skip
+"""Other names of the same: of camera models, of AICON."""
 
 
 def _kind(name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.camera.parameters.aicon import AICON
 from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY
 from aatri.camera.parameters.ebner import EBNER12, bauer3
 from aatri.camera.parameters.exterior_effects import format_grid, share_in_span
@@ -13,10 +14,10 @@ from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, chosen
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 
-SETS = ("brown_conrady", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre")
+SETS = ("brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre")
 """Names of the built-in sets."""
 
-_FIXED = {s.name: s for s in (BROWN_CONRADY, BROWN21, EBNER12, GRUEN44)}
+_FIXED = {s.name: s for s in (BROWN_CONRADY, AICON, BROWN21, EBNER12, GRUEN44)}
 _DEFAULT_ORDERS = {"fourier": (1, 1), "legendre": (4, 4)}
 
 

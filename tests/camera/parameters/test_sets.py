@@ -89,6 +89,27 @@ def test_brown_conrady_in_classical_values_is_the_model_of_the_cameras() -> None
     assert np.abs(correction(BROWN_CONRADY, FILM, p, POINTS) - wanted).max() < 1e-15
 
 
+def test_aicon_by_hand() -> None:
+    # x = 12, y = -9 (r = 15), c0 = 24, half diagonal 21.63, r0 two thirds of it: the image error of the textbook
+    scale = scale_of_format((18.0, 12.0), 24.0)
+    s = parameter_set("aicon")
+    v = np.array([0.3, 0.02, -0.03, -1e-4, 2e-7, -3e-10, 1e-5, -2e-5, 3e-4, -4e-4])
+    x, y, r0 = 12.0, -9.0, 2 / 3 * np.hypot(18.0, 12.0)
+    radial = v[3] * (225 - r0**2) + v[4] * (225**2 - r0**4) + v[5] * (225**3 - r0**6)
+    ex = x * 0.3 / 24 + 0.02 + x * radial + v[6] * (225 + 2 * 144) + 2 * v[7] * x * y + v[8] * x + v[9] * y
+    ey = y * 0.3 / 24 - 0.03 + y * radial + v[7] * (225 + 2 * 81) + 2 * v[6] * x * y
+    in_mm = v / s.classical_factors(scale)
+    found = correction(s, scale, in_mm, np.array([[x, y]]))
+    np.testing.assert_allclose(found, [[-ex, -ey]], rtol=1e-13)
+
+
+def test_aicon_spans_what_brown_conrady_spans_and_separates_c_from_the_first_radial_term() -> None:
+    grid = format_grid(DIGITAL)
+    balanced, brown = (_flat(parameter_set(n).basis(grid, DIGITAL)) for n in ("aicon", "brown_conrady"))
+    assert np.linalg.matrix_rank(np.hstack([balanced, brown]), tol=1e-9) == 10
+    assert abs(_correlation(balanced[:, 0], balanced[:, 3])) < 0.5 * abs(_correlation(brown[:, 0], brown[:, 3]))
+
+
 def test_linear_interior_orientation_is_exact() -> None:
     # a camera with c, x0, y0: x = x0 - c u1/u3; the corrected coordinates are those of the nominal camera
     c0, c, x0, y0 = 153.84, 155.1, 0.4, -0.3
