@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from pydantic import field_validator
 
 from aatri.adapters.bundle.bundle_input import film_parameters
 from aatri.adapters.bundle.calibrated_cameras import calibrated_cameras, has_camera_models
@@ -22,7 +24,7 @@ from aatri.adapters.bundle.camera_parameters import (
     parameter_table,
 )
 from aatri.adapters.bundle.parameter_covariances import TableRows, parameter_covariances
-from aatri.adapters.bundle.set_parts import SetPart, names_of_parts, parts_of_set
+from aatri.adapters.bundle.set_parts import UNITS, SetPart, names_of_parts, parts_of_set
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
@@ -31,6 +33,7 @@ from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
 from aatri.formats.text.text_file import read_lines
+from aatri.ids import did_you_mean
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import CAMERA
@@ -61,6 +64,20 @@ class SelfCalibration(Options):
     user: CodePath | None = Field(
         None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user; needs --local-plugins"
     )
+
+    @field_validator("per", mode="before")
+    @classmethod
+    def _units(cls, value: object) -> object:
+        wanted = f"one of {', '.join(UNITS)}, or a mapping from them to names: {{camera: [k1, k2], image: [x0, y0]}}"
+        if isinstance(value, Mapping):
+            unknown = [str(unit) for unit in value if unit not in UNITS]
+            if unknown:
+                raise ValueError(f"{unknown[0]} shares no parameters{did_you_mean(unknown[0], UNITS)}: {wanted}")
+            if not all(isinstance(names, list) for names in value.values()):
+                raise ValueError(f"names stand in a list: {wanted}")
+        elif value not in UNITS:
+            raise ValueError(f"{value} shares no parameters{did_you_mean(str(value), UNITS)}: {wanted}")
+        return value
 
 
 def units_named(wanted: SelfCalibration | None) -> tuple[str, ...]:
@@ -185,4 +202,15 @@ def told_parameters(block: Block, result: BundleResult, chosen: ChosenSet | None
     if chosen is not None:
         adjusted = [p for p in result.parameters if p.given.group in parts]
         calibration = calibration_tables(block, adjusted, chosen.parts, chosen.name, chosen.interior)
-    return ToldParameters(tables, covariances, calibration, notes)
+    return ToldParameters(tables, covariances, calibration, (*notes, *_units_without_names(block, chosen)))
+
+
+def _units_without_names(block: Block, chosen: ChosenSet | None) -> list[Note]:
+    """Warnings of flights and sessions that the block does not name: then a camera is one."""
+    names = {"flight": block.images.flight, "session": block.images.session}
+    parts = chosen.parts if chosen is not None else ()
+    return [
+        Note("warning", f"self_calibration: no image has a {part.per} (images.csv): all images of a camera share "
+             f"{', '.join(part.parameters.parameters)}")
+        for part in parts if part.per in names and not (names[part.per] != "").any()
+    ]  # fmt: skip

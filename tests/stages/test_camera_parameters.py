@@ -181,3 +181,18 @@ def test_parts_that_make_no_set_are_refused(block: Block, per: dict[str, list[st
     plain = _undistorted(block)
     with pytest.raises(SpecError, match=what):
         bundle(plain, measured(plain), options=BundleOptions(self_calibration={"set": "brown_conrady", "per": per}))
+
+
+def test_flights_that_the_block_does_not_name_are_told(block: Block) -> None:
+    plain, told = _undistorted(block), Told()
+    sets = {"set": "brown_conrady", "per": {"camera": ["k1", "k2"], "flight": ["c"]}}
+    options = BundleOptions(self_calibration=sets, **FREE | {"tolerance": 1e-3, "max_sigma0": 1e3})
+    bundle(plain, measured(plain), options=options, context=told)
+    assert any("no image has a flight (images.csv): all images of a camera share c" in text for text in told.warnings)
+
+
+def test_units_that_share_nothing_are_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="camara shares no parameters - did you mean 'camera'"):
+        BundleOptions(self_calibration={"set": "brown_conrady", "per": {"camara": ["k1"]}})
+    with pytest.raises(ValueError, match="names stand in a list"):
+        BundleOptions(self_calibration={"set": "brown_conrady", "per": {"camera": "k1"}})
