@@ -114,7 +114,7 @@ def adjust_large(
             and (linear or here.decrement <= tolerance)
             and (tolerance >= ROUGH or settled(problem, here.state))
         ):
-            weak, hardly = weak_blocks_of(problem, factored)
+            weak, hardly = weak_blocks_of(problem, here.state, factored)
             if weak:
                 problem, factored, more = without_weak_blocks(problem, here.state, weak)
                 here, notes = IterationState(problem, here.state, factored), [*notes, *more]

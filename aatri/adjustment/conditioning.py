@@ -26,8 +26,10 @@ import numpy as np
 
 from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.backsolve import solve_columns
+from aatri.adjustment.open_similarity import open_motions
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.threads import thread_control
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.notes import Note
@@ -46,6 +48,15 @@ STEPS = 2
 
 UNLIKELY = 1e-4
 
+NEARLY_COMMON = 0.99
+"""Cosine from which on a motion of the whole counts as one of the directions."""
+
+MOSTLY_COMMON = 0.95
+"""The same where a block is bent as well as moved."""
+
+SAME = 0.5
+"""Cosine from which on two directions are one."""
+
 ALONE = 0.98
 """Share of a direction within one vertex from which on it is that vertex's own."""
 
@@ -56,8 +67,10 @@ class Conditioning:
 
     Attributes
     ----------
+    count : int
+        Open combinations of unknowns.
     open : tuple of str
-        Combinations of unknowns that are open.
+        What they are; motions of the whole in one text.
     nearly : tuple of str
         Combinations that are within a factor of ten of it.
     weak_vertices : (k,) int
@@ -66,36 +79,58 @@ class Conditioning:
         Eliminated blocks that are, by their place among the rays' blocks.
     """
 
+    count: int
     open: tuple[str, ...]
     nearly: tuple[str, ...]
     weak_vertices: Int
     weak_blocks: Int
 
 
-def conditioning(problem: IndexedProblem, factored: Factored) -> Conditioning:
+def conditioning(problem: IndexedProblem, factored: Factored, state: State) -> Conditioning:
     """Look for open directions at the state of a factorisation without damping."""
-    vertices: list[int] = []
-    open_: list[str] = []
-    nearly: list[str] = []
     with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
-        limit, bare = _limits(problem), np.where(factored.diagonal > 0, factored.diagonal, 1.0)
-        # the largest eigenvalue with which nothing is open, nor nearly so
-        harmless = min(WARNED * OPEN, WARNED**2 * float((bare * limit**2).min(initial=np.inf)))
-        values, U = _leading(problem, factored, harmless)
+        U, excess = _directions(problem, factored)
     vertex_of = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
-    for value, u in zip(values, U.T):
-        own = value * u**2
-        # in standard deviations: the limit of the ratio is one of variances
-        excess = max(own.max(initial=0.0) / OPEN, float(np.sqrt((own / bare / limit**2).max(initial=0.0))))
-        if not excess > WARNED:
-            continue
+    vertices: list[int] = []
+    whole = np.zeros(len(excess), dtype=bool)
+    for k, u in enumerate(U.T):
         share = np.bincount(vertex_of, u**2, minlength=len(problem.layout.size))
-        if excess > 1 and share.max() > ALONE and len(share) > 1:
+        whole[k] = excess[k] <= 1 or share.max() <= ALONE or len(share) == 1
+        if not whole[k]:
             vertices.append(int(share.argmax()))
-        else:
-            (open_ if excess > 1 else nearly).append(described(problem, u))
-    return Conditioning(tuple(open_), tuple(nearly), np.unique(np.array(vertices, dtype=np.int64)),
+
+    def named(chosen: Bool) -> tuple[str, ...]:
+        motions, rest = open_motions(problem, state, U[:, chosen], factored.diagonal, common=NEARLY_COMMON)
+        others = (described(problem, u) for u in (rest.T if motions else U[:, chosen].T))
+        return (*motions, *others)
+
+    open_, nearly = named(whole & (excess > 1)), named(whole & (excess <= 1))
+    count = int((whole & (excess > 1)).sum())
+    return Conditioning(count, open_, nearly, np.unique(np.array(vertices, dtype=np.int64)),
                         _weak_blocks(problem, factored))  # fmt: skip
+
+
+def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Float]:
+    """Directions (n_kept, k) in unknowns times D that are open or nearly so, and what they have of the limits, (k,)."""
+    limit, bare = _limits(problem), np.where(factored.diagonal > 0, factored.diagonal, 1.0)
+    D = np.sqrt(bare)
+    # the largest eigenvalue with which nothing is open, nor nearly so
+    harmless = min(WARNED * OPEN, WARNED**2 * float((bare * limit**2).min(initial=np.inf)))
+    values, U = _leading(problem, factored, D, harmless)
+    excess = (values * U**2).max(axis=0, initial=0.0) / OPEN
+    # in standard deviations: the limit of the ratio is one of variances
+    far = np.sqrt((values * U**2 / (bare * limit**2)[:, None]).max(axis=0, initial=0.0))
+    U, excess, beyond = U[:, excess > WARNED], excess[excess > WARNED], bool((far > WARNED).any())
+    if beyond:
+        # what is large in its own unit need not stand out of D Q D: looked for in units of the limits, seen in all
+        values, V = _leading(problem, factored, 1.0 / limit, 0.0)
+        far = np.sqrt((values * V**2).max(axis=0, initial=0.0))
+        V, far = V[:, far > WARNED], far[far > WARNED]
+        V = D[:, None] * solve_columns(problem, factored, V / limit[:, None])
+        V /= np.linalg.norm(V, axis=0)
+        others = (np.abs(V.T @ U) < SAME).all(axis=0) if V.shape[1] else np.ones(U.shape[1], dtype=bool)
+        U, excess = np.concatenate([V, U[:, others]], axis=1), np.concatenate([far, excess[others]])
+    return U, excess
 
 
 def refuse_open(found: Conditioning, why: str = "") -> None:
@@ -113,7 +148,7 @@ def refuse_open(found: Conditioning, why: str = "") -> None:
     if found.open:
         more = f" and {len(found.open) - 7} more" if len(found.open) > 7 else ""
         raise GeometryError(
-            f"the observations nearly leave {len(found.open)} combination(s) of unknowns open{why}: "
+            f"the observations nearly leave {found.count} combination(s) of unknowns open{why}: "
             f"{'; '.join(found.open[:7])}{more}",
             remedy="observe more, hold them or weigh them by a prior, or estimate fewer parameters",
         )
@@ -124,10 +159,19 @@ def notes_of(found: Conditioning) -> tuple[Note, ...]:
     return tuple(Note("warning", f"hardly determined by the observations: {text}") for text in found.nearly)
 
 
-def _leading(problem: IndexedProblem, factored: Factored, harmless: float) -> tuple[Float, Float]:
+def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> str:
+    """The direction that a solution determines least, against what its unknowns would be by themselves."""
+    D = np.sqrt(np.where(factored.diagonal > 0, factored.diagonal, 1.0))
+    with thread_control().limit(limits=1, user_api="blas"):
+        U = _leading(problem, factored, D, 0.0)[1][:, :1]
+    motions, rest = open_motions(problem, state, U, factored.diagonal, common=MOSTLY_COMMON)
+    return "; ".join([*motions, *(described(problem, u) for u in rest.T)])
+
+
+def _leading(problem: IndexedProblem, factored: Factored, D: Float, harmless: float) -> tuple[Float, Float]:
     """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D; none where all eigenvalues are below `harmless`."""
-    used = ~problem.layout.held & (factored.diagonal > 0)
-    scale = np.where(used, np.sqrt(np.where(used, factored.diagonal, 0.0)), 0.0)[:, None]
+    used = ~problem.layout.held & (factored.diagonal > 0) & (D > 0)
+    scale = np.where(used, D, 0.0)[:, None]
     count = min(COLUMNS, int(used.sum()))
     if not count:
         return np.zeros(0), np.zeros((len(used), 0))

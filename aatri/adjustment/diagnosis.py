@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.reduced import reduced_normals
+from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
+from aatri.adjustment.open_similarity import open_motions
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
@@ -20,6 +21,9 @@ from aatri.errors import GeometryError
 
 LARGE = 0.2
 """What is larger than this part of the largest is named."""
+
+MOST_DESCRIBED = 7
+"""So many open directions at most are described."""
 
 WHOLE = 2000
 """Up to this many kept unknowns the whole matrix is analysed."""
@@ -33,9 +37,12 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
     GeometryError
     """
     _refuse_blocks(problem, factored)
-    defect, vectors = _null_vectors(problem, state, factored)
-    texts = [described(problem, vector) for vector in vectors.T[:7]]
-    more = f" and {defect - len(texts)} more" if defect > len(texts) else ""
+    defect, vectors, normals = _null_vectors(problem, state, factored)
+    diagonal, N = (factored.diagonal, None) if normals is None else (normals.diagonal, normals.N)
+    motions, rest = open_motions(problem, state, vectors, diagonal, N)
+    texts = [*motions, *(described(problem, vector) for vector in rest.T[:MOST_DESCRIBED])]
+    left = max(rest.shape[1] - MOST_DESCRIBED, 0)
+    more = f" and {left} more" if left else ""
     raise GeometryError(f"the observations leave {defect} unknown(s) open: {'; '.join(texts)}{more}")
 
 
@@ -52,8 +59,10 @@ def _refuse_blocks(problem: IndexedProblem, factored: Factored) -> None:
     )
 
 
-def _null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> tuple[int, Float]:
-    """Number of defects and null vectors in scaled unknowns, (n_kept, k)."""
+def _null_vectors(
+    problem: IndexedProblem, state: State, factored: Factored
+) -> tuple[int, Float, ReducedNormals | None]:
+    """Number of defects, null vectors in scaled unknowns, (n_kept, k), and the matrix where it is seen as a whole."""
     layout = problem.layout
     if layout.n_kept <= WHOLE:
         normals, free = reduced_normals(problem, state), np.flatnonzero(~layout.held)
@@ -62,12 +71,12 @@ def _null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> 
         open_ = (values < RANK_TOLERANCE) | (values <= values[0])
         vectors = np.zeros((layout.n_kept, int(open_.sum())))
         vectors[free] = among_free[:, open_]
-        return int(open_.sum()), vectors
+        return int(open_.sum()), vectors, normals
     if not factored.factor.whole:
-        return len(factored.weak), _weak_columns(problem, factored)
+        return len(factored.weak), _weak_columns(problem, factored), None
     trusted = _without_weak_descendants(problem, factored)
     leading = [_leading_null_vector(problem, factored, k, row) for k, row in trusted]
-    return len(factored.weak), np.concatenate(leading, axis=1)
+    return len(factored.weak), np.concatenate(leading, axis=1), None
 
 
 def _weak_columns(problem: IndexedProblem, factored: Factored) -> Float:

@@ -18,7 +18,7 @@ Blocks = dict[str, Bool]
 """Some blocks by group, (n,) each."""
 
 
-def weak_blocks_of(problem: IndexedProblem, factored: Factored) -> tuple[Blocks, list[Note]]:
+def weak_blocks_of(problem: IndexedProblem, state: State, factored: Factored) -> tuple[Blocks, list[Note]]:
     """Single blocks that are open, and warnings of what nearly is.
 
     Raises
@@ -28,7 +28,7 @@ def weak_blocks_of(problem: IndexedProblem, factored: Factored) -> tuple[Blocks,
     """
     if not factored.factor.whole:
         return {}, []
-    found = conditioning(problem, factored)
+    found = conditioning(problem, factored, state)
     refuse_open(found)
     weak: Blocks = {}
     for u in problem.unknowns:
@@ -68,8 +68,10 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
         return
     if factored.weak:
         refuse_undetermined(problem, state, factored)
-    found = conditioning(problem, factored)
-    texts = (*found.open, *found.nearly)
+    found = conditioning(problem, factored, state)
+    alone = [f"{u.name} {u.ids[int(k)]}" for u in problem.unknowns
+             for k in np.flatnonzero(np.isin(problem.layout.vertex[u.name], found.weak_vertices))]  # fmt: skip
+    texts = (*found.open, *alone, *found.nearly)
     if texts:
         raise GeometryError(
             f"no convergence in {iterations} iterations: the observations nearly leave {len(texts)} combination(s) of "

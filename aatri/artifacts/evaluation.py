@@ -24,7 +24,7 @@ class Differences(Table):
     """Differences at control, check and new points: solution minus given, or minus truth."""
 
     point: Text = column("str", doc="id of the point")
-    kind: Text = column("str", doc="control, check or truth")
+    kind: Text = column("str", doc="control, left_out (control predicted without itself), check or truth")
     difference_m: Float = column("f8", 3, unit="m", doc="difference; NaN where the coordinate does not take part",
                                  optional=True)  # fmt: skip
     sigma_m: Float = column("f8", 3, unit="m", doc="theoretical standard deviation; NaN unknown", optional=True)

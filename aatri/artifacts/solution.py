@@ -154,6 +154,14 @@ class VarianceComponents(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class IndependentErrors(Table):
+    """How many independent errors the correlated ones of some points amount to: (tr C)^2 / tr C^2."""
+
+    points: Text = column("str", doc="new (compared with the truth) or check (with the given coordinates)")
+    count: Float = column("f8", 3, doc="of X, Y, Z; NaN where no point has the coordinate", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Orderings(Table):
     """Orders of elimination of the images: the one in use, and the textbook's across and along the strips."""
 
@@ -211,6 +219,7 @@ class Solution(Artifact):
     parameter_covariances: ParameterCovariances | None = table(default=None)
     error_fields: ErrorFields | None = table(default=None)
     variance_components: VarianceComponents | None = table(default=None)
+    independent_errors: IndependentErrors | None = table(default=None)
     orderings: Orderings | None = table(default=None)
     datum: DatumCarriers | None = table(default=None)
 

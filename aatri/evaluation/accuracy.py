@@ -2,7 +2,8 @@
 
 Three things are kept apart and never merged into one "accuracy":
 
-- control: solution minus given at points the adjustment was fitted to. It tells how well the fit went;
+- control: solution minus given at points the adjustment was fitted to. It tells how well the fit went; left out one by
+  one, how well the others predict each (`leave_one_out`);
 - check: solution minus given at points it never saw, the only independent measure of a real block;
 - truth: solution minus truth at new points of a simulated block, beside the theoretical standard deviation
   m_i = sqrt(Q_ii) (a priori, sigma0 = 1). Both RMS are over the same points, and their ratio should be near 1.
@@ -34,6 +35,8 @@ from aatri.evaluation.differences import (
     rejected_control,
     truth_differences,
 )
+from aatri.evaluation.expected_ratios import expected_ratios
+from aatri.evaluation.leave_one_out import leave_one_out, left_out_figures
 from aatri.evaluation.orientations import AXES, observed_position_figures, true_orientation_figures
 from aatri.evaluation.statistics import bias, counts, largest, outside_hull, rmse, rmse_interval
 from aatri.evaluation.verdict import verdict
@@ -57,8 +60,10 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
     check = check_differences(block, at_check.solution) if at_check else NO_DIFFERENCES
     truth = truth_differences(block, at_truth.solution) if at_truth else NO_DIFFERENCES
     rejected = np.isin(control.point, rejected_control(block, solution))
+    left_out = leave_one_out(block, solution, control.take(~rejected))
     figures = {
         **_control_figures(control.take(~rejected), int(rejected.sum())),
+        **left_out_figures(left_out),
         **_check_figures(check, _extrapolated(block, solution, check), confidence),
         **_truth_figures(truth, solution, _theory_points(block, solution, truth)),
         **(observed_position_figures(block, solution) if _positions_count(solution) else {}),
@@ -69,7 +74,9 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
     without_theory = {name for name, of in theories if of is None or not of.over_datum}  # fmt: skip
     known = {name: value for name, value in figures.items()
              if not np.isnan(value) and not name.startswith(tuple(without_theory))}  # fmt: skip
+    known |= expected_ratios(known, solution.independent_errors, confidence)
     over_datum = at_check is not None and at_check.over_datum
+    parts = {"control": control, "left_out": left_out.differences, "check": check, "truth": truth}
     return Evaluation(
         verdict=verdict(
             known,
@@ -79,7 +86,7 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
             beyond=beyond_every_bound(block, check, solution.sigma0) if over_datum else (),
         ),
         figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),
-        differences=_table(block, solution, {"control": control, "check": check, "truth": truth}),
+        differences=_table(block, solution, parts),
     )
 
 

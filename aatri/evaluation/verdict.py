@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from aatri.adjustment.statistics.global_test import GlobalTest
+from aatri.evaluation.expected_ratios import outside_expected
 from aatri.ids import shown
 
 
@@ -32,7 +33,9 @@ def verdict(
         Check points that no standard deviation explains.
     """
     far = f"Beyond every bound, to be looked at: {shown(beyond)}." if beyond else ""
-    parts = [_check(figures, enough), far, _control(figures, control_is_exact), _truth(figures), _sigma0(sigma0)]
+    fit = [_control(figures, control_is_exact), _left_out(figures)]
+    outside = [*outside_expected(figures, "check"), *outside_expected(figures, "new")]
+    parts = [_check(figures, enough), far, *fit, _truth(figures), *outside, _sigma0(sigma0)]
     return " ".join(part for part in parts if part)
 
 
@@ -71,6 +74,17 @@ def _control(figures: Mapping[str, float], exact: bool) -> str:
     text = f"Fit to {_count(n, 'control point')} ({nature}): {_xyz(figures, 'control_rmse_{}_m')} m RMS"
     rejected = int(figures.get("control_rejected_points", 0))
     return text + (f"; {rejected} rejected." if rejected else ".")
+
+
+def _left_out(figures: Mapping[str, float]) -> str:
+    n = int(figures.get("left_out_points", 0))
+    if not n:
+        return ""
+    alone = int(figures.get("left_out_uncontrolled_points", 0))
+    more = f"; nothing else controls {_count(alone, 'control point')}" if alone else ""
+    return (
+        f"Predicted without itself: {_xyz(figures, 'left_out_rmse_{}_m')} m RMSE at {_count(n, 'control point')}{more}."
+    )
 
 
 def _truth(figures: Mapping[str, float]) -> str:

@@ -60,10 +60,12 @@ from aatri.orientation.bundle.correlations import correlation_notes
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.group_tests import group_notes
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
-from aatri.orientation.bundle.parameter_notes import parameter_notes, rank_advice
+from aatri.orientation.bundle.parameter_notes import parameter_notes
+from aatri.orientation.bundle.rank_advice import rank_advice
 from aatri.orientation.bundle.result import BundleResult, without_covariances
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
+from aatri.orientation.bundle.weak_datum import weak_datum_notes
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 from ._blunders import GONE, Blunders
@@ -203,6 +205,7 @@ def bundle(
     tell(remarks(given, result.adjusted.state, before=False), context)
     tell(shift_notes(as_given, given, result, lambda block: _adjusted(block, options, SILENT, How())), context)
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
+    notes += weak_datum_notes(given, result)
     notes += [*systematic_notes(result), *parameter_notes(given, result), *correlation_notes(result)]
     tell([*done.notes, *result.notes, *notes], context)
     told = told_parameters(block, result, chosen)

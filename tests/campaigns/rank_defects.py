@@ -17,16 +17,25 @@ from typing import Any
 import numpy as np
 
 from aatri.artifacts.block import Block
-from aatri.codes import ANTENNA, CONTROL, NO_ROLE
+from aatri.codes import CONTROL
 from aatri.errors import AatriError
-from aatri.geometry.rotations import angles_from_rotation
 from aatri.progress import Silent
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
-from tests.stages.chain import simulated
+from tests.campaigns import defective_images as images
+from tests.campaigns import defective_networks as networks
+from tests.campaigns.block_changes import (
+    antennas,
+    digital,
+    everything,
+    extreme,
+    less_image_points,
+    sigmas,
+    with_control,
+)
+from tests.campaigns.good_blocks import good_block
 
-FLAT = {"mean_height_m": 0.0, "relief_m": 0.0}
-AS_PLANNED = {"position_sigma_m": (0.0, 0.0, 0.0), "tilt_sigma_deg": 0.0, "tilt_max_deg": 0.0, "kappa_sigma_deg": 0.0}
+FLAT, AS_PLANNED = images.FLAT, images.PLANNED
 
 
 @dataclass(frozen=True)
@@ -48,76 +57,6 @@ class Defect:
     refused: bool = True
 
 
-def digital(seed: int = 3, *, gnss: bool = False, **more: Any) -> Block:
-    """A small block of digital images; positions are approximate unless they are wanted as observations."""
-    given: dict[str, Any] = {
-        "preset": "rc30", "flight": {"strips": 3, "images_per_strip": 5, "cross_strips": 0},
-        "camera": {"kind": "digital", "distortion": "none", "format": (20000.0, 20000.0), "pixel_size_mm": 0.0115},
-        "earth": "flat", "refraction": "none", "ties": {"new_points": 120}, "known": {"full": 12},
-        "gnss": {"observed": gnss},
-    }  # fmt: skip
-    for name, value in more.items():
-        given[name] = {**given[name], **value} if isinstance(given.get(name), dict) else value
-    return with_approximate_angles(simulated(seed, **given))
-
-
-def with_approximate_angles(block: Block) -> Block:
-    """Angles of the truth as start values, so that no start has to be found."""
-    truth, e = block.true_images, block.exterior
-    assert truth is not None
-    R = np.empty((len(block.images), 3, 3))
-    R[truth.image] = truth.ground_from_image
-    angles = angles_from_rotation(R[e.image], block.rotation)  # type: ignore[arg-type]
-    return replace(block, exterior=replace(e, angles_rad=angles))
-
-
-def with_control(block: Block, keep: Callable[[np.ndarray], np.ndarray], axes: tuple[int, ...] = (0, 1, 2)) -> Block:
-    """The block with some of its control points, in some coordinates; the others are new points."""
-    g = block.ground_points
-    control = np.flatnonzero((g.role == CONTROL).any(axis=1))
-    kept = np.zeros(len(g), dtype=bool)
-    kept[control[keep(g.xyz_m[control])]] = True
-    role = np.where(kept[:, None] & np.isin(np.arange(3), axes), CONTROL, NO_ROLE).astype(np.int32)
-    return replace(block, ground_points=replace(g, role=role))
-
-
-def extreme(count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """The points nearest to so many corners."""
-
-    def keep(xyz: np.ndarray) -> np.ndarray:
-        corners = np.array([[-1, -1], [1, 1], [1, -1], [-1, 1]])[:count]
-        centred = xyz[:, :2] - xyz[:, :2].mean(axis=0)
-        return np.unique([int(np.argmax(centred @ c)) for c in corners])
-
-    return keep
-
-
-def everything(xyz: np.ndarray) -> np.ndarray:
-    """All of them."""
-    return np.arange(len(xyz))
-
-
-def sigmas(block: Block, free: tuple[str, ...]) -> Block:
-    """With some camera parameters free."""
-    n, p = len(free), block.camera_parameters
-    rows = {
-        "camera": np.zeros(n, np.int32), "name": np.array(free), "value": np.full(n, np.nan),
-        "sigma": np.full(n, np.nan), "free": np.ones(n, bool),
-    }  # fmt: skip
-    return replace(block, camera_parameters=type(p)(**rows))
-
-
-def antennas(block: Block) -> Block:
-    """Observed positions are those of antennas."""
-    return replace(block, exterior=replace(block.exterior, refers_to=np.full(len(block.exterior), ANTENNA, np.int32)))
-
-
-def less_image_points(block: Block, keep: np.ndarray) -> Block:
-    """Some image points switched off."""
-    points = block.image_points
-    return replace(block, image_points=replace(points, active=points.active & keep))
-
-
 def _options(**more: Any) -> BundleOptions:
     return BundleOptions(**more)
 
@@ -135,15 +74,11 @@ def _two_points() -> tuple[Block, BundleOptions]:
 
 
 def _collinear() -> tuple[Block, BundleOptions]:
-    """Three control points on a line: the ends, and the point next to the line moved onto it in the observations."""
-    block = with_control(digital(terrain=FLAT), extreme(4))
-    g = block.ground_points
-    rows = np.flatnonzero((g.role == CONTROL).any(axis=1))
-    x = g.xyz_m[rows, 0]
-    ends = rows[[int(np.argmin(x)), int(np.argmax(x))]]
-    role = np.zeros_like(g.role)
-    role[ends] = CONTROL
-    return replace(block, ground_points=replace(g, role=role)), _options()
+    """Four control points on the western edge."""
+    block = images.flown()
+    xyz = block.ground_points.xyz_m[(block.ground_points.role == CONTROL).any(axis=1)]
+    west = np.flatnonzero(xyz[:, 0] < xyz[:, 0].min() + 1.0)
+    return images.with_roles(block, dict.fromkeys(west.tolist(), (1, 1, 1))), _options()
 
 
 def _one_ray() -> tuple[Block, BundleOptions]:
@@ -214,22 +149,53 @@ def _arm_and_time() -> tuple[Block, BundleOptions]:
     return sigmas(antennas(block), ("lever_arm.x",)), _options(positions={"time_offset": True})
 
 
+DATUM = ("shift X", "shift Y", "shift Z", "rotation about X", "rotation about Y", "rotation about Z")
+
 DEFECTS = {
-    "no datum": Defect(_none, ("7 unknown",)),
-    "control in height only": Defect(_heights_only, ("3 unknown", "X0", "Y0")),
-    "two control points": Defect(_two_points, ("1 unknown", "rotation about")),
-    "control points on a line": Defect(_collinear, ("1 unknown", "rotation about")),
+    "no datum": Defect(_none, ("7 unknown", "scale", *DATUM, "of the whole block", "give control")),
+    "control in height only": Defect(
+        _heights_only, ("3 unknown", "rotation about Z, shift X, shift Y of the whole block")
+    ),
+    "two control points": Defect(_two_points, ("1 unknown", "rotation about the axis", "on one line")),
+    "control points on a line": Defect(_collinear, ("1 ", "rotation about Y of the whole block", "on one line")),
+    "one distance and no control": Defect(networks.one_distance_for_a_datum, ("6 unknown", *DATUM, "whole block")),
+    "two blocks that nothing connects": Defect(_disconnected, ("7 unknown", "scale", *DATUM, "part", "image 02")),
     "a point in one image": Defect(_one_ray, ("too few usable rays (1 of",), refused=False),
     "an image of two points": Defect(_image_of_two_points, ("too few points (1 of 15 images)",), refused=False),
-    "two blocks that nothing connects": Defect(_disconnected, ("7 unknown", "image 03")),
     "a camera of no image": Defect(_unused_camera, ("nothing in use observes them", "spare"), refused=False),
-    "principal distance, flat and vertical": Defect(_distance_of_vertical_images, ("principal_distance", "Z0")),
-    "lever arm z and principal distance": Defect(_lever_and_distance, ("lever z", "principal_distance")),
-    "lever arm z and shift Z": Defect(_lever_and_shift, ("lever z", "shift Z")),
-    "principal distance and shift Z": Defect(_distance_and_shift, ("principal_distance", "shift Z")),
+    "principal distance, flat and vertical": Defect(
+        _distance_of_vertical_images, ("1 unknown", "principal_distance", "Z0")
+    ),
+    "k1, flat and vertical": Defect(images.k1_of_a_vertical_strip, ("k1 and Z0", "told apart", "bowl"), refused=False),
+    "lever arm z and principal distance": Defect(
+        _lever_and_distance, ("1 combination", "lever z", "principal_distance")
+    ),
+    "lever arm z and shift Z": Defect(_lever_and_shift, ("1 unknown", "shift Z", "lever z")),
+    "principal distance and shift Z": Defect(_distance_and_shift, ("1 combination", "principal_distance", "shift Z")),
     "lever arm x, time offset": Defect(_arm_and_time, ("lever x of", "time offset", "told apart"), refused=False),
-}  # fmt: skip
-"""Beside these `ackermann` has the drift of strips without cross strips."""
+    "principal point and boresight": Defect(
+        images.principal_point_and_boresight, ("principal_point.y", "boresight x", "0.9"), refused=False
+    ),
+    "boresight about z without positions": Defect(
+        images.boresight_about_z, ("1 combination", "rotation about Z of the whole block with boresight z")
+    ),
+    "a free mount seen once": Defect(images.mount_seen_once, ("2 unknown", "mount turn", "0101oblique", "free mount")),
+    "drift of strips without cross strips": Defect(
+        images.drift_of_strips, ("shift Z of 4", "no cross strips"), refused=False
+    ),
+    "directions without orientation": Defect(networks.unoriented_set, ("1 unknown", "rotation about Z", "azimuth")),
+    "a set of one direction": Defect(networks.set_of_one, ("single direction", "S1"), refused=False),
+    "a station with distances in its plane": Defect(networks.distances_in_a_plane, ("1 combination", "Z of point S")),
+    "a plane network without distance": Defect(
+        networks.plan_without_distance, ("1 unknown", "scale of the whole", "size")
+    ),
+    "a plane through collinear points": Defect(
+        networks.plane_of_collinear_points, ("hardly determine", "plane 1, 2, 3, 4"), refused=False
+    ),
+    "a point of an exact plane alone": Defect(
+        networks.point_of_a_plane_alone, ("too few usable rays (1 of", "4"), refused=False
+    ),
+}
 
 
 class Heard(Silent):
@@ -246,23 +212,14 @@ def said_of(block: Block, options: BundleOptions) -> tuple[bool, str]:
     """Whether a block is refused, and what is said: the error, or all warnings."""
     heard = Heard()
     try:
-        bundle(block, calibrated(block), options=options, context=heard)
+        bundle(block, calibrated(block) if len(block.images) else None, options=options, context=heard)
     except AatriError as error:
         return True, f"{error} {error.remedy}"
     return False, "\n".join(heard.warnings)
 
 
-def good_block(seed: int) -> tuple[Block, BundleOptions]:
-    """A block that leaves nothing open: relief, control at the corners and inside; every second one with positions."""
-    rng = np.random.default_rng(seed)
-    flight = {"strips": int(rng.integers(2, 5)), "images_per_strip": int(rng.integers(4, 8)), "cross_strips": seed % 2}
-    block = digital(seed, gnss=bool(seed % 2), flight=flight, known={"full": int(rng.integers(9, 20))})
-    options = [{}, {"positions": {"per": "block"}}, {}, {"positions": {"drift": "shift", "per": "strip"}}][seed % 4]
-    return block, _options(**options)
-
-
-DEFECTIVE = ("open", "determined", "told apart", "separat", "left out", "observes them")
-"""Words of a rank defect."""
+DEFECTIVE = ("open", "determined", "told apart", "left out", "observes them", "set aside")
+"""Words of a rank defect; correlations below 0.999 are told without them, and are none."""
 
 
 def defects_told(defects: dict[str, Defect] = DEFECTS) -> list[tuple[bool, str]]:

@@ -10,6 +10,7 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
 from aatri.adapters.bundle.calibration_tables import CalibrationTables
+from aatri.adapters.bundle.independent_errors import independent_errors_table
 from aatri.adapters.frame.adjustment_frame import result_out_of
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
@@ -38,6 +39,7 @@ def bundle_solution(
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted
+    independent = independent_errors_table(block, result)
     result = without_absent(result_out_of(given.given.frame if given.given else None, result))
     per_image, per_point, rms_sigma_um = _image_points(given, result)
     state = adjusted.state
@@ -67,6 +69,7 @@ def bundle_solution(
         calibrated_sets=calibration.sets if calibration else None,
         parameter_covariances=covariances,
         error_fields=calibration.fields if calibration else None,
+        independent_errors=independent,
         orderings=orderings,
     )
 

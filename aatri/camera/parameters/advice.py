@@ -51,8 +51,16 @@ _STRIP_ALONG = (
 )
 _TIME_ALONG = "at one velocity the time offset is a lever arm along the flight; fix the arm or vary the speed"
 _STRIP_DRIFT = (
-    "drift of single strips bends the block between them; fly cross strips at the ends, give height control along the "
-    "ends of the strips, or let more positions share a drift (positions.per)"
+    "no cross strips hold single strips together, and their drift bends the block between them; fly cross strips at "
+    "the ends, give height control along the ends of the strips, or let more positions share a drift (positions.per)"
+)
+_BOWL = (
+    "radial distortion bends parallel images of flat ground into a bowl; height control inside the block, oblique "
+    "images or a calibrated lens tell the two apart"
+)
+_BORESIGHT = (
+    "a shifted principal point is nearly a turn of the camera against the IMU; fix or weight one of them, or fly over "
+    "control in opposite directions and at two heights"
 )
 _PLAN = frozenset({"shift x", "shift y"})
 _DRIFTS = frozenset({*(f"shift {a}" for a in "xyz"), *(f"drift {a}" for a in "xyz")})
@@ -66,6 +74,8 @@ _COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
     (frozenset({"y0", "a20"}), frozenset({"p2"}), _TANGENTIAL),
     (frozenset({"p1", "p2"}), frozenset({"phi", "omega"}), _TANGENTIAL),
     (frozenset({"c", "f"}), frozenset({"b1"}), _AFFINE),
+    (frozenset({"k1", "k2", "k3", "k4"}), frozenset({"Z0", "X0", "Y0", "phi", "omega"}), _BOWL),
+    (frozenset({"x0", "y0", "a19", "a20"}), frozenset({"boresight x", "boresight y"}), _BORESIGHT),
     (frozenset({"lever z"}), frozenset({"shift z"}), _LEVER_SHIFT),
     (frozenset({"lever z", "shift z"}), frozenset({"c", "f"}), _POSITION_SCALE),
     (frozenset({"lever x", "lever y"}), frozenset({"time offset"}), _TIME_ALONG),
@@ -140,7 +150,7 @@ def _reason(first: str, second: str) -> str:
 _ORIENTATION = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
 
 
-_TWO_WORDS = ("shift", "drift", "lever", "time")
+_TWO_WORDS = ("shift", "drift", "lever", "time", "boresight")
 _SHORT = {
     "principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0",
     "A1": "k1", "A2": "k2", "A3": "k3", "B1": "p1", "B2": "p2", "C1": "b1", "C2": "b2",

@@ -15,6 +15,7 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.notes import Note
 from aatri.observations.geodetic.lengths import bearing
 from aatri.observations.geodetic.sights import (
     PLAN,
@@ -60,14 +61,22 @@ def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
                                           generator=lambda state: _generator(state[ORIENTATION])),)  # fmt: skip
     start: State = {ORIENTATION: orientation_start(rows, given.start, block, len(ids), given.level)[:, None]}
     number = dict(zip(ids.tolist(), range(len(ids))))
+    notes = _lonely(ids, np.bincount(block, minlength=len(ids)))
     for part, exact in alike(rows):
         of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
         records = sight_records(
             DIRECTION, part, given.level, bearing, Calibrated(ORIENTATION, of, _shown), angular=True
         )
         yield Observed(records, part.row, named(point=part.names), "rad", unknowns=own, start=start, exact=exact,
-                       sees=PLAN)  # fmt: skip
-        own, start = (), {}
+                       sees=PLAN, notes=notes)  # fmt: skip
+        own, start, notes = (), {}, ()
+
+
+def _lonely(ids: Text, count: Int) -> tuple[Note, ...]:
+    """Sets of one direction find their own orientation, and tell nothing of their points."""
+    lonely = tuple(ids[count == 1].tolist())
+    text = "sets of a single direction determine their own orientation and nothing else; an azimuth or a second target"
+    return (Note("warning", f"{text} would make them count", lonely),) if lonely else ()
 
 
 def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Level) -> Float:

@@ -32,6 +32,10 @@ Fit = Callable[[Float, Float], tuple[Float, Float, Float]]
 
 MOST_NAMED = 6
 
+TURNS = ("tilt", "turn")
+MOST_TILT = 1.0
+"""Standard deviation of a tilt (tangent) beyond which its points do not hold a shape: those of a line no plane."""
+
 NOTHING, TILT, TILT_ACROSS = "nothing", "tilt", "tilt across"
 """What a condition can see of a movement of the block: nothing, tilts, or the tilt about the axis across it."""
 
@@ -125,7 +129,8 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
     whitener = np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], shape.rows, axis=1)
     records = Records(shape.type, ((POINT, point), (group, of)), evaluate, whitener, np.ones(len(of), dtype=bool),
                       similarity=tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees))  # fmt: skip
-    unknowns = Unknowns(group, free, shape.labels, labels, add_step, generator=generator)
+    steep = np.array([MOST_TILT if name.startswith(TURNS) else np.inf for name in shape.labels])
+    unknowns = Unknowns(group, free, shape.labels, labels, add_step, generator=generator, implausible=steep)
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
     gained = shape.rows * len(of) - int(free.sum())
     text = f"{shape.type}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {gained}"

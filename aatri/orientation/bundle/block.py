@@ -223,6 +223,7 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
     # Where no image is adjusted, nothing is left to eliminate the points from: they are the unknowns that are kept.
     onto = bool(poses.any()) or given.held_images is None
+    far = np.full(3, _extent_m(given)) if given.rays is None else None
     return [
         *groups,
         Unknowns(
@@ -234,8 +235,15 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
             eliminated=onto,
             position=given.xyz_m,
             generator=point_generator,
+            implausible=far,
         ),
     ]
+
+
+def _extent_m(given: BundleInput) -> float:
+    """Extent of a network, m: a point less certain than this is not determined."""
+    known = given.xyz_m[finite_rows(given.xyz_m)]
+    return float(np.linalg.norm(np.ptp(known, axis=0))) if len(known) > 1 else np.inf
 
 
 def median_distance_m(given: BundleInput) -> float | None:

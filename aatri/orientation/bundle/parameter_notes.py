@@ -8,7 +8,6 @@ image), and with the orientation of the image that has the most points of the un
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from aatri.camera.parameters.advice import WARNED, advise
 from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
-from aatri.observations.poses import ADDITIONAL, CAMERA, POSE, is_additional
+from aatri.observations.poses import CAMERA, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 
@@ -42,13 +41,6 @@ MOST_UNITS = 4
 """More units than this are summed up in one line."""
 
 _SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
-_SHARED = (
-    *(f"{word} {axis}" for word in ("shift", "drift") for axis in "XYZ"),
-    *(f"lever {axis}" for axis in "xyz"),
-    "time offset",
-)
-"""Labels of what positions share."""
-
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
 
 
@@ -126,18 +118,6 @@ def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[Parame
             notes += _removals(str(group.given.ids[k]), removals)
         groups[i] = replace(given.parameters[i], free=free)
     return (tuple(groups) if notes else None), notes
-
-
-def rank_advice(what: str, names: tuple[str, ...]) -> str:
-    """What to do about a rank defect whose message names additional parameters, or an empty text."""
-    open_ = [name for name in names if f" {name} of {ADDITIONAL}" in f" {what}" or f" {name} of {CAMERA}" in f" {what}"]
-    pose = [name for name in _POSE[:3] if f" {name} of {POSE}" in f" {what}"]
-    shared = [label for label in _SHARED if f" {label} of " in f" {what}"]
-    pairs = [(a, b, 1.0) for a in open_ for b in (pose or shared)] or [(a, b, 1.0) for a, b in pairwise(open_)]
-    pairs += [(a, b, 1.0) for a, b in combinations(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
-    reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs))
-    weigh = ["or weight the parameters: `self_calibration.sigma_um`"] if open_ else []
-    return "; ".join([*reasons, *weigh])
 
 
 def _removals(unit: str, removals: tuple[Removal, ...]) -> list[Note]:

@@ -24,7 +24,7 @@ def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
 
 def point_tables(evaluation: Evaluation) -> list[PageTable]:
     """Differences at all control and check points, the largest first, with the largest share of its sigma."""
-    return present(*(_table(evaluation.differences, kind) for kind in ("control", "check")))
+    return present(*(_table(evaluation.differences, kind) for kind in ("control", "left_out", "check")))
 
 
 def _table(differences: Differences, kind: str) -> PageTable | None:
@@ -42,7 +42,8 @@ def _table(differences: Differences, kind: str) -> PageTable | None:
         "largest d / s": lambda k: number(float(ratio[order[k]])) if np.isfinite(ratio[order[k]]) else DASH,
         "rays": lambda k: number(int(differences.rays[rows[order[k]]])),
     }
-    return tables.all_rows(f"Differences at {kind} points, the largest first", rows, columns, 1)
+    where = "control points predicted without themselves" if kind == "left_out" else f"{kind} points"
+    return tables.all_rows(f"Differences at {where}, the largest first", rows, columns, 1)
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:

@@ -8,7 +8,8 @@
    what fits the block after all comes back (`adjustment.statistics.search`); until nothing changes.
 
 Records that nothing tells apart are both left out, and nobody is blamed (`adjustment.statistics.attribution`). No more
-than `max_share` of a kind is rejected: where more disagrees the model is wrong, not the data.
+than `max_share` of a kind is rejected: where more disagrees the model is wrong, not the data. With a redundancy below
+`FEW` large |w| may come of standard deviations that are too small: only what stands out by the tau test too goes.
 
 Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.
 """
@@ -59,6 +60,12 @@ HARMLESS = 2.0
 
 MOST_HEARINGS = 3
 
+FEW = 10
+"""Redundancy below which sigma0 a priori cannot be taken for granted: that from which variances are estimable."""
+
+STANDS_OUT = 3.29
+"""Limit, as that of |w|, of the tau test of small networks."""
+
 CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
 """Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
 
@@ -73,13 +80,24 @@ class Tried:
     rule: Rule
 
     @cached_property
+    def plain(self) -> Float:
+        """Largest |w| of each record, kind after kind; predicted where not active."""
+        return np.concatenate([tests_of(o, self.result.adjusted.state) for o in self.result.observations])
+
+    @property
+    def small(self) -> bool:
+        """Whether there is too little redundancy to tell a gross error from wrong standard deviations by |w| alone."""
+        return self.result.adjusted.redundancy < FEW
+
+    @cached_property
     def test(self) -> Float:
-        """Largest |w| of each record over the limit's unit, kind after kind; predicted where not active."""
-        state, unit = self.result.adjusted.state, 1.0
+        """|w| over the limit's unit: with little redundancy a gross error is one that also stands out of the others."""
+        adjusted, limit, unit = self.result.adjusted, self.rule.limit, 1.0
         if self.rule.tau:
-            critical = tau_limit(self.rule.limit, self.result.adjusted.redundancy)
-            unit = self.result.adjusted.sigma0 * critical / self.rule.limit
-        return np.concatenate([tests_of(o, state) for o in self.result.observations]) / unit
+            unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
+        elif self.small and adjusted.redundancy > 0:
+            unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)
+        return self.plain / unit
 
     @property
     def controlled(self) -> Bool:
@@ -135,7 +153,8 @@ class _Search:
             plain = with_readmission(self.given, lambda block: self.adjust(block, How()))
             return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))
         start: Tried | None = first
-        if self.rule.method == "robust_snooping" and (first is None or self._harmful(first, active)):
+        harmful = first is None or (self._harmful(first, active) and not first.small)
+        if self.rule.method == "robust_snooping" and harmful:
             active, start = self._from_robust(active, first), None
         elif first is None and failure is not None:
             raise failure
@@ -147,8 +166,9 @@ class _Search:
         undecided = gone & (self.undecided | self._lost(tried.result, gone))
         swapped = swaps(tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
         doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
-        above = use & (tried.test > self.rule.limit)
-        notes = findings(tried.given, self.all, Found(use, undecided, above, doubtful, tuple(swapped)), self.rule)
+        above = use & ((tried.plain if tried.small else tried.test) > self.rule.limit)
+        told = Found(use, undecided, above, doubtful, tuple(swapped), tried.small)
+        notes = findings(tried.given, self.all, told, self.rule)
         split = self.all.split
         return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), tuple(swapped))
 

@@ -39,6 +39,8 @@ class Found:
     doubtful : (n,) bool
         At points where nothing tells what is wrong, and it is small: nothing is left out.
     swapped : tuple of Swap
+    small : bool
+        There is too little redundancy to tell gross errors from wrong standard deviations.
     """
 
     active: Bool
@@ -46,12 +48,17 @@ class Found:
     above: Bool
     doubtful: Bool
     swapped: tuple[Swap, ...]
+    small: bool = False
 
 
 def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) -> list[Note]:
     """Notes on what was rejected, why, and on what could not be."""
     notes = []
     gone = records.native & ~found.active
+    why = f", for no more than {rule.max_share:.0%} of a kind is rejected: where more disagrees the model is wrong, "
+    why += "not the data"
+    if found.small:
+        why = ": none stands out of so few, and the standard deviations may be too small for all of them"
     said = (
         (gone & ~found.undecided, "rejected as gross errors"),
         (gone & found.undecided, "left out: some of them are wrong, and nothing tells which"),
@@ -61,8 +68,7 @@ def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) 
         ),
         (
             found.above & ~found.doubtful,
-            f"beyond {rule.limit:g} sigma and kept, for no more than {rule.max_share:.0%} of a kind is rejected: "
-            "where more disagrees the model is wrong, not the data",
+            f"beyond {rule.limit:g} sigma and kept{why}",
         ),
     )
     for part, o in zip(records.parts, records.observed):

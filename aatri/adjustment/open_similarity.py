@@ -1,0 +1,234 @@
+"""Open directions that are motions of a whole: shift, rotation and change of scale of the block, or of a part of it.
+
+A defect of the datum is spread over all unknowns, and a list of the largest names none of it. Columns G_k say how the
+unknowns move with the seven generators of a similarity (`Unknowns.generator`). Of every part that nothing joins to
+the rest, the combinations G_k c that lie in the span of the null vectors are motions; the coefficients c, brought to
+echelon form (scale and rotations before shifts), name them. What is left of the null vectors is something else.
+
+Source: docs/formulas.md 7 (generators of the datum); Golub & Van Loan, Matrix Computations, 6.4.3 (common subspaces).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+
+COMMON = 1.0 - 1e-6
+"""Cosine from which on a motion counts as one of the open directions."""
+
+INDEPENDENT = 1e-3
+"""Singular values above this make a direction of its own."""
+
+GOING_ALONG = 0.2
+"""Share of the largest from which on what goes along is named."""
+
+SMALL = 1e-6
+"""Size, of the largest, below which an unknown takes no part in a direction."""
+
+WHOLE = 0.999
+"""Share of what could move from which on the whole does."""
+
+PART = 0.02
+"""Share below which a generator is not named."""
+
+NAMES = ("scale", "rotation about X", "rotation about Y", "rotation about Z", "shift X", "shift Y", "shift Z")
+
+ORDER = np.array([6, 3, 4, 5, 0, 1, 2])
+"""The columns of a generator (three shifts, three rotations, scale) in the order of `NAMES`."""
+
+
+def open_motions(
+    problem: IndexedProblem,
+    state: State,
+    vectors: Float,
+    diagonal: Float,
+    normals: Float | None = None,
+    common: float = COMMON,
+) -> tuple[list[str], Float]:  # fmt: skip
+    """The motions among open directions, by name, and what is left.
+
+    Parameters
+    ----------
+    problem : IndexedProblem
+    state : State
+    vectors : (n_kept, k) float64
+        Open directions in unknowns times sqrt(diagonal).
+    diagonal : (n_kept,) float64
+        Of the normal matrix.
+    normals : (n_kept, n_kept) float64, optional
+        The normal matrix: what it does not join are parts by themselves.
+    common : float
+        Cosine from which on a motion counts as one of the directions.
+
+    Returns
+    -------
+    list of str
+    (n_kept, m) float64
+        Open directions that are no motions, orthonormal.
+    """
+    moves = _moves(problem, state) * np.sqrt(np.maximum(diagonal, 0.0))[:, None]
+    going_along = ~(moves != 0).any(axis=1) & ~_of_rays(problem)
+    texts: list[str] = []
+    left = []
+    for part in _parts(problem, normals):
+        mine = _orthonormal(np.where(part[:, None], vectors, 0.0))
+        some = _vertices_of(problem, _taking_part(mine))
+        coefficients, directions = _common(moves * some[:, None], mine, going_along, common)
+        if len(coefficients):
+            extent = np.linalg.norm(moves, axis=0)
+            names = list(dict.fromkeys(_named(row, extent) for row in coefficients))
+            along = _along(problem, np.where(going_along[:, None], directions, 0.0))
+            texts.append(f"{', '.join(names)} of {_whole_or_part(problem, mine, moves @ coefficients.T)}{along}")
+        left.append(_without(mine, directions))
+    return texts, np.concatenate(left, axis=1) if texts else vectors
+
+
+def _moves(problem: IndexedProblem, state: State) -> Float:
+    """Moves of the kept unknowns with each generator, in the order of NAMES, (n_kept, 7).
+
+    Generators that move the held scalars of blocks (heights of a plane network) more than the free ones are no motions.
+    """
+    found, of_held = np.zeros((problem.layout.n_kept, 7)), np.zeros(7)
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)  # -1 where held
+        if u.generator is None or not (columns >= 0).any():
+            continue
+        move = u.generator(state)[:, :, ORDER]
+        found[columns[columns >= 0]] = move[columns >= 0]
+        partly = (columns >= 0).any(axis=1, keepdims=True)
+        of_held += (move[(columns < 0) & partly] ** 2).sum(axis=0)
+    return np.where(of_held > (found**2).sum(axis=0), 0.0, found)
+
+
+def _parts(problem: IndexedProblem, normals: Float | None) -> list[Bool]:
+    """Kept unknowns of every part that nothing joins to the others, (n_kept,) bool each."""
+    free = ~problem.layout.held
+    if normals is None:
+        return [free]
+    number = connected_components(csr_array(normals != 0), directed=False)[1]
+    return [free & (number == k) for k in np.unique(number[free])]
+
+
+def _taking_part(vectors: Float) -> Bool:
+    size = np.linalg.norm(vectors, axis=1)
+    return np.asarray(size > SMALL * size.max(initial=0.0))
+
+
+def _of_rays(problem: IndexedProblem) -> Bool:
+    """Kept unknowns that rays touch: with one of those that no motion moves, poses move otherwise than their points."""
+    found = np.zeros(problem.layout.n_kept, dtype=bool)
+    touched = {group for group, _ in problem.rays.records.touches} if problem.rays is not None else set[str]()
+    for u in problem.unknowns:
+        if u.name in touched:
+            columns = problem.layout.columns(u.name, u.size)
+            found[columns[columns >= 0]] = True
+    return found
+
+
+def _vertices_of(problem: IndexedProblem, part: Bool) -> Bool:
+    """All unknowns of the vertices that take part."""
+    vertex = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
+    return np.asarray(np.bincount(vertex, part, len(problem.layout.size))[vertex] > 0)
+
+
+def _common(moves: Float, vectors: Float, going_along: Bool, least: float) -> tuple[Float, Float]:
+    """Motions in the span of orthonormal vectors: coefficients in echelon form (m, 7), and the directions they are.
+
+    What goes along with a motion (a boresight, a shift of all positions) need not be moved by it. Of no more unknowns
+    than independent motions there are, every direction would be one: it says nothing.
+    """
+    nothing = np.zeros((0, 7)), np.zeros((len(moves), 0))
+    size = np.linalg.norm(moves, axis=0)
+    unit = moves / np.where(size > 0, size, 1.0)
+    U, s, Wt = np.linalg.svd(unit, full_matrices=False)
+    kept = s > 1e-6 * max(float(s.max(initial=0.0)), 1e-300)
+    if not vectors.shape[1] or (moves != 0).any(axis=1).sum() <= kept.sum():
+        return nothing
+    movable = np.where(going_along[:, None], 0.0, vectors)
+    _, cosines, Zt = np.linalg.svd(_orthonormal(movable).T @ U[:, kept], full_matrices=True)
+    shared = Zt[: len(cosines)][cosines > least]
+    if not len(shared):
+        return nothing
+    coefficients = _echelon((shared / s[kept]) @ Wt[kept])
+    motions = unit @ coefficients.T
+    return coefficients / np.where(size > 0, size, 1.0), vectors @ np.linalg.lstsq(movable, motions, rcond=1e-6)[0]
+
+
+def _without(vectors: Float, directions: Float) -> Float:
+    """What is left of the span of orthonormal vectors, as many fewer as there are directions."""
+    if not directions.shape[1]:
+        return vectors
+    U = np.linalg.svd(vectors.T @ directions, full_matrices=True)[0]
+    return np.asarray(vectors @ U[:, directions.shape[1] :])
+
+
+def _along(problem: IndexedProblem, directions: Float) -> str:
+    """What goes along with motions without being moved by them, by label."""
+    size = np.abs(directions).max(axis=1, initial=0.0)
+    names = []
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        own = np.where(columns >= 0, size[np.maximum(columns, 0)], 0.0)
+        names += [f"{u.label(int(k), int(j))}" for k, j in np.argwhere(own > GOING_ALONG * max(size.max(), 1e-9))[:4]]
+    return f" with {' with '.join(names)}" if names else ""
+
+
+def _orthonormal(vectors: Float) -> Float:
+    """An orthonormal basis of what columns of about unit length span."""
+    if not vectors.shape[1]:
+        return vectors
+    U, s, _ = np.linalg.svd(vectors, full_matrices=False)
+    return np.asarray(U[:, s > INDEPENDENT])
+
+
+def _echelon(rows: Float) -> Float:
+    """Reduced row echelon form; the columns first in order lead."""
+    found, lead = rows.copy(), 0
+    for column in range(found.shape[1]):
+        if lead == len(found):
+            break
+        best = lead + int(np.argmax(np.abs(found[lead:, column])))
+        if abs(found[best, column]) < PART * np.abs(found).max():
+            continue
+        found[[lead, best]] = found[[best, lead]]
+        found[lead] /= found[lead, column]
+        others = np.arange(len(found)) != lead
+        found[others] -= found[others, column][:, None] * found[lead]
+        lead += 1
+    return found
+
+
+def _named(row: Float, extent: Float) -> str:
+    """A motion: a change of scale, a rotation or both are about a place that stays, whatever shift goes with them.
+
+    `extent` is by how much each generator moves all unknowns together.
+    """
+    size = np.abs(row * extent) / np.linalg.norm(row * extent)
+    axis = row[1:4] / max(float(np.linalg.norm(row[1:4])), 1e-300)
+    words = ["scale"] if size[0] > PART else []
+    if (size[1:4] > PART).any():
+        along = int(np.argmax(np.abs(axis)))
+        words.append(NAMES[1 + along] if abs(axis[along]) > 1.0 - 1e-4 else
+                     "rotation about the axis ({:.2f}, {:.2f}, {:.2f})".format(*axis))  # fmt: skip
+    return " with ".join(words) or " with ".join(NAMES[4 + k] for k in np.flatnonzero(size[4:] > PART))
+
+
+def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str:
+    """The whole, if all that such a motion can move is open, else the members of the part."""
+    part = _taking_part(vectors)
+    energy = (moves**2).sum(axis=1)
+    if energy[part].sum() > WHOLE * energy.sum():
+        return "the whole block"
+    of: list[str] = []
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        some: Int = np.flatnonzero(((columns >= 0) & part[np.maximum(columns, 0)]).any(axis=1))
+        if len(some) and u.generator is not None:
+            ids = [str(u.ids[k]) for k in some[:5]]
+            of.append(f"{u.name} {', '.join(ids)}" + (f" and {len(some) - 5} more" if len(some) > 5 else ""))
+    return f"a part that nothing holds to the rest ({'; '.join(of)})"

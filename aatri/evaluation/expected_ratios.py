@@ -1,0 +1,65 @@
+"""Where the ratio of empirical to theoretical accuracy lies if the theory is right.
+
+Errors of neighbouring points are correlated: n of them amount to n_e = (tr C)^2 / tr C^2 independent ones, which the
+adjustment counts (`adjustment.covariance.independent`). The square of the ratio is then about chi-square over its
+degrees of freedom, n_e:
+
+    sqrt(chi2(n_e, (1 - P) / 2) / n_e)  <  RMSE / theory  <  sqrt(chi2(n_e, (1 + P) / 2) / n_e)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from aatri.artifacts.solution import IndependentErrors
+
+TOLD = 0.999
+"""Probability of the limits beyond which a ratio is told: there are six of them."""
+
+RATIOS = {"new": ("truth", "truth_over_theory"), "check": ("check", "check_theory_ratio")}
+
+
+def expected_ratios(
+    figures: Mapping[str, float], independent: IndependentErrors | None, confidence: float
+) -> dict[str, float]:
+    """Number of independent errors and limits of each ratio among the figures.
+
+    Parameters
+    ----------
+    figures : mapping
+    independent : IndependentErrors, optional
+    confidence : float
+        Probability within the limits.
+    """
+    found: dict[str, float] = {}
+    for points, counts in zip(independent.points, independent.count) if independent is not None else ():
+        what, ratio = RATIOS[str(points)]
+        for axis, n in zip("xyz", counts.tolist()):
+            if f"{ratio}_{axis}" in figures and np.isfinite(n):
+                low, high = _limits(n, confidence)
+                found |= {f"{what}_independent_{axis}": n, f"{ratio}_{axis}_low": low, f"{ratio}_{axis}_high": high}
+    return found
+
+
+def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
+    """A sentence of the ratios that hardly come by chance, at `new` points or `check` points."""
+    what, ratio = RATIOS[points]
+    beyond = []
+    for axis in "xyz":
+        value, n = figures.get(f"{ratio}_{axis}", np.nan), figures.get(f"{what}_independent_{axis}", np.nan)
+        if not np.isfinite(n):
+            continue
+        low, high = _limits(n, TOLD)
+        if not low <= value <= high:
+            beyond.append(f"{axis.upper()} {value:.2f} (expected {low:.2f} to {high:.2f}, {n:.0f} independent errors)")
+    names = {"check": "check errors over theory", "new": "true errors over theory"}
+    return [f"Beyond chance, {names[points]}: {', '.join(beyond)}."] if beyond else []
+
+
+def _limits(n: float, confidence: float) -> tuple[float, float]:
+    from scipy.special import chdtri  # inverse of the upper tail
+
+    low, high = (chdtri(n, (1.0 + sign * confidence) / 2) for sign in (1.0, -1.0))
+    return float(np.sqrt(low / n)), float(np.sqrt(high / n))

@@ -1,0 +1,68 @@
+"""What to do about a rank defect, by what its message names."""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise
+
+from aatri.camera.parameters.advice import advise
+from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
+
+_SHARED = (
+    *(f"{word} {axis}" for word in ("shift", "drift") for axis in "XYZ"),
+    *(f"lever {axis}" for axis in "xyz"),
+    "time offset",
+)
+"""Labels of what positions share."""
+
+_POSE = ("X0", "Y0", "Z0")
+
+_DATUM = (
+    "of the three coordinates of three points off one line seven fix a block: give control, observed positions or, for "
+    "the scale, a distance; or set `datum: free`"
+)
+_TURN = "control on one line (or two points) leaves the turn about it open: give a height away from it, or positions"
+_SCALE = "no distance, no second control point and no positions give the size: observe one of them"
+_SET = "no direction to a known point and no azimuth orients it: observe one"
+_MOUNT = "a free mount takes up all that its exposures give: observe more of them, fix it or weight it (`sigmas`)"
+_BORESIGHT = (
+    "attitudes with a free boresight hold no azimuth; give a second control point in plan, or fix the boresight"
+)
+
+
+def rank_advice(what: str, names: tuple[str, ...]) -> str:
+    """The remedy for a rank defect, or an empty text where there is none of its own.
+
+    Parameters
+    ----------
+    what : str
+        The message.
+    names : tuple of str
+        Names of additional and camera parameters.
+    """
+    text = f" {what}"
+    of_camera = [name for name in names if f" {name} of {CAMERA}" in text]
+    open_ = [name for name in names if f" {name} of {ADDITIONAL}" in text] + of_camera
+    pose = [name for name in _POSE if f" {name} of {POSE}" in text]
+    shared = [label for label in _SHARED if f" {label} of " in text]
+    pairs = [(a, b, 1.0) for a in open_ for b in (pose or shared)] or [(a, b, 1.0) for a, b in pairwise(open_)]
+    pairs += [(a, b, 1.0) for a, b in combinations(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
+    reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs))
+    if of_camera:
+        reasons["fix or weight the parameters: `sigmas` of the camera"] = None
+    elif open_:
+        reasons["weight the parameters: `self_calibration.sigma_um`"] = None
+    return "; ".join([*reasons, *_of_motions(text)])
+
+
+def _of_motions(text: str) -> list[str]:
+    """The remedy for what is open of the datum, of sets and mounts."""
+    found = [advice for word, advice in ((" mount ", _MOUNT), (" boresight z ", _BORESIGHT)) if word in text]
+    if " of the whole block" not in text and " of a part " not in text:
+        return found
+    if "shift" in text:
+        return [*found, _DATUM]
+    if "rotation about the axis" in text or "rotation about X" in text or "rotation about Y" in text:
+        return [*found, _TURN]
+    if "scale" in text:
+        return [*found, _SCALE]
+    return found or ([_SET] if "rotation about Z" in text else [])

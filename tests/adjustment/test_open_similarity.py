@@ -1,0 +1,104 @@
+"""Motions of the whole among open directions, by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.errors import GeometryError
+from aatri.observations.poses import POINT, point_generator
+from tests.adjustment.test_diagnosis import trilateration
+
+
+def _net(n: int = 3):
+    (points,), (distances,), start = trilateration(n)
+    points = replace(points, name=POINT, generator=point_generator)
+    return points, distances, start
+
+
+def _observed(points: Unknowns, start, which: dict[int, tuple[int, ...]]) -> Records:
+    """Some coordinates of some points, as they are."""
+    rows = np.array([(p, axis) for p, axes in which.items() for axis in axes], dtype=np.int32)
+    target, eye = start[POINT].copy(), np.eye(3)
+
+    def evaluate(state, some):
+        p, axis = rows[some].T
+        return (state[POINT][p, axis] - target[p, axis])[:, None], (eye[axis][:, None, :],)
+
+    return Records("coordinate", ((POINT, rows[:, 0].copy()),), evaluate, np.full((len(rows), 1), 100.0),
+                   np.ones(len(rows), bool))  # fmt: skip
+
+
+def _said(which: dict[int, tuple[int, ...]], *more: Records) -> str:
+    points, distances, start = _net()
+    given = [_observed(points, start, which)] if which else []
+    with pytest.raises(GeometryError) as error:
+        adjust_large([points], [distances, *given, *more], start)
+    return error.value.what
+
+
+def test_a_net_of_distances_lacks_shifts_and_rotations_but_no_scale() -> None:
+    said = _said({})
+    assert said.startswith("the observations leave 6 unknown(s) open: rotation about X, rotation about Y")
+    assert "shift X, shift Y, shift Z of the whole block" in said
+    assert "scale" not in said
+
+
+def test_heights_leave_plan_and_azimuth() -> None:
+    said = _said({0: (2,), 4: (2,), 8: (2,), 20: (2,)})
+    assert said == "the observations leave 3 unknown(s) open: rotation about Z, shift X, shift Y of the whole block"
+
+
+def test_two_points_leave_the_turn_about_their_line() -> None:
+    _, _, start = _net()
+    a, b = start[POINT][0], start[POINT][26]
+    axis = (b - a) / np.linalg.norm(b - a)
+    said = _said({0: (0, 1, 2), 26: (0, 1, 2)})
+    assert said.startswith("the observations leave 1 unknown(s) open: rotation about the axis (")
+    found = np.array([float(x) for x in said.split("(")[2].split(")")[0].split(",")])
+    np.testing.assert_allclose(found * np.sign(found @ axis), axis, atol=0.006)
+
+
+def test_a_part_that_nothing_joins_is_named_as_such() -> None:
+    points, distances, start = _net()
+    n = len(points.free)
+    two = replace(points, free=np.ones((2 * n, 3), bool), ids=[*points.ids, *(f"far{k}" for k in range(n))],
+                  position=np.tile(points.position, (2, 1)))  # fmt: skip
+    a, b = (np.concatenate([block, block + n]).astype(np.int32) for _, block in distances.touches)
+    xyz = np.concatenate([start[POINT], start[POINT] + 20.0])
+    wanted = np.linalg.norm(xyz[a] - xyz[b], axis=1)
+
+    def evaluate(state, rows):
+        d = state[POINT][a[rows]] - state[POINT][b[rows]]
+        length = np.linalg.norm(d, axis=1)
+        J = (d / length[:, None])[:, None, :]
+        return (length - wanted[rows])[:, None], (J, -J)
+
+    both = Records("distance", ((POINT, a), (POINT, b)), evaluate, np.full((len(a), 1), 100.0), np.ones(len(a), bool))
+    held = _observed(two, {POINT: xyz}, {0: (0, 1, 2), 8: (0, 1, 2), 20: (0, 1, 2)})
+    with pytest.raises(GeometryError, match=r"6 unknown.* of a part that nothing holds to the rest \(point far0"):
+        adjust_large([two], [both, held], {POINT: xyz})
+
+
+def test_an_unknown_that_moves_along_is_named_with_the_motion() -> None:
+    """A common offset of all observed heights is a shift of the net."""
+    points, distances, start = _net()
+    rows = np.arange(len(points.free), dtype=np.int32)
+    target, up = start[POINT][:, 2].copy(), np.array([[[0.0, 0.0, 1.0]]])
+
+    def evaluate(state, some):
+        v = state[POINT][rows[some], 2] - target[some] - state["offset"][0, 0]
+        return v[:, None], (np.repeat(up, len(some), axis=0), -np.ones((len(some), 1, 1)))
+
+    offset = Unknowns("offset", np.ones((1, 1), bool), ("offset",), ["heights"], add_step)
+    touches = ((POINT, rows), ("offset", np.zeros(len(rows), np.int32)))
+    heights = Records("height", touches, evaluate, np.full((len(rows), 1), 100.0), np.ones(len(rows), bool))
+    plan = _observed(points, start, {0: (0, 1), 8: (0, 1)})
+    with pytest.raises(GeometryError) as error:
+        adjust_large([points, offset], [distances, heights, plan], {**start, "offset": np.zeros((1, 1))})
+    assert error.value.what.endswith("1 unknown(s) open: shift Z of the whole block with offset of offset heights")
