@@ -60,6 +60,7 @@ from aatri.orientation.bundle.correlations import correlation_notes
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.group_tests import group_notes
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
+from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_notes import parameter_notes
 from aatri.orientation.bundle.rank_advice import rank_advice
 from aatri.orientation.bundle.result import BundleResult, without_covariances
@@ -239,7 +240,7 @@ def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> 
 def _adjusted(given: BundleInput, options: BundleOptions, context: Context, how: How) -> BundleResult:
     adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
     try:
-        return adjust(given, _settings(options, how), reporter=context)
+        return with_observed_sigma0(adjust(given, _settings(options, how), reporter=context))
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names)

@@ -20,7 +20,7 @@ from aatri.geometry.rotations import log_rotation
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.calibration_blocks import LENS, TYPES, Type
 
-SIZES = (0.0, 0.02, 1.0)
+SIZES = (0.0, 0.2, 1.0)
 """Of the lens, in those of the calibration campaign."""
 
 

@@ -87,6 +87,7 @@ def misfit(result: BundleResult, max_sigma0: float) -> list[Note]:
     """
     if result.adjusted.down_weighted:
         return []
-    test = global_test(result.adjusted.sigma0, result.adjusted.redundancy)
+    counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
+    test = global_test(result.adjusted.sigma0, counted)
     refuse_misfit(test, max_sigma0)
     return [sigma0_note(test)]

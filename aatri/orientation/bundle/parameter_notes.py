@@ -40,6 +40,12 @@ MOVED = 10.0
 MOST_UNITS = 4
 """More units than this are summed up in one line."""
 
+CHOSEN = (
+    "standard deviations are those of the parameters that are left; the same block has chosen them, which makes them "
+    "too small, those of points by some 5 %, of orientations by up to 20 %; `remove: false` keeps them true"
+)
+"""What is to be said after a choice of parameters; measured, see docs/methods/self_calibration.md."""
+
 _SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
 
@@ -117,6 +123,8 @@ def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[Parame
                 free[k, parameter_names(group.given, k).index(removal.name)] = False
             notes += _removals(str(group.given.ids[k]), removals)
         groups[i] = replace(given.parameters[i], free=free)
+    if notes:
+        notes.append(Note("note", CHOSEN))
     return (tuple(groups) if notes else None), notes
 
 

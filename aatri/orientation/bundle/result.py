@@ -81,6 +81,8 @@ class BundleResult:
         Where the datum is free.
     absent : (n_points, 3) bool, optional
         Coordinates that no observation can see: values of the start, no results.
+    counted : float, optional
+        Redundancy that sigma0 counts, where it is not all of it, see `observed_sigma0`.
     """
 
     poses: Poses
@@ -94,6 +96,7 @@ class BundleResult:
     notes: tuple[Note, ...] = ()
     free: FreeDatum | None = None
     absent: Bool | None = None
+    counted: float | None = None
 
     @property
     def pose_covariance(self) -> Float:

@@ -1,0 +1,43 @@
+"""Weights of additional parameters are no measurements: sigma0 is that of the observations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.solution import Solution
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.campaigns.calibration_blocks import PLANNED, Type
+
+FOUR = Type({"flight": {"strips": 2, "images_per_strip": 2}, "gnss": PLANNED, "known": {"full": 8},
+             "ties": {"new_points": 30}}, {})  # fmt: skip
+BLOCKS = 20
+
+
+def adjusted(seed: int, **options: object) -> Solution:
+    block, points = FOUR.made(seed)
+    given = {"blunders": "none", "self_calibration": "ebner12", **options}
+    return bundle(block, points, options=BundleOptions(**given))  # type: ignore[arg-type]
+
+
+def test_sigma0_of_four_images_with_default_weights_is_one() -> None:
+    found = [adjusted(seed) for seed in range(1, BLOCKS + 1)]
+    squares = np.array([s.sigma0**2 for s in found])
+    counted = np.mean([s.redundancy for s in found]) - 12  # all twelve are determined by the image points
+    assert squares.mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / (counted * BLOCKS)))
+    of_all = np.array([s.sigma0**2 * counted / s.redundancy for s in found])
+    assert of_all.mean() < 0.85  # what it would be with the weights counted
+
+
+def test_loose_weights_give_the_sigma0_of_free_parameters() -> None:
+    weighted = adjusted(1, self_calibration={"set": "bauer3", "sigma_um": 1e5})
+    free = adjusted(1, self_calibration={"set": "bauer3", "sigma_um": None})
+    assert weighted.sigma0 == pytest.approx(free.sigma0, rel=1e-4)
+    assert weighted.redundancy == free.redundancy + 3
+
+
+def test_without_covariances_all_is_counted() -> None:
+    one = adjusted(1, standard_deviations=False)
+    r = one.residuals
+    size = r.residual / np.where(r.sigma > 0, r.sigma, np.nan)
+    assert one.sigma0**2 * one.redundancy == pytest.approx(np.nansum(size[r.active] ** 2), rel=1e-6)
