@@ -9,6 +9,7 @@ Twelve types of blocks (`calibration_blocks`), of each so many with seeds 1, 2, 
 - sigma0: the sum of v'Pv over the sum of redundancies, chi-square;
 - NEES: d'C^-1 d / n of all poses and points together against the truth, C their whole covariance matrix from a dense
   inverse that shares nothing with the core but the Jacobians; chi-square of as many degrees of freedom;
+- both of single blocks against their chi-square distributions, by Kolmogorov and Smirnov's test: p above 0.001;
 - NEES of single points and of single poses with the covariances of the solution: their mean is 1; neighbours are
   correlated, so that the band comes from the scatter of the means of the blocks;
 - the share of |w| above 3.29: 0.1 % expected; tests are correlated, so that the variance of the counts of the blocks
@@ -26,7 +27,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import binom, chi2, norm, t
+from scipy.stats import binom, chi2, kstest, norm, t
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -38,6 +39,7 @@ from tests.campaigns.calibration_errors import Own, dense_errors
 Float = np.ndarray
 LEVEL = 0.01 / 24
 BOUND = 3.29
+KS = 1e-3
 POWER = float(norm.cdf(4.13 - BOUND) + norm.cdf(-4.13 - BOUND))
 
 
@@ -147,6 +149,8 @@ def judged(found: list[Found], blunders: str = "none") -> Iterator[tuple[bool, s
         yield True, f"{removed} observations removed, {2 * norm.sf(4) * tests:.1f} of the tests beyond 4 expected"
     yield _of_chi_square("sigma0^2", squares, r)
     yield _of_chi_square("NEES", sum(f.nees for f in found), n)
+    yield _of_distribution("sigma0^2", [chi2.cdf(f.squares, f.redundancy) for f in found])
+    yield _of_distribution("NEES", [chi2.cdf(f.nees, f.unknowns) for f in found])
     yield _of_means("NEES of points", np.array([f.of_points for f in found]))
     yield _of_means("NEES of poses", np.array([f.of_poses for f in found]))
     yield _of_counts(np.array([f.beyond for f in found]), np.array([f.tests for f in found]))
@@ -164,6 +168,12 @@ def judged(found: list[Found], blunders: str = "none") -> Iterator[tuple[bool, s
 def _of_chi_square(name: str, squares: float, r: int) -> tuple[bool, str]:
     low, high = (float(chi2.ppf(p, r)) / r for p in (LEVEL / 2, 1 - LEVEL / 2))
     return low < squares / r < high, f"{name} {squares / r:.4f} ({low:.4f} to {high:.4f})"
+
+
+def _of_distribution(name: str, probabilities: list[float]) -> tuple[bool, str]:
+    """Kolmogorov and Smirnov's test of the values of single blocks against their chi-square distributions."""
+    p = float(kstest(probabilities, "uniform").pvalue)
+    return p > KS, f"{name} of single blocks: Kolmogorov-Smirnov p {p:.3f} (above {KS})"
 
 
 def _of_means(name: str, mean: Float) -> tuple[bool, str]:
