@@ -105,5 +105,7 @@ def test_what_has_no_effect_is_refused(given: dict[str, object]) -> None:
 def test_what_needs_statistics_is_refused() -> None:
     with pytest.raises(ValidationError, match="reliability needs least squares"):
         BundleOptions(blunders="robust", reliability=True)
+    with pytest.raises(ValidationError, match="variance_components needs least squares"):
+        BundleOptions.model_validate({"blunders": "robust", "variance_components": {"groups": ["kind"]}})
     with pytest.raises(ValidationError, match="remove needs least squares"):
         BundleOptions.model_validate({"blunders": "robust", "self_calibration": {"set": "ebner12", "remove": True}})
