@@ -33,10 +33,11 @@ def with_observed_sigma0(result: BundleResult) -> BundleResult:
         g = group.given
         if g.group != ADDITIONAL or g.prior.any():
             continue
-        weighted = g.weighted & g.free
+        variance = np.einsum("nii->ni", group.covariance)
+        weighted = g.weighted & g.free & np.isfinite(variance)
         sigma2 = np.where(weighted, np.einsum("nii->ni", g.covariance), 1.0)
         squares += float((group.value**2 / sigma2)[weighted].sum())
-        redundancy += float((1.0 - np.einsum("nii->ni", group.covariance) / sigma2)[weighted].sum())
+        redundancy += float((1.0 - variance / sigma2)[weighted].sum())
     left = adjusted.redundancy - redundancy
     if not redundancy > 0 or not np.isfinite(adjusted.sigma0) or left <= 0.5:
         return result
