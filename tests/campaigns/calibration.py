@@ -192,11 +192,11 @@ def _of_counts(beyond: Float, tests: Float) -> tuple[bool, str]:
     return low <= beyond.sum() <= high, text
 
 
-def main(types: list[str], count: int, injections: int, blunders: str) -> int:
+def main(types: list[str], seeds: range, injections: int, blunders: str) -> int:
     """Run the campaign; how many figures are outside their bands."""
     wrong, every = 0, []
     for name in types:
-        found = [one_block(name, seed, injections, blunders) for seed in range(1, count + 1)]
+        found = [one_block(name, seed, injections, blunders) for seed in seeds]
         every += found
         wrong += _told(name, judged(found, blunders))
     if len(types) > 1:
@@ -216,8 +216,10 @@ def _told(name: str, figures: Iterator[tuple[bool, str]]) -> int:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10)
+    parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--injections", type=int, default=0)
     parser.add_argument("--types", nargs="+", default=list(TYPES), choices=list(TYPES))
     parser.add_argument("--blunders", default="none")
     wanted = parser.parse_args()
-    raise SystemExit(1 if main(wanted.types, wanted.count, wanted.injections, wanted.blunders) else 0)
+    chosen = range(wanted.first, wanted.first + wanted.count)
+    raise SystemExit(1 if main(wanted.types, chosen, wanted.injections, wanted.blunders) else 0)
