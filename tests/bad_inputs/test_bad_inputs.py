@@ -61,7 +61,7 @@ def _as_approved(told: str, approved: str) -> str:
     def near(match: re.Match[str]) -> str:
         value, other = float(match.group()), next(figures)
         unit = 10.0 ** (math.floor(math.log10(abs(value))) - 1) if value else 0.0
-        computed = "." in match.group() + other or "e" in match.group() + other
+        computed = re.search("[.e]", match.group() + other) or told[: match.start()].endswith("sigma0 is ")
         return other if computed and abs(value - float(other)) <= 1.01 * unit else match.group()
 
     return _ROUNDED.sub(near, told)

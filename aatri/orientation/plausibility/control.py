@@ -4,8 +4,9 @@ With d the plan distance of a control point from the farthest projection centre 
 middle of the other control points, where no positions are known):
 
 - one point lies off the block if d > 5 times the median of the others' (5 times the diagonal of the others). If the
-  point with X and Y swapped lies no farther than the others do, that is the error; else it is said, and the adjustment
-  has to decide: objects at very different distances are legal.
+  point with X and Y swapped, in another unit or without a zone number lies no farther than the others do, that is the
+  error, and so is more than 100 km; else it is said, and the adjustment has to decide: objects at very different
+  distances are legal.
 - all of it lies off the block if a swap of X and Y, a unit (feet, km, mm) or a zone number before the easting brings
   the median of d below a tenth of itself and of the distance from the origin; or if the median of d exceeds 100 km,
   which no image sees: then zone or datum differ.
@@ -16,7 +17,7 @@ Only what is certain in this sense stops; nothing is changed here. Cf. EPSG guid
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,20 @@ ZONE_EASTING_M = 1e6
 """A zone number before the easting counts millions."""
 
 SWAPPED = "with X and Y swapped"
+FOR_ALL = {
+    SWAPPED: "write `axes: [north, east, up]` (or the other way round) for this frame",
+    "taken as feet": "convert to metres",
+    "taken as metres that were divided by 0.3048": "convert to metres",
+    "times 1000": "set units: {ground: km}",
+    "divided by 1000": "set units: {ground: mm}",
+    "without the zone number before the easting": "take the zone number off",
+}
+FOR_ONE = FOR_ALL | {
+    SWAPPED: "swap the two coordinates of this point",
+    "times 1000": "convert this point to metres",
+    "divided by 1000": "convert this point to metres",
+}
+"""What to do about all control, and about one point."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +127,8 @@ def _against_positions(ids: Sequence[str], xy: Float, position: Float, control: 
     if together is not None:
         return (together,)
     usual = np.array([_median_of_others(given, k) for k in range(len(rows))])
-    return _single(ids, rows, given, distance(xy[:, ::-1]), usual)
+    changed = {name: distance(other) for name, other in _changes(xy).items()}
+    return _single(ids, rows, given, changed, usual, from_origin)
 
 
 def _all_of_it(xy: Float, rows: Int, middle: float, distance: Callable[[Float], Float], extent: float,
@@ -121,61 +137,66 @@ def _all_of_it(xy: Float, rows: Int, middle: float, distance: Callable[[Float], 
 
     A change proves something only far from the origin: there it moves points, near it it gathers them.
     """
-    changes = {
-        SWAPPED: (xy[:, ::-1], "write `axes: [north, east, up]` (or the other way round) for this frame"),
-        "taken as feet": (xy * FEET_M, "convert to metres"),
-        "taken as metres that were divided by 0.3048": (xy / FEET_M, "convert to metres"),
-        "times 1000": (xy * LENGTH_M["km"], "set units: {ground: km}"),
-        "divided by 1000": (xy * LENGTH_M["mm"], "set units: {ground: mm}"),
-        "without the zone number before the easting": (_without_zone(xy), "take the zone number off"),
-    }
-    found = {name: float(np.median(distance(changed))) for name, (changed, _) in changes.items()}
+    found = {name: float(np.median(distance(changed))) for name, changed in _changes(xy).items()}
     best = min(found, key=lambda name: found[name])
     off = f"the control points lie {length(middle)} from the images that show them"
     apart = middle > max(FAR * extent, LEAST_FAR_M)
     if apart and found[best] < BETTER * min(middle, from_origin):
-        return Misplaced(
-            rows, f"{off}; {best} they lie {length(found[best])} from them", changes[best][1], certain=True
-        )
+        return Misplaced(rows, f"{off}; {best} they lie {length(found[best])} from them", FOR_ALL[best], certain=True)
     if middle > MOST_SEEN_M:
         return Misplaced(rows, off, "check zone, datum and false easting of control and positions", certain=True)
     return None
 
 
-def _single(ids: Sequence[str], rows: Int, given: Float, swapped: Float, usual: Float) -> tuple[Misplaced, ...]:
-    """Single points off the block."""
+def _changes(xy: Float) -> dict[str, Float]:
+    """The coordinates as they would be without each of the usual errors."""
+    return {
+        SWAPPED: xy[:, ::-1],
+        "taken as feet": xy * FEET_M,
+        "taken as metres that were divided by 0.3048": xy / FEET_M,
+        "times 1000": xy * LENGTH_M["km"],
+        "divided by 1000": xy * LENGTH_M["mm"],
+        "without the zone number before the easting": np.column_stack([xy[:, 0] % ZONE_EASTING_M, xy[:, 1]]),
+    }
+
+
+def _single(ids: Sequence[str], rows: Int, given: Float, changed: Mapping[str, Float], usual: Float,
+            from_origin: float) -> tuple[Misplaced, ...]:  # fmt: skip
+    """Single points off the block; other units and zones prove something only far from the origin."""
     found = []
     for k in np.flatnonzero((given > FAR * usual) & (given > LEAST_FAR_M)).tolist():
         what = f"{printable(ids[rows[k]])} lies {length(float(given[k]))} from the block"
-        if swapped[k] <= 2 * usual[k] + LEAST_FAR_M:
-            remedy = "swap the two coordinates of this point"
-            found.append(Misplaced(rows[k : k + 1], f"{what}; {SWAPPED} it would lie inside", remedy, certain=True))
+        near = {name: float(d[k]) for name, d in changed.items() if name == SWAPPED or from_origin > FAR * usual[k]}
+        best = min(near, key=lambda name, near=near: near[name])  # type: ignore[misc]
+        if near[best] <= 2 * usual[k] + LEAST_FAR_M:
+            found.append(Misplaced(rows[k : k + 1], f"{what}; {best} it would lie inside", FOR_ONE[best], certain=True))
         else:
             what += f", the others {length(float(usual[k]))}"
-            found.append(Misplaced(rows[k : k + 1], what, "check its coordinates and its id", certain=False))
+            certain = bool(given[k] > MOST_SEEN_M > FAR * usual[k])
+            found.append(Misplaced(rows[k : k + 1], what, "check its coordinates and its id", certain=certain))
     return tuple(found)
 
 
 def _against_each_other(ids: Sequence[str], xy: Float, rows: Int) -> tuple[Misplaced, ...]:
     if len(rows) < 4:
         return ()  # three others span an area
-    given, swapped, usual = (np.zeros(len(rows)) for _ in range(3))
+    changes = _changes(xy)
+    given, usual, from_origin = (np.zeros(len(rows)) for _ in range(3))
+    changed = {name: np.zeros(len(rows)) for name in changes}
     for k in range(len(rows)):
         others = xy[np.delete(rows, k)]
         centre = np.median(others, axis=0)
+        from_origin[k] = np.linalg.norm(centre)
         usual[k] = np.median(np.linalg.norm(others - centre, axis=1)) * 2
         given[k] = np.linalg.norm(xy[rows[k]] - centre)
-        swapped[k] = np.linalg.norm(xy[rows[k], ::-1] - centre)
-    return _single(ids, rows, given, swapped, usual)
+        for name, other in changes.items():
+            changed[name][k] = np.linalg.norm(other[rows[k]] - centre)
+    return _single(ids, rows, given, changed, usual, float(np.median(from_origin)))
 
 
 def _median_of_others(distance: Float, k: int) -> float:
     others = np.delete(distance, k)
     return float(np.median(others)) if len(others) else np.inf
-
-
-def _without_zone(xy: Float) -> Float:
-    return np.column_stack([xy[:, 0] % ZONE_EASTING_M, xy[:, 1]])
 
 
 def _diagonal(xy: Float) -> float:

@@ -51,6 +51,38 @@ def test_a_point_far_off_for_no_known_reason_is_a_warning():
     assert "GCP3 lies 7" in found.text
 
 
+@pytest.mark.parametrize("positions", [True, False])
+@pytest.mark.parametrize(
+    ("change", "what", "remedy"),
+    [
+        (
+            lambda p: p + np.array([39e6, 0]),
+            "lies 39,001 km from the block; without the zone number",
+            "zone number",
+        ),
+        (lambda p: p / 0.3048, "; taken as feet it would lie inside", "metres"),
+        (lambda p: p / 1000, "; times 1000 it would lie inside", "this point"),
+        (lambda p: p * 1000, "; divided by 1000 it would lie inside", "this point"),
+        (lambda p: p + np.array([150e3, 0]), "km from the block, the others", "its id"),
+    ],
+)
+def test_one_point_of_another_unit_or_zone_stops_the_run(change, what, remedy, positions):
+    moved = POINTS.copy()
+    moved[2] = change(moved[2])
+    (found,) = _found(moved, STATIONS if positions else np.full_like(STATIONS, np.nan))
+    assert found.certain
+    assert found.rows.tolist() == [2]
+    assert what in found.text
+    assert remedy in found.remedy
+
+
+def test_near_the_origin_another_unit_of_one_point_proves_nothing():
+    local = POINTS - MAP
+    local[2] += [0.0, 9_000.0]  # divided by 1000 it would lie inside, and so would all others
+    (found,) = _found(local, STATIONS - MAP)
+    assert not found.certain
+
+
 @pytest.mark.parametrize(
     ("change", "what", "remedy"),
     [
