@@ -29,6 +29,7 @@ TEXTS = (
     "\u202e".encode(),
     b"nan",
 )
+LARGEST = 1_000_000
 VALUES = (*NUMBERS, "", "x" * 40_000, "Block", "\ud7ff", True, b"\xff")
 
 
@@ -46,6 +47,9 @@ def changed_file(data: bytes, chance: random.Random) -> bytes:
 
 def _change(file: h5py.File, column: str, chance: random.Random) -> None:
     try:
+        found = file.get(column)
+        if isinstance(found, h5py.Dataset) and (found.size or 0) > LARGEST:
+            return  # an earlier change declares terabytes
         chance.choice((_values, _values, _values, _shape, _type, _attribute, _structure, _hostile))(
             file, column, chance
         )
