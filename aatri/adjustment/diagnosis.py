@@ -14,6 +14,7 @@ from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.open_similarity import open_motions
+from aatri.adjustment.open_whole import open_motions_of_all
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
@@ -38,6 +39,10 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
     """
     _refuse_blocks(problem, factored)
     defect, vectors, normals = _null_vectors(problem, state, factored)
+    whole = open_motions_of_all(problem, state) if normals is None else []
+    if len(whole) >= defect:
+        names = ", ".join(dict.fromkeys(whole))
+        raise GeometryError(f"the observations leave {len(whole)} unknown(s) open: {names} of the whole block")
     diagonal, N = (factored.diagonal, None) if normals is None else (normals.diagonal, normals.N)
     motions, rest = open_motions(problem, state, vectors, diagonal, N)
     texts = [*motions, *(described(problem, vector) for vector in rest.T[:MOST_DESCRIBED])]

@@ -81,7 +81,7 @@ def open_motions(
         coefficients, directions = _common(moves * some[:, None], mine, going_along, common)
         if len(coefficients):
             extent = np.linalg.norm(moves, axis=0)
-            names = list(dict.fromkeys(_named(row, extent) for row in coefficients))
+            names = list(dict.fromkeys(named(row, extent) for row in coefficients))
             along = _along(problem, np.where(going_along[:, None], directions, 0.0))
             texts.append(f"{', '.join(names)} of {_whole_or_part(problem, mine, moves @ coefficients.T)}{along}")
         left.append(_without(mine, directions))
@@ -154,7 +154,7 @@ def _common(moves: Float, vectors: Float, going_along: Bool, least: float) -> tu
     shared = Zt[: len(cosines)][cosines > least]
     if not len(shared):
         return nothing
-    coefficients = _echelon((shared / s[kept]) @ Wt[kept])
+    coefficients = echelon((shared / s[kept]) @ Wt[kept])
     motions = unit @ coefficients.T
     return coefficients / np.where(size > 0, size, 1.0), vectors @ np.linalg.lstsq(movable, motions, rcond=1e-6)[0]
 
@@ -186,7 +186,7 @@ def _orthonormal(vectors: Float) -> Float:
     return np.asarray(U[:, s > INDEPENDENT])
 
 
-def _echelon(rows: Float) -> Float:
+def echelon(rows: Float) -> Float:
     """Reduced row echelon form; the columns first in order lead."""
     found, lead = rows.copy(), 0
     for column in range(found.shape[1]):
@@ -203,7 +203,7 @@ def _echelon(rows: Float) -> Float:
     return found
 
 
-def _named(row: Float, extent: Float) -> str:
+def named(row: Float, extent: Float) -> str:
     """A motion: a change of scale, a rotation or both are about a place that stays, whatever shift goes with them.
 
     `extent` is by how much each generator moves all unknowns together.

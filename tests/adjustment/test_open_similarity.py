@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adjustment import diagnosis
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Unknowns, add_step
@@ -52,6 +53,14 @@ def test_a_net_of_distances_lacks_shifts_and_rotations_but_no_scale() -> None:
 def test_heights_leave_plan_and_azimuth() -> None:
     said = _said({0: (2,), 4: (2,), 8: (2,), 20: (2,)})
     assert said == "the observations leave 3 unknown(s) open: rotation about Z, shift X, shift Y of the whole block"
+
+
+@pytest.mark.parametrize("which", [{}, {0: (2,), 4: (2,), 8: (2,), 20: (2,)}, {0: (0, 1, 2), 26: (0, 1, 2)}])
+def test_large_problems_are_told_the_same(monkeypatch: pytest.MonkeyPatch, which: dict[int, tuple[int, ...]]) -> None:
+    """Where the matrix is too large to be seen as a whole, as from 2,000 kept unknowns on."""
+    small = _said(which)
+    monkeypatch.setattr(diagnosis, "WHOLE", 10)
+    assert _said(which) == small
 
 
 def test_two_points_leave_the_turn_about_their_line() -> None:

@@ -20,6 +20,7 @@ _DATUM = (
     "of the three coordinates of three points off one line seven fix a block: give control, observed positions or, for "
     "the scale, a distance; or set `datum: free`"
 )
+_PART = "too few points join it to the rest: measure more of them, or give control or positions in it"
 _TURN = "control on one line (or two points) leaves the turn about it open: give a height away from it, or positions"
 _SCALE = "no distance, no second control point and no positions give the size: observe one of them"
 _SET = "no direction to a known point and no azimuth orients it: observe one"
@@ -59,6 +60,8 @@ def _of_motions(text: str) -> list[str]:
     found = [advice for word, advice in ((" mount ", _MOUNT), (" boresight z ", _BORESIGHT)) if word in text]
     if " of the whole block" not in text and " of a part " not in text:
         return found
+    if " of a part " in text:
+        return [*found, _PART]
     if "shift" in text:
         return [*found, _DATUM]
     if "rotation about the axis" in text or "rotation about X" in text or "rotation about Y" in text:
