@@ -1,8 +1,8 @@
 """Motions of everything together that no observation sees, for problems of any size.
 
 With A the whitened Jacobian of all observations and G the moves of all unknowns with the generators of a similarity,
-the combinations c with A G c = 0 are open, whatever the factorisation says: of the vanishing pivots of a large factor only
-the first is sure, those after it are rounding. A G takes one way through the observations, and 7 x 7 numbers.
+the combinations c with A G c = 0 are open, whatever the factorisation says: of the vanishing pivots of a large factor
+only the first is sure, those after it are rounding. A G takes one way through the observations, and 7 x 7 numbers.
 """
 
 from __future__ import annotations
