@@ -14,10 +14,13 @@ from aatri.arrays import Bool, Float, Int
 from aatri.observations.camera_models import CameraRows, compared
 from aatri.observations.kernels.camera_frame import brown, into_camera, out_of_camera
 from aatri.observations.kernels.collinearity import in_front, linearise
+from aatri.observations.kernels.opencv import opencv
 from aatri.observations.poses import POINT, POSE, Poses
 
 if TYPE_CHECKING:
     from aatri.observations.image_points import ImagePointRows, LinearCorrection
+
+COMPILED_MODELS = {"brown": brown, "opencv": opencv}
 
 
 def compiled_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> Compiled:
@@ -51,8 +54,11 @@ def compiled_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection])
 
 
 def camera_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection], cameras: CameraRows) -> Compiled:
-    """The compiled lane of cameras with models of their own: Brown's is compiled, others are NumPy in between."""
-    all_brown = set(cameras.model) == {"brown"}
+    """The compiled lane of cameras with models of their own: where all are Brown's or all OpenCV's, these are compiled,
+    others are NumPy in between.
+    """
+    models = set(cameras.model)
+    model = COMPILED_MODELS.get(models.pop()) if len(models) == 1 else None
     unknown = cameras.known is None
 
     def prepared(order: Int) -> Weigh:
@@ -69,9 +75,9 @@ def camera_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection], c
                 def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
                     u, by_u = np.empty((last - first, 3)), np.empty((last - first, 2, 3))
                     into_camera(first, last, image, point, X0, R, X, u)
-                    if all_brown:
+                    if model is not None:
                         by_camera = np.empty((last - first, 2, parameters.shape[1]))
-                        brown(first, last, block, xy, parameters, u, v, by_u, by_camera)
+                        model(first, last, block, xy, parameters, u, v, by_u, by_camera)
                     else:
                         v[:], by_u, by_camera = compared(cameras, parameters, order[first:last], u, xy[first:last])
                     w = weight[first:last, :, None]
