@@ -107,7 +107,7 @@ def test_in_a_map_distances_that_are_not_reduced_are_named() -> None:
 
 
 def test_a_distance_reduced_to_a_map_that_is_none_is_refused() -> None:
-    from tests.stages.test_tangent_frame import _in_geocentric_axes
+    from tests.stages.bundle_adjustment.test_tangent_frame import _in_geocentric_axes
 
     block = _in_geocentric_axes(made(1, 1000.0, **SURVEY))
     with pytest.raises(InputError, match="first frame is none"):
