@@ -80,7 +80,7 @@ def solved_cameras(block: Block) -> SolvedCameras:
 
 def residuals(
     kind: str, row: Int, image: Text, point: Text, value: Float, sigma: Float,
-    active: Bool | None = None, unit: str | None = None,
+    active: Bool | None = None, unit: str | Text | None = None,
 ) -> Residuals:  # fmt: skip
     """Residuals of one kind; values of fewer than three coordinates are filled with NaN.
 
@@ -91,7 +91,7 @@ def residuals(
     image, point : (n,) str
     value, sigma : (n, m) float64
     active : (n,) bool, optional
-    unit : str, optional
+    unit : str or (n,) str, optional
         Of value and sigma; default mm for image points, else m.
     """
     n, m = value.shape

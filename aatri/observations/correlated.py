@@ -4,7 +4,7 @@
 
 Sets of rows of the same build (as many rows of the same parts, between blocks that coincide in the same way) are the
 records of one `Observed`, so that a thousand baselines are evaluated at once. A record is tested, and rejected, as a
-whole. What is exact has no covariance. Source: docs/formulas.md 5.4.
+whole; one of several kinds is of the kind `correlated`. What is exact has no covariance. Source: docs/formulas.md 5.4.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from aatri.errors import InputError
 from aatri.observations.observed import Observed, named
 
 COORDINATES = ("X", "Y", "Z")
+MIXED = "correlated"
+"""Kind of observations of different kinds that are correlated."""
 
 Member = tuple[int, int]
 """Which of the observations, and which row of it."""
@@ -46,7 +48,7 @@ def joined(observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Flo
     Raises
     ------
     InputError
-        If observations of different kinds are correlated.
+        If a coordinate that is exact is correlated.
     """
     place = {int(k): (i, r) for i, numbers in enumerate(scalar) for r, row in enumerate(numbers) for k in row}
     used = np.array([int(a) in place and int(b) in place for a, b in zip(row_a, row_b)], dtype=bool) & (row_a != row_b)
@@ -56,11 +58,6 @@ def joined(observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Flo
     sets = _sets([place[int(k)] for k in row_a], [place[int(k)] for k in row_b])
     builds: dict[tuple[object, ...], list[list[Member]]] = defaultdict(list)
     for members in sets:
-        kinds = {observed[i].kind for i, _ in members}
-        if len(kinds) > 1:
-            raise InputError(f"covariances between observations of different kinds: {', '.join(sorted(kinds))}",
-                             where=", ".join(observed[i].label(r) for i, r in members[:4]),
-                             remedy="give covariances within one kind of observation")  # fmt: skip
         for i, r in members:
             holds = observed[i].holds
             if holds is not None and holds.scalar[r].any():
@@ -149,16 +146,21 @@ def _joined(
                 c = value.get((min(of_set[i], of_set[j]), max(of_set[i], of_set[j])))
                 if c is not None:
                     C[k, i, j] = C[k, j, i] = c
+    mixed = len({part.kind for part in parts}) > 1
     whitener = whitener_of_covariances(C, np.isfinite(sigma))
     active = np.all([part.records.active[rows[:, j]] for j, part in enumerate(parts)], axis=0)
-    records = Records(parts[0].kind, touches, evaluate, whitener, active)
+    records = Records(MIXED if mixed else parts[0].kind, touches, evaluate, whitener, active)
     labels = [_scalar_names(part, int(rows[0, j])) for j, part in enumerate(parts)]
     names = np.array([_set_name([parts[j].label(int(r)) for j, r in enumerate(of)]) for of in rows], dtype=np.str_)
     # a set of more than three scalars is told scalar by scalar; of such a build there may be several sets
-    components = () if m <= 3 else tuple(name for names_of in labels for name in names_of)
+    if mixed:
+        labels = [[f"{part.kind} {name}" for name in of] for part, of in zip(parts, labels)]
+    components = tuple(name for names_of in labels for name in names_of) if mixed or m > 3 else ()
+    units = tuple(part.unit for part in parts for _ in range(part.records.rows)) if mixed else ()
     sees = np.any([np.broadcast_to(part.sees, (len(part), 3))[rows[:, j]] for j, part in enumerate(parts)], axis=0)
     row = np.array([part.row[rows[:, j]] for j, part in enumerate(parts)]).min(axis=0)
-    return Observed(records, row, named(point=names), parts[0].unit, components, sees=sees)
+    unit = " or ".join(dict.fromkeys(units)) if mixed else parts[0].unit
+    return Observed(records, row, named(point=names), unit, components, sees=sees, units=units)
 
 
 def _own_covariances(C: Float, parts: list[Observed], rows: Int, first: Int) -> None:

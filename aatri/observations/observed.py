@@ -136,6 +136,8 @@ class Observed:
         Of its residuals.
     components : tuple of str
         Names of the components of a record where they are parameters and not coordinates.
+    units : tuple of str
+        Of the components, where they differ.
     unknowns, start
         Unknowns of its own: drift, additional parameters ...; their start.
     exact : bool
@@ -177,6 +179,7 @@ class Observed:
     sees: tuple[bool, bool, bool] | Bool = (True, True, True)
     notes: tuple[Note, ...] = ()
     remarks: Callable[[State, bool], tuple[Note, ...]] | None = None
+    units: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:

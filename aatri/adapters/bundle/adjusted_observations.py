@@ -28,9 +28,10 @@ def residual_table(found: AdjustedObservations, state: State) -> Residuals:
         return assemble.residuals(o.kind, o.row[rows], image, point, v, sigma, active, unit=o.unit)
     row, component = np.nonzero(np.isfinite(sigma))
     label = np.array(o.components, dtype=np.str_)[component]
+    unit = np.array(o.units, dtype=np.str_)[component] if o.units else o.unit
     return assemble.residuals(
         o.kind, o.row[rows][row], image[row], label, v[row, component][:, None], sigma[row, component][:, None],
-        active[row], unit=o.unit,
+        active[row], unit=unit,
     )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """Bundle adjustment from bad starts: where it fails, once more from a start that collinearity in object space gives.
 
 The direct adjustment is tried first. If it does not converge, needs damping and ends with a sigma0 far above 1, or
-turns images over (most of their points behind them), it is tried again from starts by `space_start`: with rotations
+turns images over (most of their points behind them), it is tried again: with relative control from a start without it
+(`latent_start`); then from starts by `space_start`: with rotations
 held at first or not, image points down-weighted or as they are. The best result counts, at once if another start leads
 to the same. What still does not fit is oriented by resection to the points that the other images determine. A result
 with images turned over is none: over flat ground their residuals are as small as the right ones.
@@ -20,6 +21,7 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
+from aatri.orientation.bundle.latent_start import has_shapes, start_without_shapes
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.space_start import start_in_space, turned_over
@@ -87,6 +89,15 @@ def _best_restart(
     given: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first."""
+    if has_shapes(given):
+        try:
+            given = start_without_shapes(given, settings, reporter)
+            found = adjust_bundle(given, settings, reporter=reporter)
+            best = found if best is None or _rank(given, found) < _rank(given, best) else best
+        except (ConvergenceError, GeometryError) as error:
+            reporter.log(f"start without relative control: {error.what}")
+        if _trusted(given, best, restarted=True):
+            return best
     for factor, held in TRIALS if given.rays is not None else ():
         try:
             started = start_in_space(given, factor, held)
