@@ -62,9 +62,13 @@ def bundle_input(
     poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
     rays = rays_of(block, image_points) if image_points is not None else None
     poses = poses_by_rigs(block, poses)
-    xyz, notes = network_start(block, xyz)
     if rays is not None:
         poses, xyz = complete_start(rays, poses, xyz)
+    known = np.isfinite(xyz)
+    xyz, notes = network_start(block, xyz)
+    if rays is not None:
+        if (np.isfinite(xyz) & ~known).any():
+            poses, xyz = complete_start(rays, poses, xyz)
         if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():
             raise GeometryError(
                 "no image has a starting orientation, and none sees four control points to find it from",

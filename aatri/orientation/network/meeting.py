@@ -16,6 +16,10 @@ CLEAR = 20.0
 """A candidate is sure where it fits so many times better than any other."""
 
 
+MOST_LOCI = 12
+"""Of so many a place is sure; rays and circles of distances come before those of angles."""
+
+
 @dataclass(frozen=True)
 class Locus:
     """A ray or a circle on which a point lies.
@@ -68,6 +72,7 @@ class Locus:
 
 def fitting_point(loci: list[Locus], sure: bool) -> Float | None:
     """The meeting point of two of the loci that fits all of them best; None if there is none, or none clearly best."""
+    loci = sorted(loci, key=lambda locus: locus.seen is not None)[:MOST_LOCI]
     candidates = [x for a, b in itertools.combinations(loci, 2) for x in _meeting(a, b)]
     candidates = [x for x in candidates if np.isfinite(x).all() and not any(_at_mark(x, locus) for locus in loci)]
     if not candidates:

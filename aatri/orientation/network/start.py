@@ -203,23 +203,21 @@ def _laid(own: Float, known: Float, sized: bool) -> Float | None:
 
 
 def _grown(network: Network, xy: Float, doubtful: set[int]) -> Float:
-    """Points found one by one from those that are known, the surest first."""
+    """Points found from those that are known: all that are sure, else one that is not, again and again."""
     found = xy.copy()
     for _ in range(MOST_ROUNDS):
         loci = _loci(network, found)
-        progress = False
-        for sure in (True, False):
-            for point, own in loci.items():
-                place = fitting_point(own, sure)
-                if place is not None:
-                    found[point], progress = place, True
-                    if not sure:
-                        doubtful.add(point)
-                    break
-            if progress:
-                break
-        if not progress:
-            return found
+        places = {point: fitting_point(own, True) for point, own in loci.items()}
+        sure = {point: place for point, place in places.items() if place is not None}
+        if not sure:
+            guesses = ((point, fitting_point(own, False)) for point, own in loci.items())
+            point, place = next(((p, x) for p, x in guesses if x is not None), (-1, None))
+            if place is None:
+                return found
+            sure = {point: place}
+            doubtful.add(point)
+        for point, place in sure.items():
+            found[point] = place
     return found
 
 

@@ -9,7 +9,7 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.report.drawing.charts import convergence_chart, residual_histogram
 from aatri.report.drawing.residual_plots import error_field_pictures, image_vectors
 from aatri.report.numbers import DASH, metres, number
-from aatri.report.sections import calibration, reliability, tables
+from aatri.report.sections import calibration, network, reliability, tables
 from aatri.report.sections.parts import Picture, Section, Surroundings, present
 from aatri.report.sections.tables import Cells, PageTable
 
@@ -28,6 +28,7 @@ def show(made: Section, solution: Solution, around: Surroundings) -> None:
             tables.all_rows("Transformations", transformations, _transformation_columns(transformations), 3),
         )
     )
+    network.show(made, around.block, solution)
     if solution.error_fields is not None and len(solution.error_fields):
         made.pictures.extend(error_field_pictures(solution.error_fields))
     made.pictures.extend(image_residual_pictures(solution, around))

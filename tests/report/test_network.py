@@ -1,0 +1,88 @@
+"""Networks in the report: ellipses, lines, points and observations with their tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.report.drawing.network import ellipses, network_picture, observed_lines
+from aatri.report.sections import network
+from aatri.report.sections.parts import Section
+from aatri.stages.block.tables import TablesOptions, tables
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.bundle_adjustment.test_networks import HEAD
+
+
+def test_ellipses_have_the_axes_and_the_bearing_they_were_made_of() -> None:
+    bearing = np.radians([30.0, 120.0])
+    C = np.zeros((3, 3, 3))
+    for k, t in enumerate(bearing):
+        u, w = np.array([np.sin(t), np.cos(t)]), np.array([np.cos(t), -np.sin(t)])
+        C[k, :2, :2] = 0.09 * np.outer(u, u) + 0.01 * np.outer(w, w)
+    C[2] = np.nan
+    axes, found = ellipses(C)
+    np.testing.assert_allclose(axes[:2], [[0.3, 0.1]] * 2, rtol=1e-12)
+    np.testing.assert_allclose(found[:2], bearing, atol=1e-12)
+    assert np.isnan(axes[2]).all()
+
+
+@pytest.fixture
+def adjusted(tmp_path: Path):
+    rng = np.random.default_rng(3)
+    places = {"A": (0, 0, 0), "B": (90, 10, 2), "C": (40, 80, 5), "P": (50, 30, 9), "Q": (20, 45, 3)}
+    (tmp_path / "block.yaml").write_text(HEAD)
+    rows = [
+        f"{k},{x},{y},{z}," + ("0,0,0,control" if k in "ABC" else ",,,approximate") for k, (x, y, z) in places.items()
+    ]
+    (tmp_path / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
+    lines = []
+    for a in "ABCQ":
+        for b in "PQ":
+            if a != b:
+                d = np.linalg.norm(np.subtract(places[a], places[b])) + rng.normal(0, 0.003)
+                lines += [f"distance,{a},{b},{d},0.003"] * (2 if a + b != "AP" else 1)
+    wrong = np.linalg.norm(np.subtract(places["B"], places["P"])) + 0.5
+    lines.append(f"distance,B,P,{wrong},0.003")
+    (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")
+    (tmp_path / "relative_control.yaml").write_text("- {type: distance, points: [A, Q], value: 49.33, sigma: 0.5}\n")
+    block = tables(options=TablesOptions(path=tmp_path))
+    return block, bundle(block, options=BundleOptions(reliability=True))
+
+
+def test_lines_are_drawn_once_and_rejected_ones_as_such(adjusted) -> None:
+    block, solution = adjusted
+    rows, wrong = observed_lines(block, solution)
+    names = ["".join(block.points.id[k] for k in row) for row in rows.tolist()]
+    assert names == ["AP", "AQ", "BP", "BQ", "CP", "CQ", "PQ"]
+    assert [n for n, w in zip(names, wrong) if w] == ["BP"]
+    picture, caption = network_picture(block, solution)
+    assert "7 lines observed between 5 points" in caption
+    assert "1 with a rejected observation" in caption
+    assert str(picture).count('class="ellipse"') == 2
+
+
+def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:
+    block, solution = adjusted
+    made = Section(None, "")  # type: ignore[arg-type]
+    network.show(made, block, solution)
+    points, observations = made.tables
+    assert [row[0] for row in points.rows] == ["A", "B", "C", "P", "Q"]
+    first = dict(zip(observations.heads, observations.rows[0]))
+    assert (first["observation"], first["between"], first["used"]) == ("distance", "B-P", "rejected")
+    second = dict(zip(observations.heads, observations.rows[1]))
+    assert second["used"] == "yes"
+    assert float(second["redundancy"]) > 0
+    assert any(row[0] == "relative_distance" for row in observations.rows)
+    assert len(made.pictures) == 1
+
+
+def test_a_block_without_such_observations_has_no_network() -> None:
+    from tests.made_solutions import made_block, made_solution
+
+    made = Section(None, "")  # type: ignore[arg-type]
+    block = made_block()
+    network.show(made, block, made_solution(block))
+    assert not made.tables
+    assert not made.pictures
