@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from aatri.arrays import Float, Int
+from aatri.errors import GeometryError
 from aatri.simulation.rays import Photography
 from aatri.simulation.survey_settings import Survey
 from aatri.units import EARTH_RADIUS_M
@@ -111,6 +112,11 @@ def sighted(
         Points that may be observed.
     in_block : callable
         Local coordinates to those of the block.
+
+    Raises
+    ------
+    GeometryError
+        If there are too few points.
     """
     view = _View(photography, local_m, candidates, in_block, rng, settings)
     wanted = (
@@ -136,6 +142,12 @@ class _View:
     def _targets(self, stations: int, each: int) -> tuple[Int, Int]:
         """Random stations and near targets of each, (n,), (n, each) rows of points."""
         plan = self.local_m[self.candidates, :2]
+        if len(plan) <= each:
+            raise GeometryError(
+                f"{len(plan)} points are too few for {each} lines of sight from each station",
+                where="options of block/simulate",
+                remedy="raise ties or known, or lower survey.directions_per_set",
+            )
         last = min(max(FARTHEST, each + NEAREST), len(plan) - 1)
         at = self.rng.integers(len(plan), size=stations)
         near = cKDTree(plan).query(plan[at], last + 1)[1][:, min(NEAREST, last - each + 1) :]

@@ -34,6 +34,7 @@ from pydantic import field_validator, model_validator
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.geodetic_conventions import convention_notes
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.position_datum import shift_notes
 from aatri.adapters.bundle.systematic_residuals import systematic_notes
@@ -192,7 +193,7 @@ def bundle(
     )
     given = bundle_input(block, image_points, initial, options, parameters)
     tell([*given.notes, *(note for o in given.observed for note in o.notes)], context)
-    tell(of_start(block, given, check=initial is None), context)
+    tell([*convention_notes(given), *of_start(block, given, check=initial is None)], context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)
     as_given = given

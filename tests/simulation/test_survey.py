@@ -10,7 +10,7 @@ import pyproj
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
-from aatri.errors import InputError
+from aatri.errors import GeometryError, InputError
 from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.simulation.survey_settings import Condition
@@ -142,6 +142,22 @@ def test_gross_errors_are_named_with_kind_row_and_size() -> None:
     np.testing.assert_allclose(change[gross.row[valued]], gross.size[valued, 0], rtol=1e-9)
     with pytest.raises(InputError, match="relative_control"):
         made(survey={}, gross_errors={"relative_control": 1})
+
+
+def test_too_few_points_for_a_survey_are_told() -> None:
+    few = {"ties": {"new_points": 0}, "known": {"full": 3}}
+    with pytest.raises(GeometryError, match="3 points are too few for 5 lines"):
+        made(survey={"direction_sets": 2}, **few)
+
+
+@pytest.mark.parametrize("earth", ["flat", "tangent", "map"])
+def test_other_earths_have_a_survey_too(earth: str) -> None:
+    block = made(survey=SURVEY, earth=earth, noise=False, false_origin_m=(0.0, 0.0))
+    assert np.isfinite(block.geodetic.value).all()
+    rows = (block.geodetic.type == "distance") & (block.geodetic.end_kind == "point")
+    away = _places(block, block.geodetic.end[rows]) - _places(block, block.geodetic.start[rows])
+    ratio = block.geodetic.value[rows] / np.linalg.norm(away, axis=1)
+    assert np.abs(ratio - 1).max() < 0.02  # heights of instrument and target
 
 
 def test_a_survey_changes_nothing_else() -> None:

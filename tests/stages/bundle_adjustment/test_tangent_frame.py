@@ -46,8 +46,8 @@ def test_an_adjustment_in_the_map_is_off_by_its_scale_and_says_so() -> None:
 def test_20_km_with_four_control_points_are_as_good_as_theory_says_through_the_whole_chain() -> None:
     flight = {"strips": 4, "images_per_strip": 6, "scale_number": 110_000.0, "position_sigma_m": (5.0, 5.0, 3.0),
               "side_overlap": 30.0}  # fmt: skip
-    errors, theory, nees = [], [], []
-    for seed in range(1, 5):
+    errors, theory, nees, bias = [], [], [], []
+    for seed in range(1, 11):
         block = made(seed, 11_000.0, flight=flight, gnss={"observed": False}, ties={"per_position": 3})
         block = replace(block, exterior=replace(block.exterior, angles_rad=np.full((len(block.images), 3), np.nan)))
         assert block.true_points is not None
@@ -60,6 +60,8 @@ def test_20_km_with_four_control_points_are_as_good_as_theory_says_through_the_w
         errors.append(found["truth_rmse_z_m"])
         theory.append(found["theory_rmse_z_m"])
         nees.append(found["truth_nees"])
+        bias.append(found["truth_bias_z_m"])
+    assert abs(student(np.array(bias), 0.0)) < 3.25  # 9 degrees of freedom, 99 %
     assert 0.6 < np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(theory))) < 1.4
     assert 0.5 < np.mean(nees) < 1.6
 
