@@ -16,6 +16,11 @@ from aatri.observations.observed import Given, Observed
 from aatri.observations.relative.lines import across
 from aatri.observations.relative.shapes import Shape, main_axes, observed_shapes
 
+_CORNERS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1],
+                     [0, 1, -1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=np.float64)  # fmt: skip
+DIRECTIONS = _CORNERS / np.linalg.norm(_CORNERS, axis=1, keepdims=True)
+"""Axes of a cylinder that are tried, in those of the extent of its points."""
+
 USES = ("relative_control:sphere", "relative_control:cylinder")
 
 
@@ -39,27 +44,37 @@ def _cylinder(x: Float, t: Float) -> tuple[Float, Float, Float]:
     return (distance - t[:, 4])[:, None], u @ by_x, np.concatenate([u @ by_turn, -u, -np.ones((len(x), 1, 1))], axis=2)
 
 
-def _fit_sphere(points: Float, _axes: Float) -> tuple[Float, Float, Float]:
+def _fit_sphere(points: Float, _axes: Float, radius_m: float = np.nan) -> tuple[Float, Float, Float]:
     """|x|^2 = 2 m'x + (r^2 - m^2): linear."""
     centre = points.mean(axis=0)
     x = points - centre
     m = np.linalg.lstsq(np.column_stack([2 * x, np.ones(len(x))]), (x**2).sum(axis=1), rcond=None)[0]
-    return np.eye(3), centre, np.array([*m[:3], np.sqrt(max(m[3] + m[:3] @ m[:3], 1e-12))])
+    own = np.sqrt(max(m[3] + m[:3] @ m[:3], 1e-12))
+    return np.eye(3), centre, np.array([*m[:3], radius_m if np.isfinite(radius_m) else own])
 
 
-def _fit_cylinder(points: Float, _axes: Float) -> tuple[Float, Float, Float]:
-    """The best of three axes, those of the extent of the points."""
+def _fit_cylinder(points: Float, _axes: Float, radius_m: float = np.nan) -> tuple[Float, Float, Float]:
+    """The best of many axes: those of the extent of the points, and the middles between them."""
     centre, main = points.mean(axis=0), main_axes(points)
     best, found = np.inf, (main, np.zeros(5))
-    for k in range(3):
-        F = main[[(k + 1) % 3, (k + 2) % 3, k]]
+    known, first = np.isfinite(radius_m), main[:, 0]
+    for direction in DIRECTIONS:
+        along = direction @ main
+        across_it = np.cross(along, first if abs(along @ first) < 0.9 else main[:, 1])
+        across_it /= np.linalg.norm(across_it)
+        F = np.array([across_it, np.cross(along, across_it), along])
         x = (points - centre) @ F.T
         plan = x[:, :2]
         m = np.linalg.lstsq(np.column_stack([2 * plan, np.ones(len(x))]), (plan**2).sum(axis=1), rcond=None)[0]
-        start = np.array([0.0, 0.0, m[0], m[1], np.sqrt(max(m[2] + m[:2] @ m[:2], 1e-12))])
-        fitted = least_squares(lambda t, x=x: _cylinder(x, np.tile(t, (len(x), 1)))[0][:, 0], start)
+        own = np.sqrt(max(m[2] + m[:2] @ m[:2], 1e-12))
+        start = np.array([0.0, 0.0, m[0], m[1], radius_m if known else own])
+
+        def residuals(t: Float, x: Float = x, start: Float = start) -> Float:
+            return _cylinder(x, np.tile([*t, *start[len(t) :]], (len(x), 1)))[0][:, 0]
+
+        fitted = least_squares(residuals, start[: 4 if known else 5])
         if fitted.cost < best:
-            best, found = fitted.cost, (F, fitted.x)
+            best, found = fitted.cost, (F, np.array([*fitted.x, *start[len(fitted.x) :]]))
     return found[0], centre, found[1]
 
 

@@ -27,8 +27,9 @@ from aatri.observations.relative.members import conditions, members_of
 Equation = Callable[[Float, Float], tuple[Float, Float, Float]]
 """(local coordinates (n, 3), unknowns (n, k)) -> v (n, m), by coordinates (n, m, 3), by unknowns (n, m, k)."""
 
-Fit = Callable[[Float, Float], tuple[Float, Float, Float]]
-"""(points (n, 3), axes east, north, up (3, 3)) -> axes F (3, 3), centre c (3,), unknowns (k,)."""
+Fit = Callable[..., tuple[Float, Float, Float]]
+"""(points (n, 3), axes east, north, up (3, 3), of round shapes the radius or NaN) -> axes F (3, 3), centre c (3,),
+unknowns (k,)."""
 
 MOST_NAMED = 6
 
@@ -95,7 +96,7 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
     ids = np.concatenate([m[1] for m in members])
     labels = np.array([_label(m[1].tolist()) for m in members], dtype=np.str_)
     group = f"exact_{shape.type}" if exact else shape.type
-    F, c, t = _started(given, shape, [m[0] for m in members])
+    F, c, t = _started(given, shape, [m[0] for m in members], control.value[row])
     free = np.ones(t.shape, dtype=bool)
     if shape.radius:
         fixed = np.isfinite(control.value[row])
@@ -142,15 +143,15 @@ def _label(ids: list[str]) -> str:
     return shown(ids, MOST_NAMED)
 
 
-def _started(given: Given, shape: Shape, points: list[Int]) -> tuple[Float, Float, Float]:
+def _started(given: Given, shape: Shape, points: list[Int], radius_m: Float) -> tuple[Float, Float, Float]:
     """Axes, centres and unknowns of the shapes from the start of their points."""
     xyz = given.start[POINT]
     found = []
-    for rows in points:
+    for rows, radius in zip(points, radius_m.tolist()):
         known = xyz[rows][np.isfinite(xyz[rows]).all(axis=1)]
         known = known if len(known) else np.zeros((1, 3))
         axes = given.level.axes(known.mean(axis=0)[None])[0][0]
-        found.append(shape.fit(known, axes))
+        found.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
     F, c, t = (np.array(part) for part in zip(*found))
     return F, c, t
 

@@ -81,7 +81,8 @@ def adjust_bundle_from_afar(
 def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
     if result is None or turned_over(given, result).any():
         return False
-    strayed = restarted or any(step.damping > 0 for step in result.adjusted.history)
+    # relative control has minima of its own: a cylinder through other points that nearly fit
+    strayed = restarted or has_shapes(given) or any(step.damping > 0 for step in result.adjusted.history)
     return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
 
 
