@@ -83,6 +83,8 @@ def nested_dissection(graph: Graph, position: Float, leaf: int = LEAF) -> list[O
             nodes.append(OrderedNode(vertices, ()))
             return len(nodes) - 1
         left, separator, right = _halves(graph, position, vertices, side)
+        if not len(separator):  # nothing joins the halves; a node has a vertex all the same
+            left, separator = left[1:], left[:1]
         children = tuple(cut(part) for part in (left, right) if len(part))
         nodes.append(OrderedNode(separator, children))
         return len(nodes) - 1

@@ -233,7 +233,7 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
             given.point_ids,
             add_step,
             eliminated=onto,
-            position=given.xyz_m,
+            position=given.xyz_m if onto else None,
             generator=point_generator,
             implausible=far,
         ),

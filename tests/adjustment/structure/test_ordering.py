@@ -70,3 +70,12 @@ def test_an_order_that_is_asked_for_is_obeyed_in_a_small_problem_and_auto_takes_
         np.testing.assert_allclose(
             adjust_large(unknowns, records, start, ordering=name).state["a"], expected, atol=1e-9
         )
+
+
+def test_vertices_that_nothing_joins_leave_no_node_empty():
+    """As of points intersected from held images, each for itself."""
+    n = 200
+    graph = Graph(np.zeros(n + 1, dtype=np.int64), np.zeros(0, dtype=np.int32))
+    nodes = nested_dissection(graph, np.random.default_rng(1).uniform(size=(n, 2)))
+    assert all(len(node.own) for node in nodes)
+    assert sorted(np.concatenate([node.own for node in nodes]).tolist()) == list(range(n))
