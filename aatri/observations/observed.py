@@ -138,6 +138,8 @@ class Observed:
         Names of the components of a record where they are parameters and not coordinates.
     units : tuple of str
         Of the components, where they differ.
+    refitted : callable, optional
+        The same with its own unknowns, a shape, fitted to the points of another start.
     unknowns, start
         Unknowns of its own: drift, additional parameters ...; their start.
     exact : bool
@@ -180,6 +182,7 @@ class Observed:
     notes: tuple[Note, ...] = ()
     remarks: Callable[[State, bool], tuple[Note, ...]] | None = None
     units: tuple[str, ...] = ()
+    refitted: Callable[[Given], Observed] | None = None
 
     @property
     def kind(self) -> str:

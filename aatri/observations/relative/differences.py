@@ -73,6 +73,7 @@ def _equal(given: Given, row: Int, exact: bool) -> Observed:
     names = np.array([f"{a}-{b}" for a, b in ids], dtype=np.str_)
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))[::2]
     return Observed(records, member, named(point=names), "m", unknowns=(unknowns,), start={group: start}, exact=exact,
+                    refitted=lambda anew: _equal(anew, row, exact),
                     notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip
 
 

@@ -95,5 +95,6 @@ def _level(given: Given, type_: str, row: Int, exact: bool) -> Observed:
     text = f"{type_}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {len(of) - len(row)}"
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
     return Observed(records, member, named(point=np.concatenate([m[1] for m in members])), "m", unknowns=(unknowns,),
+                    refitted=lambda anew: _level(anew, type_, row, exact),
                     start={group: start[:, None]}, exact=exact, sees=HEIGHT if not level.curved else (True,) * 3,
                     notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip

@@ -136,6 +136,7 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
     gained = shape.rows * len(of) - int(free.sum())
     text = f"{shape.type}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {gained}"
     return Observed(records, member, named(point=ids), "m", unknowns=(unknowns,), start={group: t}, exact=exact,
+                    refitted=lambda anew: _observed(anew, shape, row, exact),
                     notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip
 
 

@@ -13,27 +13,19 @@ import numpy as np
 
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.observations.relative.differences import relative_differences
-from aatri.observations.relative.lines import lines
-from aatri.observations.relative.planes import planes
-from aatri.observations.relative.round_shapes import round_shapes
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.progress import Reporter
 
-SHAPES = (planes, lines, round_shapes, relative_differences)
-
 
 def has_shapes(given: BundleInput) -> bool:
-    """Whether some observations are of points and unknowns of their own alone."""
+    """Whether some observations are of points of a shape."""
     return given.given is not None and any(_is_shape(o) for o in given.observed)
 
 
 def _is_shape(o: Observed) -> bool:
-    own = {u.name for u in o.unknowns}
-    groups = [group for group, _ in o.records.touches]
-    return bool(own) and bool(len(o)) and POINT in groups and set(groups) <= {POINT, *own}
+    return o.refitted is not None and bool(len(o))
 
 
 def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter: Reporter) -> BundleInput:
@@ -53,11 +45,10 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
                     ((found.poses.position_m - given.origin_m, given.poses.position_m),
                      (found.poses.ground_from_image, given.poses.ground_from_image))))  # fmt: skip
     anew = replace(given.given, start={**given.given.start, POSE: poses, POINT: xyz})
-    shapes = {(o.kind, o.exact): o for of in SHAPES for o in of(anew)}
     observed = []
     for o in given.observed:
-        fitted = shapes.get((o.kind, o.exact)) if _is_shape(o) else None
-        if fitted is not None:
-            fitted = fitted.without(o.rejected) if o.rejected is not None else fitted
-        observed.append(o if fitted is None else fitted)
+        if o.refitted is not None and _is_shape(o):
+            fitted = o.refitted(anew)
+            o = fitted.without(o.rejected) if o.rejected is not None else fitted
+        observed.append(o)
     return replace(given, poses=poses, xyz_m=xyz, observed=tuple(observed), given=anew)
