@@ -24,7 +24,11 @@ def compare(
     everything: Annotated[bool, typer.Option("--all", help="Also figures that are equal.")] = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """Show options and figures of runs side by side, the first stage that differs from the first run, and why."""
+    """Show options and figures of runs side by side, the first stage that differs from the first run, and why.
+
+    More than two runs: accuracies, theory and seconds, then what each group of runs changes, most first.
+    """
+    from aatri.cli.compare_tables import say_side_by_side, shown_value
     from aatri.cli.locate import find_run
     from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run, relative_spread
     from aatri.pipeline.store.inside import VARIANTS, names_in
@@ -45,16 +49,25 @@ def compare(
         say_json({"runs": {run.name: str(run.folder) for run in compared}, "options": dict(options),
                   "metrics": dict(metrics), "differences": {n: _plain(p) for n, p in partings.items()}})  # fmt: skip
         return
-    _say_values("option", names, options, "the options are equal")
-    shown = [(name, row) for name, row in metrics if everything or len(set(map(_shown, row))) > 1]
-    if not everything:
-        shown.sort(key=lambda pair: -relative_spread(pair[1]))
-    _say_values("figure (largest change first)" if shown and not everything else "figure", names, shown,
-                "the figures are equal")  # fmt: skip
+    if len(compared) > 2 and not everything:
+        say_side_by_side(compared)
+    else:
+        _say_values("option", names, options, "the options are equal")
+        shown = [(name, row) for name, row in metrics if everything or len(set(map(shown_value, row))) > 1]
+        if not everything:
+            shown.sort(key=lambda pair: -relative_spread(pair[1]))
+        _say_values("figure (largest change first)" if shown and not everything else "figure", names,
+                    shown if everything else shown[:MOST_FIGURES], "the figures are equal")  # fmt: skip
+        if len(shown) > MOST_FIGURES and not everything:
+            say(f"{len(shown) - MOST_FIGURES} more figures differ by less: --all\n")
     for run in compared[1:]:
         missing = [stage for stage in compared[0].stages if stage not in run.records]
         without = f"; it has no result of {', '.join(missing)}" if missing else ""
         say(f"{run.name}: {_told(partings[run.name], compared[0])}{without}")
+
+
+MOST_FIGURES = 20
+"""Figures of two runs shown without `--all`."""
 
 
 def _names(folders: list[Path]) -> list[str]:
@@ -64,17 +77,13 @@ def _names(folders: list[Path]) -> list[str]:
 
 
 def _say_values(what: str, names: list[str], rows: list[tuple[str, list[Any]]], otherwise: str) -> None:
+    from aatri.cli.compare_tables import shown_value
+
     if rows:
-        say_table((what, *names), [[name, *map(_shown, row)] for name, row in rows], names)
+        say_table((what, *names), [[name, *map(shown_value, row)] for name, row in rows], names)
     else:
         say(otherwise)
     say()
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _told(found: Parting | None, first: Compared) -> str:

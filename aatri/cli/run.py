@@ -36,6 +36,9 @@ def run(
     variant: Annotated[
         str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
     ] = "",
+    all_variants: Annotated[
+        bool, typer.Option("--all-variants", help="All variants of the pipeline file too, and what they change.")
+    ] = False,
     start: Annotated[
         str | None,
         typer.Option(
@@ -77,6 +80,9 @@ def run(
     signal.signal(signal.SIGTERM, _terminate)
     share_cores(jobs)
     pipeline = in_folder(pipeline)
+    if all_variants and (variant or json or dry_run or pipeline.is_dir()):
+        raise SpecError("all variants are run of a pipeline file, and compared", where=str(pipeline),
+                        remedy="--all-variants without --variant, --json and --dry-run")  # fmt: skip
     if pipeline.is_dir():
         if into is not None or variant:
             raise SpecError("a run has its folder and its variant", where=str(pipeline),
@@ -98,13 +104,24 @@ def run(
     if json:
         say_json({"run": str(opened.spec.run), "report": str(report), "stages": records})
         return
+    _say_end(opened.spec.run, records, report)
+    if all_variants:
+        from aatri.cli.run_variants import run_variants
+
+        run_variants(opened, lambda one: _carry_out(
+            one, select(one.nodes, start=start, until=until, only=only or (), force=()), how, quiet=quiet, debug=debug
+        ))  # fmt: skip
+
+
+def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None) -> None:
+    """The result of a run and where it lies."""
     from aatri.cli.calibration import say_calibration
     from aatri.cli.figures import say_result
 
     say_result(records)
-    say_calibration(opened.spec.run, records)
+    say_calibration(folder, records)
     say()
-    say(f"run     {opened.spec.run}")
+    say(f"run     {folder}")
     say(f"report  {report}" if report else "report  not written, see the warning above")
 
 

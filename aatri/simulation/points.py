@@ -78,6 +78,8 @@ def ground_targets(
     GeometryError
         If the images overlap too little for the points asked for.
     """
+    if known.layout:
+        return _laid_out(photography, targets.standard_rows(plan), ground, known.layout)
     low, high = targets.extent(plan)
     rng = streams["points"]
     inset = CHECK_INSET * (high - low)
@@ -126,6 +128,33 @@ def _standing(
         where="options of block/simulate",
         remedy="raise flight.forward_overlap or lower survey.shape_size_m",
     )
+
+
+_LETTERS = {"X": (1, 1, 1), "P": (1, 1, 0), "Z": (0, 0, 1), "o": (0, 0, 0)}
+
+
+def _laid_out(photography: Photography, rows: list[Float], ground: Ground, layout: tuple[str, ...]) -> GroundTargets:
+    """Points at the standard positions, as the letters of the layout have them."""
+    if [len(row) for row in rows] != [len(row) for row in layout] or set("".join(layout)) - {*_LETTERS, "-"}:
+        raise GeometryError(
+            f"the layout is of rows of {', '.join(str(len(row)) for row in layout)} letters, the standard positions of "
+            f"rows of {', '.join(str(len(row)) for row in rows)}",
+            where="options of block/simulate",
+            remedy="known.layout: one row of letters X P Z o - for each row of positions, from north",
+        )
+    letters = np.array(list("".join(layout)))
+    order = [*np.flatnonzero(letters == "o"), *np.flatnonzero(np.isin(letters, ["X", "P", "Z"]))]
+    role = CONTROL * np.array([_LETTERS[str(letters[k])] for k in order], dtype=np.int64)
+    local = ground.at(np.concatenate(rows)[order])
+    rays = taken(photography, local)
+    if (_counts(rays, len(local)) < LEAST_RAYS).any():
+        raise GeometryError(
+            f"standard positions are in fewer than {LEAST_RAYS} images",
+            where="options of block/simulate",
+            remedy="raise flight.forward_overlap above 50 percent, or leave them out: -",
+        )
+    new = int((letters == "o").sum())
+    return GroundTargets(_ids(new, 0, len(order) - new), local, role, rays)
 
 
 def _roles(role: int, full: int, plan: int, height: int) -> Int:

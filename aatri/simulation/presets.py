@@ -109,5 +109,20 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "earth": "flat", "refraction": "none",
         "noise": {"image_um": 0.6, "control_m": (2.0e-5, 2.0e-5, 3.0e-5)},
     },
+    "sample": {  # the block by which the lecture notes count observations and unknowns
+        "name": "sample",
+        "camera": {
+            "id": "metric", "kind": "digital", "principal_distance_mm": 153.0, "principal_point_mm": (0.0, 0.0),
+            "format": (11500.0, 11500.0), "pixel_size_mm": 0.02, "distortion": "none",
+        },
+        "flight": {
+            "strips": 3, "images_per_strip": 5, "forward_overlap": 60.0, "side_overlap": 30.0, "scale_number": 10000.0,
+            "position_sigma_m": (0.0, 0.0, 0.0), "tilt_sigma_deg": 0.3, "tilt_max_deg": 0.6, "kappa_sigma_deg": 0.3,
+        },
+        "terrain": {"mean_height_m": 50.0, "relief_m": 20.0},
+        "known": {"layout": ("XoXoX", "ooooo", "XoZoX", "ooooo", "XoZoX", "ooooo", "XoXoX")},
+        "gnss": {"observed": False, "approximate_positions": True},
+        "earth": "flat", "refraction": "radial", "noise": {"image_um": 10.0, "control_m": (0.0, 0.0, 0.0)},
+    },
 }  # fmt: skip
 """Values laid under the user's own."""

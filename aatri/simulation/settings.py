@@ -160,6 +160,11 @@ class Known(BaseModel):
     check_full: int = Field(0, ge=0, description="check points in X, Y and Z")
     check_plan: int = Field(0, ge=0, description="check points in X and Y only")
     check_height: int = Field(0, ge=0, description="check points in Z only")
+    layout: tuple[str, ...] = Field(
+        (),
+        description="instead of all other points: the standard positions row by row from north, one letter each: "
+        "X control in full, P plan only, Z height only, o new point, - none",
+    )
 
 
 class Gnss(BaseModel):

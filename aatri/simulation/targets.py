@@ -20,6 +20,14 @@ def standard_positions(plan: Plan) -> Float:
     return np.unique(np.round(np.concatenate(rows), 3) + 0.0, axis=0)
 
 
+def standard_rows(plan: Plan) -> list[Float]:
+    """The standard positions row by row from north to south, each from west to east: (n, 2) each, m."""
+    xy = standard_positions(plan)
+    north = np.unique(np.round(xy[:, 1], 2))[::-1]
+    rows = [xy[np.abs(xy[:, 1] - y) < 0.1] for y in north]
+    return [row[np.argsort(row[:, 0])] for row in rows]
+
+
 def extent(plan: Plan) -> tuple[Float, Float]:
     """Lowest and highest plan coordinates of the standard positions of the parallel strips, m."""
     if plan.area is not None:

@@ -39,6 +39,11 @@ class SimilarityOptions(Options):
         "all",
         description="all: an error if a component cannot be oriented; largest: orient what can be, list the rest",
     )
+    start: Literal["closed", "two_points"] = Field(
+        "closed",
+        description="closed: of all full control; two_points: levelled, and turned to the two control points farthest "
+        "apart, the frame tp of the lecture notes; the adjustment that follows is the same",
+    )
     tie_limit: float = Field(6.0, gt=0, description="test statistic of a wrong tie between strips, in sigma")
     control_limit: float = Field(5.0, gt=0, description="test statistic of wrong control, in sigma")
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
@@ -84,6 +89,7 @@ def _oriented(
         control_limit=options.control_limit,
         every_component=options.components == "all",
         max_sigma0=options.max_sigma0,
+        two_points=options.start == "two_points",
     )
     solution, left_out = absolute_solution(oriented, image_points, "absolute_orientation/similarity")
     return solution, [*oriented.notes, *left_out, *control_notes(oriented, solution)]

@@ -39,10 +39,11 @@ from aatri.simulation.terrain import random_surface
 class SimulateOptions(Options):
     """What is simulated. A preset's values lie under those given here."""
 
-    preset: Literal["rc30", "uav", "orbit", "oblique", "hover", "test_field"] | None = Field(
+    preset: Literal["rc30", "uav", "orbit", "oblique", "hover", "test_field", "sample"] | None = Field(
         None,
         description="rc30: 255 film images, 9 + 2 strips, 1:2500; uav: 200 images of 20 megapixels; orbit: 36 images "
-        "around a place; oblique: five cameras, 75 images; hover: 36 images over 9 places",
+        "around a place; oblique: five cameras, 75 images; hover: 36 images over 9 places; sample: 3 strips of 5 "
+        "images, 35 points at the standard positions",
     )
     name: str = Field("simulated", description="name of the block")
     camera: settings.Camera = Field(settings.Camera(), description="camera and lens")

@@ -45,15 +45,20 @@ class Iteration(Protocol):
 
 
 def resected(
-    block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, context: Context
-) -> Solution:
-    """Images on known points."""
-    given = bundle_input(block, image_points, initial, options)
+    block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, linear: bool,
+    context: Context,
+) -> Solution:  # fmt: skip
+    """Images on known points; those without orientation start by the linear transformation or three points."""
+    given = bundle_input(block, image_points, initial, options, linear_start=linear)
     control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
     known = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
     covariance = _covariances(known, initial.points.covariance_m2, block.points.id, "point") if weighted else None
     given = with_known_points(given, known & finite_rows(given.xyz_m), covariance)
-    return _made(block, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
+    made = _made(block, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
+    if weighted:
+        return made
+    # Held is not known without error: what `initial` says of the points holds on.
+    return replace(made, points=replace(made.points, covariance_m2=initial.points.covariance_m2))
 
 
 def intersected(
@@ -64,7 +69,8 @@ def intersected(
     known = initial.images.oriented
     covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
     given = with_known_images(given, known, covariance)
-    return _made(block, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
+    made = _made(block, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
+    return made if weighted else replace(made, images=replace(made.images, covariance=initial.images.covariance))
 
 
 def alternated(

@@ -4,10 +4,11 @@
 
 Points are those of `initial`, and control. `points: held`: each image for itself, exact points; `weighted`: the points
 are observations with the covariances of `initial`, and corrected together with the images. Images without orientation
-in `initial` get a closed robust start (three-point problem) from the known points. Points that are not known take no
-part, and are named. Observed positions and attitudes of the images take part as in the bundle.
+in `initial` get a closed robust start (three-point problem) from the known points, or with `start: linear` that of the
+direct linear transformation. Points that are not known take no part, and are named. Observed positions and attitudes
+of the images take part as in the bundle.
 
-Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientation/resection/start.py.
+Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientation/resection/start.py, linear.py.
 """
 
 from __future__ import annotations
@@ -33,6 +34,11 @@ class ResectionOptions(Options):
     points: Literal["held", "weighted"] = Field(
         "held", description="known points: held at their values, or observed with the covariances of `initial`"
     )
+    start: Literal["closed", "linear"] = Field(
+        "closed",
+        description="images without orientation: closed three-point problem, robust; linear: direct linear "
+        "transformation of six and more points not in a plane, else closed",
+    )
     max_iterations: int = Field(30, ge=1, description="most iterations")
     tolerance: float = Field(
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
@@ -52,4 +58,6 @@ def resection(
     """Orient the images on known points."""
     assemble.check_same_block(block, image_points.images.id, "image_points")
     assemble.check_same_block(block, initial.images.id, "initial")
-    return resected(block, image_points, initial, options, options.points == "weighted", context)
+    return resected(
+        block, image_points, initial, options, options.points == "weighted", options.start == "linear", context
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from aatri.adapters.pairs.pair_methods import PairRules, oriented_pairs
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_pairs import strip_pairs
@@ -11,7 +13,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.notes import tell
 from aatri.orientation.relative.equal_weights import Equation
-from aatri.plugin import Context, Field, Options
+from aatri.plugin import Context, Field, InputPath, Options
 
 
 class PairOptions(Options):
@@ -23,9 +25,17 @@ class PairOptions(Options):
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
+    orientation_points: InputPath | None = Field(
+        None, description="file of the names of the points that orient; the others are intersected; null: all orient"
+    )
     equation: Equation = Field(
         "rigorous",
         description="rigorous weights; or equal weights of the y-parallax q of the model, or of the determinant",
+    )
+    coordinates: Literal["intersection", "coefficients"] = Field(
+        "intersection",
+        description="of the model points: rigorous intersection; or X and Z from the left image and the mean of "
+        "both Y, by the point projection coefficients",
     )
 
 
@@ -33,8 +43,9 @@ def oriented(block: Block, image_points: ImagePoints, frame: str, options: PairO
     """Models of the consecutive images of every strip, in the frame of a method."""
     check_same_block(block, image_points.images.id, "image_points")
     rules = PairRules(
-        options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation
-    )
+        options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation,
+        options.coordinates, options.orientation_points,
+    )  # fmt: skip
     images, found = strip_pairs(block, image_points)
     tell(found, context)
     models, notes = oriented_pairs(block, image_points, images, frame, rules, context)

@@ -22,3 +22,11 @@ def colmap_model(folder: Path) -> Path:
     (folder / "images.txt").write_text("\n".join(images) + "\n")
     (folder / "points3D.txt").write_text("\n".join(rows) + "\n")
     return folder
+
+
+def pair_files(folder: Path) -> Path:
+    """Two models of three photos."""
+    folder.mkdir()
+    (folder / "1-2.dat").write_text("153.0 0.0 0.0\n1 90.0 80.0 -2.0 81.0\n2 90.0 -80.0 -2.0 -79.0\n")
+    (folder / "2-3.dat").write_text("153.0 0.0 0.0\n1 -2.0 81.0 -94.0 80.5\n3 40.0 3.0 -52.0 3.5\n")
+    return folder

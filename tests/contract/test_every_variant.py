@@ -17,10 +17,10 @@ from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
-from tests.contract.made_files import colmap_model
+from tests.contract.made_files import colmap_model, pair_files
 
 VARIANTS = sorted(find_stages().variants)
-MADE_FILES = {"block/tables": example_folder, "block/colmap": colmap_model}
+MADE_FILES = {"block/tables": example_folder, "block/colmap": colmap_model, "block/pairs": pair_files}
 REAL_FILES = {
     "block/bal": {"path": "bal/problem-49-7776-pre.txt"},
     "block/dbat": {

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors
+from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors, tie_pictures
 from tests.report.marks import paths, size, texts
 
 XYZ_M = np.array([[0.0, 0.0, 5.0], [1000.0, 0.0, 5.0], [1000.0, 600.0, 5.0], [0.0, 600.0, 5.0]])
@@ -86,3 +86,20 @@ def _of_key_um(picture: str) -> tuple[float, float]:
     start, vector = _vectors(picture, "ink")
     label = next(t for t in texts(picture) if t.text.endswith(" um") and t.y > start[0, 1])
     return float(vector[0, 0]), float(label.text.split()[0]) * 1e-6
+
+
+def test_each_strip_has_its_tie_residuals_in_plan_and_height():
+    d = np.array([[0.03, 0.0, 0.1], [0.0, 0.04, 0.1], [-0.05, 0.0, -0.1], [0.0, -0.02, -0.1]])
+    pictures = tie_pictures({"1": (XYZ_M, d), "2": (XYZ_M, 2 * d)})
+    assert len(pictures) == 4
+    assert [re.search(r"strip \d in \w+", caption)[0] for _, caption in pictures] == [
+        "strip 1 in plan",
+        "strip 1 in height",
+        "strip 2 in plan",
+        "strip 2 in height",
+    ]
+    assert all("mean of the strips minus this one" in caption for _, caption in pictures)
+    assert "RMS X 29.2 mm, Y 22.4 mm, Z 100 mm" in pictures[0][1]  # roots of 0.0034/4, 0.002/4, 0.01
+    _, vector = _vectors(str(pictures[1][0]), "tie")
+    assert (vector[:, 0] == 0).all()
+    assert (np.sign(vector[:, 1]) == np.sign(d[:, 2])).all()

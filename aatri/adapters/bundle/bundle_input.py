@@ -34,7 +34,7 @@ from aatri.units import EARTH_RADIUS_M
 
 def bundle_input(
     block: Block, image_points: ImagePoints | None, initial: Solution | None, options: object,
-    parameters: tuple[ParameterRows, ...] = (), origin: Float | None = None,
+    parameters: tuple[ParameterRows, ...] = (), origin: Float | None = None, linear_start: bool = False,
 ) -> BundleInput:  # fmt: skip
     """A block ready for adjustment; missing start values are filled in by intersection and resection.
 
@@ -49,6 +49,8 @@ def bundle_input(
     parameters : tuple of ParameterRows
     origin : (3,) float64, optional
         Of the tangent frame, in the frame of the block; default its middle.
+    linear_start : bool
+        Images without orientation start by the direct linear transformation where it is determined.
 
     Raises
     ------
@@ -63,12 +65,12 @@ def bundle_input(
     rays = rays_of(block, image_points) if image_points is not None else None
     poses = poses_by_rigs(block, poses)
     if rays is not None:
-        poses, xyz = complete_start(rays, poses, xyz)
+        poses, xyz = complete_start(rays, poses, xyz, linear=linear_start)
     known = np.isfinite(xyz)
     xyz, notes = network_start(block, xyz)
     if rays is not None:
         if (np.isfinite(xyz) & ~known).any():
-            poses, xyz = complete_start(rays, poses, xyz)
+            poses, xyz = complete_start(rays, poses, xyz, linear=linear_start)
         if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():
             raise GeometryError(
                 "no image has a starting orientation, and none sees four control points to find it from",

@@ -50,8 +50,9 @@ def ground_of(block: Block, strips: Strips, *, use_positions: bool) -> Ground:
 
 
 def orient_strips(
-    ground: Ground, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float
-) -> OrientedStrips:
+    ground: Ground, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float,
+    two_points: bool = False,
+) -> OrientedStrips:  # fmt: skip
     """Join strips to components and orient each.
 
     Parameters
@@ -62,6 +63,8 @@ def orient_strips(
     every_component : bool
         A component without a datum is an error; else it is left out with a warning.
     max_sigma0 : float
+    two_points : bool
+        Each starts from two control points.
 
     Raises
     ------
@@ -70,21 +73,10 @@ def orient_strips(
     ConvergenceError
         If an adjustment does not converge, or its result does not fit.
     """
-    strips = ground.strips
-    free = join_strips(
-        pieces.strip_points_of(strips), strips.strips.id.tolist(), active=pieces.usable_ties(strips), limit=tie_limit
-    )
-    notes = [Note("warning", f"not joined: {text}") for text in free.unjoined]
-    parts, failed = [], []
-    for number, component in enumerate(free.components, 1):
-        what = f"component {number} ({strip_names(component, strips.strips.id.tolist())})"
-        try:
-            part = _orient(ground, component, what, control_limit)
-        except GeometryError as error:
-            failed.append(error)
-            continue
-        parts.append(part)
-        notes += _part_notes(ground, part)
+    how = (tie_limit, control_limit, two_points)
+    free, parts, failed, notes = _joined_and_oriented(ground, *how, weakly=False)
+    if free.weak_left and failed:  # not each has control enough of its own
+        free, parts, failed, notes = _joined_and_oriented(ground, *how, weakly=True)
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
     if failed and (every_component or not parts):
@@ -94,11 +86,37 @@ def orient_strips(
     try:
         notes += sigma0_notes(
             [tied for _, tied in adjusted], [name for name, _ in adjusted], tables.pooled(parts)[1],
-            pieces.most_models(strips), max_sigma0, "absolute orientation",
+            pieces.most_models(ground.strips), max_sigma0, "absolute orientation",
         )  # fmt: skip
     except ConvergenceError as error:
         raise ConvergenceError(error.what + _worst(ground, parts), where=error.where, remedy=error.remedy) from error
     return OrientedStrips(ground, tuple(parts), tuple(notes))
+
+
+def _joined_and_oriented(
+    ground: Ground, tie_limit: float, control_limit: float, two_points: bool, *, weakly: bool
+) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError], list[Note]]:
+    """Strips joined to components, each of them oriented; those that are not determined with their errors.
+
+    Strips whose common points lie nearly on a line are joined only `weakly`: rigidly joined, they would be turned
+    against each other by the errors of these points, magnified, and fit no control.
+    """
+    strips = ground.strips
+    names = strips.strips.id.tolist()
+    points, usable = pieces.strip_points_of(strips), pieces.usable_ties(strips)
+    free = join_strips(points, names, active=usable, limit=tie_limit, weakly=weakly)
+    parts, failed = list[OrientedPart](), list[GeometryError]()
+    notes = [Note("warning", f"not joined: {text}") for text in free.unjoined]
+    for number, component in enumerate(free.components, 1):
+        what = f"component {number} ({strip_names(component, names)})"
+        try:
+            part = _orient(ground, component, what, control_limit, two_points)
+        except GeometryError as error:
+            failed.append(error)
+            continue
+        parts.append(part)
+        notes += _part_notes(ground, part)
+    return free, parts, failed, notes
 
 
 def _worst(ground: Ground, parts: Sequence[OrientedPart]) -> str:
@@ -153,7 +171,7 @@ def _all_of(failed: Sequence[GeometryError], free: FreeBlock) -> GeometryError:
     return GeometryError("; ".join(texts), remedy="; ".join(remedies))
 
 
-def _orient(ground: Ground, component: Component, what: str, limit: float) -> OrientedPart:
+def _orient(ground: Ground, component: Component, what: str, limit: float, two_points: bool) -> OrientedPart:
     centres, rotations, image = free_images(ground.strips, component)
     row_of = np.full(len(ground.block.images), -1)
     row_of[image] = np.arange(len(image))
@@ -183,7 +201,8 @@ def _orient(ground: Ground, component: Component, what: str, limit: float) -> Or
         pieces.rejected_rows(before, "position", positions.row[seen]),
     ])  # fmt: skip
     body = np.concatenate([component.xyz, centres])
-    result = orient_component(datum, body, rotations[:, :, 2].mean(0), what=what, active=began, limit=limit)
+    up = rotations[:, :, 2].mean(0)
+    result = orient_component(datum, body, up, what=what, active=began, limit=limit, two_points=two_points)
     return OrientedPart(what, component, held, seen, began, result)
 
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from aatri.adapters.pairs.image_pairs import Pairs, models_of, pairs_of
+from aatri.adapters.pairs.orientation_points import named_points, oriented_by
 from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Elements, Models
-from aatri.geometry.coplanarity import parallax
+from aatri.geometry.coplanarity import RayPairs, parallax
 from aatri.geometry.intersection import intersect_pair
 from aatri.notes import Note
+from aatri.orientation.relative.classical_points import classical_points
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
 from aatri.orientation.relative.equal_weights import adjusted_with_equal_weights
 from aatri.orientation.relative.pair_loops import RelativeOrientations
@@ -33,6 +36,10 @@ class PairRules:
     min_points : int
     max_sigma0 : float
     equation : {'rigorous', 'q', 'determinant'}
+    coordinates : {'intersection', 'coefficients'}
+        Of the model points.
+    orientation_points : Path or None
+        File of the names of the points that orient; None: all.
     """
 
     max_iterations: int
@@ -40,6 +47,8 @@ class PairRules:
     min_points: int
     max_sigma0: float
     equation: str = "rigorous"
+    coordinates: str = "intersection"
+    orientation_points: Path | None = None
 
 
 def oriented_pairs(
@@ -55,6 +64,10 @@ def oriented_pairs(
         Frame in which the equations of equal weight are formed, and the elements told.
     """
     pairs, found, notes = adjusted_pairs(block, image_points, images, frame, rules, reporter)
+    if rules.coordinates == "coefficients":
+        for pair in np.flatnonzero(found.formed):
+            mine = np.arange(pairs.start[pair], pairs.start[pair + 1])
+            found.xyz[mine] = classical_points(found.left_from_right[pair], found.base[pair], pairs.rays.take(mine))
     models = models_of(block, image_points, pairs, found)
     reporter.progress(len(pairs.left), len(pairs.left), "models")
     return with_elements(models, frame), (*notes, *notes_of_pairs(block, image_points, pairs, found, models))
@@ -65,17 +78,22 @@ def adjusted_pairs(
 ) -> tuple[Pairs, RelativeOrientations, tuple[Note, ...]]:
     """The pairs and their orientations by the equation asked for."""
     pairs = pairs_of(block, image_points, images)
-    found = relative_orientations(
-        pairs.rays,
-        pairs.start,
-        snooping_limit=rules.snooping_limit,
-        max_iterations=rules.max_iterations,
-        min_points=rules.min_points,
-        reporter=reporter,
-    )
+
+    def orient(rays: RayPairs, start: Int) -> RelativeOrientations:
+        return relative_orientations(
+            rays, start, snooping_limit=rules.snooping_limit, max_iterations=rules.max_iterations,
+            min_points=rules.min_points, reporter=reporter,
+        )  # fmt: skip
+
+    named = np.ones(len(block.points), dtype=bool)
+    if rules.orientation_points is None:
+        found = orient(pairs.rays, pairs.start)
+    else:
+        named = named_points(rules.orientation_points, block.points.id)
+        found = oriented_by(pairs, named, rules.snooping_limit, orient)
     notes: tuple[Note, ...] = ()
     if rules.equation != "rigorous" and found.formed.any():
-        _with_equal_weights(pairs, found, rules.equation, frame)
+        _with_equal_weights(pairs, found, rules.equation, frame, named[pairs.point])
         text = (
             f"orientations by equal weights of the equation {rules.equation}; points were rejected by the rigorous one"
         )
@@ -103,11 +121,11 @@ def elements_table(model: Int, names: tuple[str, ...], values: Float, sigma: Flo
     )
 
 
-def _with_equal_weights(pairs: Pairs, found: RelativeOrientations, equation: str, frame: str) -> None:
-    """Put the orientations of the classical equation in the place of the rigorous ones."""
+def _with_equal_weights(pairs: Pairs, found: RelativeOrientations, equation: str, frame: str, orients: Bool) -> None:
+    """Put the orientations of the classical equation, by the points that orient, in the place of the rigorous ones."""
     formed = np.flatnonzero(found.formed)
     of_row = np.repeat(np.arange(len(pairs.left)), np.diff(pairs.start))
-    rows = np.flatnonzero(found.active & found.formed[of_row])
+    rows = np.flatnonzero(found.active & orients & found.formed[of_row])
     place = np.searchsorted(formed, of_row[rows])
     R, base, covariance, sigma0, iterations = adjusted_with_equal_weights(
         equation, frame, found.left_from_right[formed], found.base[formed], pairs.rays.take(rows), place

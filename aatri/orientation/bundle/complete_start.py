@@ -1,7 +1,8 @@
 """Start values a bundle adjustment still lacks: points by intersection, images by resection.
 
 Points without coordinates are intersected from the oriented images; images without orientation that see at least four
-known points get a closed three-point start and a resection. Both are repeated while they find anything new.
+known points get a closed three-point start, or where asked for a linear one, and a resection. Both are repeated while
+they find anything new.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
+from aatri.orientation.resection.linear import linear_orientation
 from aatri.orientation.resection.start import start_orientation
 
 
-def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> tuple[Poses, Float]:
+def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float, *, linear: bool = False) -> tuple[Poses, Float]:
     """Fill in what is missing and can be computed; what is known is left alone.
 
     Parameters
@@ -27,10 +29,12 @@ def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> tuple[Po
         NaN where unknown.
     xyz_m : (n_points, 3) float64, m
         NaN where unknown.
+    linear : bool
+        The direct linear transformation first, for images that see six points not in a plane.
     """
     while True:
         xyz_m = _intersected(rays, poses, xyz_m)
-        completed = _resected(rays, poses, xyz_m)
+        completed = _resected(rays, poses, xyz_m, linear)
         if (_oriented(completed) == _oriented(poses)).all():
             return completed, xyz_m
         poses = completed
@@ -45,7 +49,7 @@ def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
     return np.asarray(np.where(missing[:, None], found, xyz_m))
 
 
-def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Poses:
+def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool) -> Poses:
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
     missing = ~_oriented(poses)
     rows = np.flatnonzero(rays.active & finite_rows(xyz_m)[rays.point] & missing[rays.image])
@@ -53,7 +57,9 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Poses:
     images, first = np.unique(rays.image[rows], return_index=True)
     start_position, start_rotation = np.full_like(position, np.nan), np.full_like(rotation, np.nan)
     for image, mine in zip(images, np.split(rows, first[1:])):
-        start = start_orientation(rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]])
+        seen = rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]]
+        start = linear_orientation(*seen) if linear else None
+        start = start_orientation(*seen) if start is None else start
         if start is not None:
             start_position[image], start_rotation[image] = start
     c_mm = np.ones(len(position))

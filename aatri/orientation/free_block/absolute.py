@@ -8,9 +8,10 @@ the deformation tau added to the standard deviation of their points is estimated
 control of 2 cm and positions of 10 cm work together (tied_adjustment: each control point is an unknown ground
 point, observed in the component and in the control). Wrong control is found by data snooping.
 
-Start: closed form of at least three full points that are not on a line; otherwise the component is levelled by the
-mean viewing direction of its images and fitted in plan. What control leaves open is found beforehand and named
-(datum_analysis).
+Start: closed form of at least three full points that are not on a line; otherwise, or where asked for (`two_points`),
+the component is levelled by the mean viewing direction of its images and fitted in plan: to all points known in plan,
+or to the two that lie farthest apart (the frame tp, geometry.two_point). What control leaves open is found beforehand
+and named (datum_analysis).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import Similarity, compose, robust_closed_form, transform
+from aatri.geometry.two_point import two_point_frame
 from aatri.ids import shown
 from aatri.orientation.free_block.datum_analysis import DatumAnalysis, analyse_datum
 from aatri.orientation.free_block.similarity_ties import Similarities, similarities_of, similarity_ties
@@ -98,6 +100,7 @@ def orient_component(
     what: str,
     active: Bool | None = None,
     limit: float = CONTROL_LIMIT,
+    two_points: bool = False,
 ) -> OrientedComponent:
     """Orient one component.
 
@@ -114,6 +117,8 @@ def orient_component(
         Rows of the datum to begin with; the others are tested for re-admission.
     limit : float
         Test statistic of wrong control.
+    two_points : bool
+        Start from two points.
 
     Raises
     ------
@@ -123,9 +128,9 @@ def orient_component(
     use: Bool = np.asarray(datum.given.any(1))
     if active is not None:
         use = use & active
-    rotation, closed = _attitude(datum, up, use)
+    rotation, closed = (_levelling(up), None) if two_points else _attitude(datum, up, use)
     _analysed(datum, use, rotation, body, what)
-    start = closed if closed is not None else _levelled_start(datum, rotation, use, what)
+    start = closed if closed is not None else _levelled_start(datum, rotation, use, what, two_points=two_points)
     tied, centre = _adjust(datum, start, use, limit, what)
     n = len(datum.x)
     kept = tied.active[n:] & datum.given.any(1)
@@ -174,8 +179,8 @@ def _levelling(up: Float) -> Float:
     return np.asarray(np.diag([-1.0, -1.0, 1.0]) @ (2 * np.outer(v, v) / (v @ v) - np.eye(3)))
 
 
-def _levelled_start(datum: Datum, rotation: Float, use: Bool, what: str) -> Similarity:
-    """Plan similarity of a levelled component, and a mean height."""
+def _levelled_start(datum: Datum, rotation: Float, use: Bool, what: str, *, two_points: bool) -> Similarity:
+    """Plan similarity of a levelled component by all points or by two, and a mean height."""
     level = datum.x @ rotation.T
     plan = np.flatnonzero(datum.given[:, :2].all(1) & use)
     heights = np.flatnonzero(datum.given[:, 2] & use)
@@ -184,15 +189,36 @@ def _levelled_start(datum: Datum, rotation: Float, use: Bool, what: str) -> Simi
             f"{what}: no initial values from {len(plan)} points known in plan and {len(heights)} in height",
             remedy="give two points with X and Y and one with Z",
         )
-    z = level[plan, 0] + 1j * level[plan, 1]
-    Z = datum.xyz_m[plan, 0] + 1j * datum.xyz_m[plan, 1]
-    dz, dZ = z - z.mean(), Z - Z.mean()
-    a = (dZ * dz.conj()).sum() / (abs(dz) ** 2).sum()
-    scale, cos, sin = abs(a), a.real / abs(a), a.imag / abs(a)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    shift = Z.mean() - a * z.mean()
+    if two_points:
+        turn, scale, shift = _by_two_points(level[plan], datum.xyz_m[plan])
+    else:
+        z = level[plan, 0] + 1j * level[plan, 1]
+        Z = datum.xyz_m[plan, 0] + 1j * datum.xyz_m[plan, 1]
+        dz, dZ = z - z.mean(), Z - Z.mean()
+        a = (dZ * dz.conj()).sum() / (abs(dz) ** 2).sum()
+        scale, cos, sin = abs(a), a.real / abs(a), a.imag / abs(a)
+        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        shift = Z.mean() - a * z.mean()
     height = float(np.mean(datum.xyz_m[heights, 2] - scale * level[heights, 2]))
     return Similarity(np.array([shift.real, shift.imag, height]), float(scale), turn @ rotation)
+
+
+def _by_two_points(level: Float, xyz_m: Float) -> tuple[Float, float, complex]:
+    """Rotation about Z, scale and shift in plan from a levelled component to the ground, by its two farthest points.
+
+    By way of tp, which is the levelled component: the ground goes to tp, and back.
+    """
+    first = int(np.argmax(np.linalg.norm((xyz_m - xyz_m.mean(axis=0))[:, :2], axis=1)))
+    second = int(np.argmax(np.linalg.norm((xyz_m - xyz_m[first])[:, :2], axis=1)))
+    ends = [first, second]
+    north_east = np.column_stack([xyz_m[ends, 1], xyz_m[ends, 0], np.zeros(2)])
+    tp = two_point_frame(level[ends] * np.array([1.0, 1.0, 0.0]), north_east)
+    corner = tp.to_ground(np.array([[0.0, 0, 0], [1.0, 0, 0]]))[:, [1, 0]]  # east, north of the origin and of X
+    along = corner[1] - corner[0]
+    scale = float(np.hypot(*along))
+    cos, sin = along / scale
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return turn, scale, complex(*corner[0])
 
 
 def _adjust(

@@ -6,8 +6,10 @@ common points lie:
     sigma_rotation = sigma_point / sqrt(sum of squared distances from that line),
 
 sigma_point from the covariances of the points or from their discrepancies, whichever is larger. Above `WEAKEST_RAD` the
-points count as collinear and the pair is not joined; so it is with fewer than 3 points. The similarity of a pair is
-that with the least sum of distances (geometry.similarity), which wrong points hardly disturb.
+points count as collinear and the pair is not joined; so it is with fewer than 3 points. Where the smaller component
+reaches farther from that line than `LONGEST_LEVER` times the denominator, errors of the points grow as many times at
+its edge: such a pair is joined only if asked for (`weakly`). The similarity of a pair is that with the least sum of
+distances (geometry.similarity), which wrong points hardly disturb.
 """
 
 from __future__ import annotations
@@ -23,6 +25,9 @@ from aatri.orientation.free_block.kernels.robust_similarity import robust_simila
 
 WEAKEST_RAD = 0.05
 """A tie whose weakest rotation is known worse than this joins nothing."""
+
+LONGEST_LEVER = 20.0
+"""How many times the errors of common points may grow at the edge of the smaller component."""
 
 ITERATIONS = 50
 
@@ -51,11 +56,19 @@ class StripPoints:
 
 @dataclass(frozen=True)
 class Tie:
-    """Similarity from one component to another, how well it is determined, and the number of common points."""
+    """Similarity from one component to another, how well it is determined, and the number of common points.
+
+    `lever` is how many times errors of these grow at the edge of the smaller component.
+    """
 
     similarity: Similarity
     sigma_rad: float
     common: int
+    lever: float
+
+    def joins(self, *, weakly: bool) -> bool:
+        """Whether it is good enough."""
+        return self.sigma_rad <= WEAKEST_RAD and (weakly or self.lever <= LONGEST_LEVER)
 
 
 @dataclass(frozen=True)
@@ -78,14 +91,16 @@ class _Common:
     target_variance: Float
 
 
-def grow_components(points: StripPoints, n_strips: int) -> tuple[Int, list[Similarity], dict[tuple[int, int], Tie]]:
+def grow_components(
+    points: StripPoints, n_strips: int, *, weakly: bool = True
+) -> tuple[Int, list[Similarity], dict[tuple[int, int], Tie]]:
     """Join components pair by pair, the best tied first; returns label, pose of every strip and the ties left over."""
     member = np.arange(n_strips)
     pose = [IDENTITY] * n_strips
     bodies = {k: _body(points, k) for k in range(n_strips)}
     ties = _ties(bodies, _neighbours(points, n_strips))
     while True:
-        good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.sigma_rad <= WEAKEST_RAD]
+        good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.joins(weakly=weakly)]
         if not good:
             return member, pose, ties
         _, (a, b) = min(good)
@@ -142,9 +157,10 @@ def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict
     common = [_common(bodies[a], bodies[b]) for a, b in pairs]
     enough = [k for k, c in enumerate(common) if len(c.target) >= 3]
     similarity, distance = _robust([common[k] for k in enough])
-    found = {pair: Tie(IDENTITY, np.inf, len(c.target)) for pair, c in zip(pairs, common)}
+    found = {pair: Tie(IDENTITY, np.inf, len(c.target), np.inf) for pair, c in zip(pairs, common)}
     for k, s, d in zip(enough, similarity, distance):
-        found[pairs[k]] = Tie(s, _weakest_rotation(common[k], s, d), len(d))
+        a, b = (bodies[label] for label in pairs[k])
+        found[pairs[k]] = Tie(s, *_weakest_rotation(common[k], s, d, (a, b)))
     return found
 
 
@@ -173,16 +189,24 @@ def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
     return found, np.split(distance, start[1:-1])
 
 
-def _weakest_rotation(common: _Common, similarity: Similarity, distance: Float) -> float:
-    """Standard deviation of the rotation about the line along which the common points lie, rad."""
-    X = common.target
+def _weakest_rotation(
+    common: _Common, similarity: Similarity, distance: Float, bodies: tuple[_Body, _Body]
+) -> tuple[float, int, float]:
+    """Standard deviation of the rotation about the line along which the common points lie, rad; their number; lever."""
+    X, n = common.target, len(distance)
     noise = float(np.sqrt(np.median(common.target_variance + similarity.scale**2 * common.source_variance)))
     middle = float(np.median(distance))
     # Three points are fitted by seven parameters: two of nine coordinates are left over.
-    sigma = max(noise, middle / 1.5 if len(X) > 3 else float(np.linalg.norm(distance)) / 1.5)
+    sigma = max(noise, middle / 1.5 if n > 3 else float(np.linalg.norm(distance)) / 1.5)
     fitting = distance <= 10 * max(sigma, middle)
     if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
-        return np.inf
-    spread = np.linalg.svd(X[fitting] - X[fitting].mean(0), compute_uv=False)
+        return np.inf, n, np.inf
+    centre = X[fitting].mean(0)
+    _, spread, directions = np.linalg.svd(X[fitting] - centre, full_matrices=False)
     across = float(np.hypot(*spread[1:3]))
-    return sigma / across if across > 1e-9 * spread[0] else np.inf
+    if across <= 1e-9 * spread[0]:
+        return np.inf, n, np.inf
+    first, second = (body.xyz / body.count[:, None] for body in bodies)
+    second = similarity.translation + similarity.scale * second @ similarity.rotation.T
+    reach = min(float(np.linalg.norm(np.cross(xyz - centre, directions[0]), axis=1).max()) for xyz in (first, second))
+    return sigma / across, n, reach / across

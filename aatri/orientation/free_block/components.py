@@ -69,16 +69,20 @@ class FreeBlock:
         Rows of the StripPoints not rejected.
     unjoined : tuple of str
         For each pair of components with few or bad ties: what is missing.
+    weak_left : bool
+        Some of these could be joined weakly.
     """
 
     components: tuple[Component, ...]
     active: Bool
     unjoined: tuple[str, ...]
+    weak_left: bool = False
 
 
 def join_strips(
-    points: StripPoints, names: Sequence[str], *, active: Bool | None = None, limit: float = TIE_LIMIT
-) -> FreeBlock:
+    points: StripPoints, names: Sequence[str], *, active: Bool | None = None, limit: float = TIE_LIMIT,
+    weakly: bool = True,
+) -> FreeBlock:  # fmt: skip
     """Join strips by common points to free components.
 
     Parameters
@@ -90,9 +94,11 @@ def join_strips(
         Rows to begin with; the others are tested for re-admission.
     limit : float
         Test statistic of a wrong tie.
+    weakly : bool
+        Also by common points nearly on a line, see component_growth.
     """
     use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
-    member, pose, weak = grow_components(points.take(use), len(names))
+    member, pose, weak = grow_components(points.take(use), len(names), weakly=weakly)
     components = []
     for label in np.unique(member):
         strips = np.flatnonzero(member == label)
@@ -101,7 +107,8 @@ def join_strips(
         if component.tied is not None:
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
-    return FreeBlock(tuple(components), use, _reasons(components, weak, member, names))
+    weak_left = any(tie.joins(weakly=True) for tie in weak.values())
+    return FreeBlock(tuple(components), use, _reasons(components, weak, member, names), weak_left)
 
 
 def _adjusted(
@@ -190,7 +197,8 @@ def _reasons(
             elif tie.common < 3:
                 texts.append(f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed")
             else:
-                texts.append(f"{between} have {tie.common} common points that lie on a line")
+                nearly = "nearly " if tie.joins(weakly=True) else ""
+                texts.append(f"{between} have {tie.common} common points that lie {nearly}on a line")
     return tuple(texts)
 
 

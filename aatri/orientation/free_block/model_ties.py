@@ -113,7 +113,7 @@ def model_ties(
 
     one = np.ones(7 + LATENT, dtype=bool) if free is None else free.copy()
     one[7:] &= latent
-    unknowns = Unknowns(STRIP, np.tile(one, (m, 1)), LABELS + LATENT_LABELS, list(map(str, names)), _moved)
+    unknowns = Unknowns(STRIP, np.tile(one, (m, 1)), LABELS + LATENT_LABELS, list(map(str, names)), moved_models)
     prior = _prior(m) if one[7:].all() else None
     return Ties(
         model,
@@ -133,7 +133,8 @@ def _unbounded(_before: ModelPoses, _after: ModelPoses) -> float:
     return float("inf")
 
 
-def _moved(state: ModelPoses, step: Float) -> ModelPoses:
+def moved_models(state: ModelPoses, step: Float) -> ModelPoses:
+    """Models after a step (m, 12) of their unknowns."""
     return ModelPoses(moved(state.similarity, step[:, :7]), state.latent + step[:, 7:])
 
 

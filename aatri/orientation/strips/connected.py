@@ -27,14 +27,12 @@ from aatri.geometry.coplanarity import RayPairs, sampson
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
+from aatri.orientation.strips.distance_derivatives import log_distances
 from aatri.orientation.strips.log_scale import ModelRows, log_scales, root_of
 
 ITERATIONS = 30
 SETTLED = 1e-6
-"""Newton decrement that ends the iteration; small, since the derivatives of P stay those of the start."""
-
-STEP = 1e-5
-"""Of the differences that give the derivatives of P to the orientation, rad; their error is 1e-9 of them."""
+"""Newton decrement that ends the iteration."""
 
 FEWEST = 3
 """Connection points of a connection that can be checked."""
@@ -132,14 +130,14 @@ def connected_orientation(
 
 def _adjusted(rays: RayPairs, active: Bool, R: Float, base: Float, before: Before, use: Bool) -> Connected | None:
     root = root_of(before.covariance)
-    part, latent, s, by_state = rays.take(active), np.zeros(5), 0.0, np.zeros((len(before.row), 5))
+    part, latent, s = rays.take(active), np.zeros(5), 0.0
     for iteration in range(1, ITERATIONS + 1):
         T = tangents(base)
         v_q, J_q = sampson(R, base, T, part)
         observed, sigma, J_p = _connection(rays, R, base, before, root)
         if iteration == 1:
-            s, by_state = float(np.median(observed[use])), _by_orientation(rays, R, base, before)
-        J_p[:, :5] = by_state
+            s = float(np.median(observed[use]))
+        J_p[:, :5] = log_distances(R, base, rays.take(before.row))[1]
         v_p = (s - (observed - J_p[:, 6:] @ latent)) / sigma
         J_p = J_p / sigma[:, None]
         A = np.zeros((len(v_q) + int(use.sum()) + 5, 11))
@@ -183,17 +181,3 @@ def _connection(rays: RayPairs, R: Float, base: Float, before: Before, root: Flo
                        np.tile(np.eye(5), (c, 1, 1)))  # fmt: skip
     observed, sigma, J = log_scales(first, second)
     return observed, sigma, np.column_stack([J[:, 5:10], J[:, 10], J[:, :5]])
-
-
-def _by_orientation(rays: RayPairs, R: Float, base: Float, before: Before) -> Float:
-    """Derivatives (c, 5) of log r_b by d and t, by differences: the correction to coplanarity takes part."""
-    part, T = rays.take(before.row), tangents(base)
-    found = np.empty((len(before.row), 5))
-    for k in range(5):
-        step = STEP * np.eye(5)[k]
-        sides = [
-            np.log(np.linalg.norm(intersect_pair(exp_rotation(s[:3]) @ R, unit(base + T @ s[3:]), part).xyz, axis=1))
-            for s in (step, -step)
-        ]
-        found[:, k] = (sides[0] - sides[1]) / (2 * STEP)
-    return found

@@ -76,14 +76,15 @@ def read_run(folder: Path, name: str) -> Compared:
 
 
 def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
-    """Methods and options that are not the same in all runs: the name, and the value in each or None."""
+    """Methods and options that differ among the runs that made the stage: the name, the value in each or None."""
     rows = []
     for stage in _stages(runs):
         given = [run.records.get(stage) for run in runs]
-        values = [{} if r is None else {"use": r["plugin"], **flat(r["options"])} for r in given]
-        for name in dict.fromkeys(key for each in values for key in each):
-            row = [each.get(name) for each in values]
-            if any(value != row[0] for value in row):
+        values = [None if r is None else {"use": r["plugin"], **flat(r["options"])} for r in given]
+        made = [each for each in values if each is not None]
+        for name in dict.fromkeys(key for each in made for key in each):
+            row = [None if each is None else each.get(name) for each in values]
+            if any(each.get(name) != made[0].get(name) for each in made):
                 rows.append((f"{stage}.{name}", row))
     return rows
 

@@ -20,6 +20,7 @@ from aatri.report.drawing.scales import Plan, length_text, near, plan_of, round_
 
 MOST_VECTORS = 1500
 MOST_FIELDS = 4
+MOST_STRIPS = 12
 COLOURS = {"control": "red", "check": "green"}
 CELLS = 12
 """Cells of the image format along each side."""
@@ -45,6 +46,30 @@ def height_bars(groups: dict[str, tuple[Float, Float]]) -> tuple[Markup, str] | 
     """Differences in Z as vertical bars: up is too high. Parameters as of `plan_vectors`."""
     drawn = {name: _complete(xyz, d, [2]) for name, (xyz, d) in groups.items()}
     return _vectors(drawn, "Differences in height", lambda d: d[:, [2]] * [0.0, -1.0])
+
+
+def tie_pictures(strips: dict[str, tuple[Float, Float]]) -> list[tuple[Markup, str]]:
+    """Tie residuals of each strip in plan and in height: smooth ones are a deformation that is left.
+
+    Parameters
+    ----------
+    strips : {strip: (xyz_m, residual_m)}
+        Both (n, 3) float64, m; the mean of the strips minus the single strip.
+    """
+    pictures = []
+    for name, (xyz, v) in list(strips.items())[:MOST_STRIPS]:
+        rms = ", ".join(
+            f"{axis} {length_text(float(np.sqrt(np.nanmean(v[:, k] ** 2))))}" for k, axis in enumerate("XYZ")
+        )
+        for title, axes, vector_of in (
+            ("plan", [0, 1], lambda d: d[:, :2] * [1.0, -1.0]), ("height", [2], lambda d: d[:, [2]] * [0.0, -1.0]),
+        ):  # fmt: skip
+            made = _vectors({"tie": _complete(xyz, v, axes)}, f"Tie residuals of strip {name} in {title}", vector_of)
+            if made is not None:
+                more = f" {len(strips) - MOST_STRIPS} more strips are not drawn." if len(strips) > MOST_STRIPS else ""
+                caption = made[1].replace("solution minus given", "mean of the strips minus this one")
+                pictures.append((made[0], f"{caption} RMS {rms}.{more}"))
+    return pictures
 
 
 def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None:

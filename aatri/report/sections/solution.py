@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.artifacts.solution import Solution, StripTransformations
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.report.drawing.charts import convergence_chart, residual_histogram
-from aatri.report.drawing.residual_plots import error_field_pictures, image_vectors
+from aatri.report.drawing.residual_plots import error_field_pictures, image_vectors, tie_pictures
 from aatri.report.numbers import DASH, metres, number
 from aatri.report.sections import calibration, network, reliability, tables
 from aatri.report.sections.parts import Picture, Section, Surroundings, present
@@ -32,6 +33,7 @@ def show(made: Section, solution: Solution, around: Surroundings) -> None:
     if solution.error_fields is not None and len(solution.error_fields):
         made.pictures.extend(error_field_pictures(solution.error_fields))
     made.pictures.extend(image_residual_pictures(solution, around))
+    made.pictures.extend(tie_pictures(_ties(solution)))
     made.pictures.extend(present(convergence_chart(solution.history.cost, solution.history.decrement)))
 
 
@@ -86,6 +88,18 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
     if weighted.any() and share > 0:
         pictures += present(residual_histogram(v[weighted] / sigma[weighted] / share**0.5))
     return pictures
+
+
+def _ties(solution: Solution) -> dict[str, tuple[Float, Float]]:
+    """Places and residuals of the ties of each strip that are used."""
+    r = solution.residuals
+    rows = np.flatnonzero((r.kind == "strip_tie") & r.active)
+    if not len(rows):
+        return {}
+    ids = solution.points.id
+    order = np.argsort(ids, kind="stable")
+    xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], r.point[rows])]]
+    return {str(s): (xyz[r.image[rows] == s], r.residual[rows][r.image[rows] == s]) for s in np.unique(r.image[rows])}
 
 
 def _orderings(solution: Solution) -> PageTable | None:

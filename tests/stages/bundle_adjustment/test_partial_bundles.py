@@ -101,7 +101,6 @@ def test_weighted_points_give_the_bundle_its_own_result_back(exact: Chain) -> No
     right(exact, found)
     held = resection(exact.block, exact.refined, exact.bundle)
     assert (np.einsum("nii->ni", held.images.covariance) < np.einsum("nii->ni", found.images.covariance)).all()
-    assert not held.points.covariance_m2[np.isfinite(held.points.covariance_m2)].any()
 
 
 def test_weighted_orientations_make_points_less_certain_than_held_ones(exact: Chain) -> None:
@@ -119,3 +118,23 @@ def test_weights_need_covariances(exact: Chain) -> None:
     bare = bundle(exact.block, exact.refined, exact.strip_block, options=BundleOptions(standard_deviations=False))
     with pytest.raises(GeometryError, match="no covariance"):
         resection(exact.block, exact.refined, bare, options=ResectionOptions(points="weighted"))
+
+
+def test_what_is_held_keeps_the_standard_deviations_it_came_with(noisy: Chain) -> None:
+    points = resection(noisy.block, noisy.refined, noisy.bundle).points.covariance_m2
+    assert np.array_equal(points, noisy.bundle.points.covariance_m2, equal_nan=True)
+    images = intersection(noisy.block, noisy.refined, noisy.bundle).images.covariance
+    assert np.array_equal(images, noisy.bundle.images.covariance, equal_nan=True)
+
+
+@pytest.mark.parametrize("start", ["closed", "linear"])
+def test_images_without_orientation_are_resected_on_known_points(exact: Chain, start: str) -> None:
+    images = exact.bundle.images
+    lost = images.oriented.copy()
+    lost[::3] = False
+    blank = replace(images, oriented=lost, position_m=np.where(lost[:, None], images.position_m, np.nan),
+                    ground_from_image=np.where(lost[:, None, None], images.ground_from_image, np.nan))  # fmt: skip
+    found = resection(exact.block, exact.refined, replace(exact.bundle, images=blank),
+                      options=ResectionOptions(start=start))  # fmt: skip
+    assert found.images.oriented.all()
+    assert found.images.position_m == pytest.approx(truth(exact)[0].position_m, abs=1e-6)

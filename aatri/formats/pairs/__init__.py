@@ -1,0 +1,1 @@
+"""Pair files of student programs: interior elements and point pairs."""

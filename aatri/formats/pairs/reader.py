@@ -1,0 +1,200 @@
+"""Reading of pair files: the interior elements of the camera and the point pairs of one model, as students write them.
+
+    c [x0 y0]                 principal distance and principal point, mm
+    point x1 y1 x2 y2         photo coordinates of a point in the left and the right photo
+
+One file a model, words between blanks or commas, lines that begin with # are left out. A folder holds the models of a
+strip in the order of their names. `319-320.dat` is of the photos 319 and 320; other names are numbered, the right photo
+of a file being the left one of the next. A point of two files must have the same coordinates in the photo they share.
+
+Ground points: `point X Y Z` (east, north, up, m), one file of control and one of check points.
+
+Source: lecture notes A113, A309.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from aatri.artifacts.block import CHECK, CONTROL, Block, Cameras, GroundPoints, ImagePoints, Images, Strips
+from aatri.errors import InputError
+from aatri.formats.plain_block import plain_block
+from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
+from aatri.formats.tables.images import image_point_order
+from aatri.formats.tables.source import texts
+from aatri.formats.text.text_file import missing, read_lines
+from aatri.formats.text.text_line import TextLine
+from aatri.ids import canonical, clipped, is_valid, rows_of
+from aatri.progress import SILENT, Reporter
+
+STRIP, CAMERA = "1", "camera"
+Place = tuple[float, float]
+
+
+def read_pairs(
+    folder: Path, *, unit_um: float, image_sigma_um: float, control: Path | None = None, check: Path | None = None,
+    control_sigma_m: float = 0.0, max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT,
+) -> Block:  # fmt: skip
+    """Read a folder of pair files.
+
+    Parameters
+    ----------
+    folder : Path
+        Of files *.dat.
+    unit_um : float, um
+        Unit of the photo coordinates; interior elements are in mm.
+    image_sigma_um : float, um
+    control, check : Path, optional
+    control_sigma_m : float, m
+        Of control and check points; 0: exact.
+    max_reject_share : float
+    reporter : Reporter
+
+    Raises
+    ------
+    InputError
+        If a file is missing or a line is not of its form, or files of one strip contradict each other.
+    """
+    if not folder.is_dir():
+        raise missing(folder)
+    models = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".dat")
+    if not models:
+        raise InputError("no pair files", where=str(folder), remedy="their names end with .dat")
+    paths = [*models, *(p for p in (control, check) if p is not None)]
+    interior: list[float] = []
+    order: list[str] = []
+    measured: dict[tuple[str, str], tuple[Place, TextLine]] = {}
+    for number, path in enumerate(models):
+        rows = _lines(path, reporter)
+        photos = _photos(path, number)
+        interior = _interior(rows[0], interior)
+        order += [photo for photo in photos if photo not in order]
+        for row in rows[1:]:
+            _add(row, photos, unit_um * 1e-3, measured)
+    images = canonical(order)
+    known = [(e, r) for p, r in ((control, CONTROL), (check, CHECK)) if p is not None for e in _lines(p, reporter)]
+    points = canonical([*(point for _, point in measured), *(entry.words[0] for entry, _ in known)])
+    block = plain_block(
+        name=folder.resolve().name, rotation="phi-omega-kappa", files=paths,
+        cameras=_camera(interior), strips=Strips(id=texts([STRIP])), images=_images(images, order),
+        point_ids=points, image_points=_image_points(measured, images, points, paths, image_sigma_um * 1e-3),
+        ground_points=_ground(known, points, paths, control_sigma_m),
+    )  # fmt: skip
+    return screen_block(block, reporter, max_reject_share)
+
+
+def _lines(path: Path, reporter: Reporter) -> list[TextLine]:
+    lines = enumerate(read_lines(path, reporter), 1)
+    rows = [TextLine(w, path, k) for k, t in lines if (w := t.replace(",", " ").split()) and not w[0].startswith("#")]
+    if not rows:
+        raise InputError("the file has no rows", where=str(path), remedy="put the data in")
+    return rows
+
+
+def _photos(path: Path, number: int) -> tuple[str, str]:
+    """Names of the left and right photo."""
+    left, dash, right = path.stem.partition("-")
+    if dash and is_valid(left) and is_valid(right) and left != right:
+        return left, right
+    return str(number + 1), str(number + 2)
+
+
+def _interior(row: TextLine, before: list[float]) -> list[float]:
+    """Principal distance, x0, y0, the same in all files."""
+    if len(row.words) not in (1, 3):
+        raise row.error(
+            f"{len(row.words)} words where the interior elements should be", "write `c` or `c x0 y0`, in mm"
+        )
+    values = [row.number(k) for k in range(len(row.words))]
+    values += [0.0] * (3 - len(values))
+    if values[0] <= 0:
+        raise row.error(f"principal distance {values[0]:g}", "it is in mm and positive")
+    if before and before != values:
+        raise row.error(f"interior elements {values}, the files before have {before}", "one camera took a strip")
+    return values
+
+
+def _add(
+    row: TextLine, photos: tuple[str, str], unit_mm: float, measured: dict[tuple[str, str], tuple[Place, TextLine]]
+) -> None:
+    """A point pair."""
+    if len(row.words) != 5:
+        raise row.error(f"{len(row.words)} words", "each line is `point x1 y1 x2 y2`")
+    point = _id(row)
+    places = [(row.number(k) * unit_mm, row.number(k + 1) * unit_mm) for k in (1, 3)]
+    for photo, place in zip(photos, places):
+        if (photo, point) not in measured:
+            measured[photo, point] = place, row
+            continue
+        other, entry = measured[photo, point]
+        if entry.path == row.path:
+            raise row.error(f"point {point} twice, first in line {entry.line}", "remove one")
+        if max(abs(a - b) for a, b in zip(place, other)) > 0.5 * unit_mm:
+            raise row.error(
+                f"point {point} of photo {photo} has other coordinates than in {entry.path.name}:{entry.line}",
+                "measure a photo once, or give the points of one of the files another number",
+            )
+
+
+def _id(row: TextLine) -> str:
+    if not is_valid(row.words[0]):
+        raise row.error(f"{clipped(row.words[0])!r} is no id", "use letters, digits and signs")
+    return row.words[0]
+
+
+def _camera(interior: list[float]) -> Cameras:
+    c, x0, y0 = interior
+    unknown = np.full((1, 2), np.nan)
+    return Cameras(
+        id=texts([CAMERA]), kind=texts(["film"]), image_coordinates=texts(["photo"]), pixel_size_mm=unknown,
+        pixel_origin=texts([""]), pixel_y=texts([""]), format=unknown, principal_distance_mm=np.array([c]),
+        principal_point_mm=np.array([[x0, y0]]), symmetry_point_mm=np.zeros((1, 2)), distortion=texts(["none"]),
+        lever_arm_m=np.zeros((1, 3)), boresight_rad=np.zeros((1, 3)), mount_deg=np.zeros(1, np.int32),
+    )  # fmt: skip
+
+
+def _images(images: list[str], order: list[str]) -> Images:
+    n, blank = len(images), texts([""] * len(images))
+    return Images(
+        id=texts(images), camera=np.zeros(n, np.int32), strip=np.zeros(n, np.int32),
+        sequence=np.array([order.index(i) + 1.0 for i in images]), time_s=np.full(n, np.nan), flight=blank,
+        session=blank, rig=blank, member=blank, active=np.ones(n, bool), file=np.zeros(n, np.int32),
+        line=np.ones(n, np.int32),
+    )  # fmt: skip
+
+
+def _image_points(
+    measured: dict[tuple[str, str], tuple[Place, TextLine]], images: list[str], points: list[str], paths: list[Path],
+    sigma_mm: float,
+) -> ImagePoints:  # fmt: skip
+    n, entries = len(measured), [entry for _, entry in measured.values()]
+    image, point = rows_of([i for i, _ in measured], images), rows_of([p for _, p in measured], points)
+    table = ImagePoints(
+        image=image, point=point,
+        xy=np.array([place for place, _ in measured.values()]).reshape(n, 2), sigma_mm=np.full((n, 2), sigma_mm),
+        group=texts([""] * n), active=np.ones(n, bool), row_time_s=np.full(n, np.nan),
+        file=np.array([paths.index(e.path) for e in entries], np.int32),
+        line=np.array([e.line for e in entries], np.int32),
+    )  # fmt: skip
+    return table.take(image_point_order(table))
+
+
+def _ground(known: list[tuple[TextLine, int]], points: list[str], paths: list[Path], sigma_m: float) -> GroundPoints:
+    found: dict[str, tuple[TextLine, int]] = {}
+    for entry, role in known:
+        if len(entry.words) != 4:
+            raise entry.error(f"{len(entry.words)} words", "each line is `point X Y Z`")
+        if _id(entry) in found:
+            raise entry.error(f"point {entry.words[0]} twice", "remove one")
+        found[entry.words[0]] = entry, role
+    names, n = canonical(found), len(found)
+    return GroundPoints(
+        point=rows_of(names, points),
+        xyz_m=np.array([[found[p][0].number(k) for k in (1, 2, 3)] for p in names]).reshape(n, 3),
+        covariance_m2=np.tile(np.eye(3) * sigma_m**2, (n, 1, 1)),
+        role=np.array([[found[p][1]] * 3 for p in names], np.int32).reshape(n, 3), datum=np.zeros(n, bool),
+        file=np.array([paths.index(found[p][0].path) for p in names], np.int32),
+        line=np.array([found[p][0].line for p in names], np.int32),
+    )  # fmt: skip

@@ -1,0 +1,76 @@
+"""Many runs in groups: those that change the same stages stand together, and what changes most comes first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from aatri.pipeline.plan.compare import Compared
+from aatri.pipeline.plan.reasons import flat
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Runs that differ from the first one by the methods or options of the same stages.
+
+    Attributes
+    ----------
+    stages : tuple of str
+        Whose method or options differ; none for runs that differ by their inputs, code or versions alone.
+    runs : tuple of Compared
+    """
+
+    stages: tuple[str, ...]
+    runs: tuple[Compared, ...]
+
+
+def axes(runs: Sequence[Compared]) -> list[Axis]:
+    """The runs after the first, grouped by the stages that they change, in the order of the first run's stages."""
+    first = runs[0]
+    found: dict[tuple[str, ...], list[Compared]] = {}
+    for run in runs[1:]:
+        found.setdefault(tuple(s for s in first.stages if _differs(first, run, s)), []).append(run)
+    place = {stage: k for k, stage in enumerate(first.stages)}
+    order = sorted(found, key=lambda stages: [place[s] for s in stages])
+    return [Axis(stages, tuple(found[stages])) for stages in order]
+
+
+def changed_settings(first: Compared, run: Compared) -> list[str]:
+    """Methods and options of a run that are not those of the first: `stage.option: one -> other`.
+
+    Where the method is another one, its options are not those of the first and are not listed.
+    """
+    told = []
+    for stage in first.stages:
+        one, other = _settings(first, stage), _settings(run, stage)
+        if one is None or other is None:
+            continue
+        if one["use"] != other["use"]:
+            told.append(f"{stage}: {one['use']} -> {other['use']}")
+            continue
+        names = dict.fromkeys((*one, *other))
+        told += [f"{stage}.{n}: {one.get(n)} -> {other.get(n)}" for n in names if one.get(n) != other.get(n)]
+    return told
+
+
+def seconds_until(run: Compared, stage: str) -> float:
+    """Seconds of a stage and of all that it was made from, each counted once, as they were when made."""
+    waiting, seen = [stage], set()
+    while waiting:
+        name = waiting.pop()
+        if name in run.records and name not in seen:
+            seen.add(name)
+            waiting += [str(source["stage"]) for source in run.records[name]["inputs"].values()]
+    return float(sum(run.records[name]["seconds"] for name in seen))
+
+
+def _differs(first: Compared, run: Compared, stage: str) -> bool:
+    """Whether both have made a stage, with other settings."""
+    one, other = _settings(first, stage), _settings(run, stage)
+    return one is not None and other is not None and one != other
+
+
+def _settings(run: Compared, stage: str) -> dict[str, object] | None:
+    """Method and options of a stage, flat; None where the run did not make it."""
+    record = run.records.get(stage)
+    return None if record is None else {"use": record["plugin"], **flat(record["options"])}

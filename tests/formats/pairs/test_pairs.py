@@ -1,0 +1,82 @@
+"""Pair files: interior elements and point pairs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.errors import InputError
+from aatri.formats.pairs.reader import read_pairs
+from aatri.stages.block.pairs import PairsOptions, pairs
+from aatri.stages.interior_orientation.calibrated import calibrated
+from aatri.stages.relative_orientation.dependent import dependent
+
+FIRST = (
+    "153.033 0.01 -0.02\n# point x1 y1 x2 y2\n11 100000 200000 -700000 210000\n12, 50000, -3000, -760000, -1500\n"
+    "14 1000 2000 -800000 2500\n"
+)
+
+
+def folder(where: Path, **files: str) -> Path:
+    where.mkdir(exist_ok=True)
+    for name, text in files.items():
+        (where / f"{name}.dat").write_text(text)
+    return where
+
+
+def test_models_of_a_strip_share_their_photos(tmp_path: Path) -> None:
+    """Unit 0.1 um, as in the lecture notes' program."""
+    made = folder(
+        tmp_path / "strip",
+        m1=FIRST,
+        m2="153.033 0.01 -0.02\n12 -760000 -1500 -900000 4000\n15 1 2 -800000 3\n16 5 6 -800000 7\n",
+    )
+    (tmp_path / "control.txt").write_text("12 446000.5 4505000.25 12.5\n")
+    block = read_pairs(made, unit_um=0.1, image_sigma_um=5.0, control=tmp_path / "control.txt")
+    assert block.images.id.tolist() == ["1", "2", "3"]
+    assert block.images.sequence.tolist() == [1, 2, 3]
+    assert block.cameras.principal_distance_mm.tolist() == [153.033]
+    assert block.cameras.principal_point_mm.tolist() == [[0.01, -0.02]]
+    m = block.image_points
+    of = {(block.images.id[i], block.points.id[p]): xy for i, p, xy in zip(m.image, m.point, m.xy)}
+    assert len(of) == 11
+    assert of["2", "12"] == pytest.approx([-76.0, -0.15])
+    assert of["3", "12"] == pytest.approx([-90.0, 0.4])
+    assert m.sigma_mm == pytest.approx(np.full((11, 2), 0.005))
+    assert block.ground_points.xyz_m.tolist() == [[446000.5, 4505000.25, 12.5]]
+
+
+@pytest.mark.parametrize(
+    ("second", "told"),
+    [
+        ("153.033 0.01 -0.02\n12 -760010 -1500 0 0\n", "other coordinates than in m1.dat:4"),
+        ("152 0 0\n12 -760000 -1500 0 0\n", "the files before have"),
+        ("153.033 0.01 -0.02\n13 1 2 3\n", "4 words"),
+        ("153.033 0.01\n", "interior elements should be"),
+        ("153.033 0.01 -0.02\n13 1 2 3 4\n13 1 2 3 4\n", "twice, first in line 2"),
+    ],
+)
+def test_what_contradicts_is_named_with_its_line(tmp_path: Path, second: str, told: str) -> None:
+    with pytest.raises(InputError) as error:
+        read_pairs(folder(tmp_path / "strip", m1=FIRST, m2=second), unit_um=0.1, image_sigma_um=5.0)
+    assert told in str(error.value)
+
+
+def test_a_real_pair_is_oriented_as_the_block_reader_has_it(shared_data: Path, tmp_path: Path) -> None:
+    """Photos 319 and 320 of rc30_2x3, written as a pair file."""
+    data = shared_data / "rc30_2x3" / "Data" / "relative_orientation"
+    left, right = ([line.split() for line in (data / f"{n}.txt").read_text().splitlines() if line.strip()]
+                   for n in ("0319", "0320"))  # fmt: skip
+    of = {row[0]: row[1:] for row in right[1:]}
+    lines = [" ".join(left[0][:3]), *(" ".join([*row, *of[row[0]]]) for row in left[1:])]
+    made = folder(tmp_path / "strip", **{"319-320": "\n".join(lines)})
+    block = pairs(options=PairsOptions(path=made))
+    models = dependent(block, calibrated(block))
+    assert models.orientations.id.tolist() == ["319-320"]
+    assert models.elements is not None
+    value = dict(zip(models.elements.name.tolist(), models.elements.value.tolist()))
+    # Answer of the student program beside the data, to four digits; its angles turn the other way round.
+    expected = {"phi2": -0.0006, "omega2": 0.0035, "kappa2": -0.0007}
+    assert {k: value[k] for k in expected} == pytest.approx(expected, abs=5.1e-5)
