@@ -44,7 +44,7 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
     Returns
     -------
     (k,) float64
-        NaN where a scalar has no members.
+        NaN where a scalar has no members or no error.
     """
     problem, state = adjusted.problem, adjusted.state
     factored = adjusted.factored or factorise_constrained(problem, state)
@@ -63,7 +63,9 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
         if W:
             Cz -= W[group][rows, scalar] @ (W[group][rows, scalar].T @ z)
         trace = float((variance + others)[rows, scalar].sum())
-        found[scalar] = trace**2 / (weight * float((Cz**2).sum()))
+        square = weight * float((Cz**2).sum())
+        if square > 0:  # held scalars have no errors
+            found[scalar] = trace**2 / square
     return found
 
 
