@@ -78,6 +78,12 @@ def ground_targets(
     GeometryError
         If the images overlap too little for the points asked for.
     """
+    if known.layout and planned:
+        raise GeometryError(
+            "known.layout leaves no place for points of relative control",
+            where="options of block/simulate",
+            remedy="leave out known.layout or the figures of `survey`",
+        )
     if known.layout:
         return _laid_out(photography, targets.standard_rows(plan), ground, known.layout)
     low, high = targets.extent(plan)
@@ -154,7 +160,8 @@ def _laid_out(photography: Photography, rows: list[Float], ground: Ground, layou
             remedy="raise flight.forward_overlap above 50 percent, or leave them out: -",
         )
     new = int((letters == "o").sum())
-    return GroundTargets(_ids(new, 0, len(order) - new), local, role, rays)
+    none = np.zeros(len(order), dtype=bool)
+    return GroundTargets(_ids(new, 0, len(order) - new), local, role, rays, [], none)
 
 
 def _roles(role: int, full: int, plan: int, height: int) -> Int:

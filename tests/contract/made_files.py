@@ -27,6 +27,8 @@ def colmap_model(folder: Path) -> Path:
 def pair_files(folder: Path) -> Path:
     """Two models of three photos."""
     folder.mkdir()
-    (folder / "1-2.dat").write_text("153.0 0.0 0.0\n1 90.0 80.0 -2.0 81.0\n2 90.0 -80.0 -2.0 -79.0\n")
-    (folder / "2-3.dat").write_text("153.0 0.0 0.0\n1 -2.0 81.0 -94.0 80.5\n3 40.0 3.0 -52.0 3.5\n")
+    first = ("11 90 80 -2 81", "12 90 -80 -2 -79", "13 88 3 -4 2", "14 50 40 -42 41", "15 2 70 -90 69")
+    second = ("11 -2 81 -94 80.5", "12 -2 -79 -94 -79.5", "21 40 3 -52 3.5", "22 60 60 -32 61", "23 20 -60 -72 -59")
+    for name, rows in (("1-2", first), ("2-3", second)):
+        (folder / f"{name}.dat").write_text("\n".join(["153.0 0.0 0.0", *rows]))
     return folder
