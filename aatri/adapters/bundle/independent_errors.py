@@ -20,7 +20,7 @@ MOST_POINTS = 200_000
 def independent_errors_table(block: Block, result: BundleResult) -> IndependentErrors | None:
     """Counts for what is compared with the truth or with check points; None where there is neither, nor covariances.
 
-    Points of known images have errors of their own, nothing is to be counted; held points have none.
+    Held points have no errors, and are not counted.
 
     Parameters
     ----------
@@ -31,9 +31,7 @@ def independent_errors_table(block: Block, result: BundleResult) -> IndependentE
     variance = np.einsum("nii->ni", result.covariances[POINT])
     known = np.isfinite(variance) & (variance > 0) & np.isfinite(result.xyz_m)
     adjusted = result.adjusted
-    if not (known.any() and result.image_adjusted.any()) or len(known) > MOST_POINTS:
-        return None
-    if result.free is not None or adjusted.down_weighted:
+    if not known.any() or len(known) > MOST_POINTS or result.free is not None or adjusted.down_weighted:
         return None
     nothing = np.zeros_like(variance)
     counts: dict[str, Float] = {}
