@@ -184,9 +184,7 @@ def _makes_no_progress(process: subprocess.Popen[bytes], output: Path, limit_s: 
 def _is_mirror(test: str, file: str) -> bool:
     """Whether a test lies in the room of tests that mirrors the file's own."""
     room = Path(file).parent.as_posix().removeprefix("aatri/").removesuffix("/kernels")
-    return (Path(test).parent.as_posix() + "/").startswith(
-        f"tests/{room.split('/')[0] if room[:6] == 'stages' else room}/"
-    )
+    return (Path(test).parent.as_posix() + "/").startswith(f"tests/{room}/")
 
 
 def _sources(tree: Path) -> list[str]:
