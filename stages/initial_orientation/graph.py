@@ -94,8 +94,9 @@ def graph(
     pairs, _ = graph_of(models, options.min_points)
     if not len(pairs.left):
         raise GeometryError(
-            f"no two images have {options.min_points} points in common that fit",
-            remedy="measure more points that several images have in common; check the ids of images and points",
+            f"no two images have {options.min_points} points in common that fit, seen along a base",
+            remedy="measure more points that several images have in common; check the ids of images and points; images "
+            "all taken at one place make no model",
         )
     given, inside = block, in_tangent_frame(block)
     block = inside.block

@@ -205,7 +205,7 @@ def solve_tied(
         full = solved.state
     raise ConvergenceError(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
-        remedy="look for wrong point numbers in the largest discrepancies",
+        remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit",
     )
 
 
