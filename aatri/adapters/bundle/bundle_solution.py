@@ -39,7 +39,7 @@ def bundle_solution(
 ) -> Solution:  # fmt: skip
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted
-    independent = independent_errors_table(block, result)
+    independent = independent_errors_table(block, result, tests=tests)
     result = without_absent(result_out_of(given.given.frame if given.given else None, result))
     per_image, per_point, rms_sigma_um = _image_points(given, result)
     state = adjusted.state

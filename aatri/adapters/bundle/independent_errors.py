@@ -13,34 +13,36 @@ from aatri.orientation.bundle.result import BundleResult
 
 NEW_POINTS, CHECK_POINTS = "new", "check"
 
-MOST_POINTS = 200_000
-"""Beyond this the count is not worth its memory: the errors are many."""
+MOST_POINTS, MOST_WITH_TESTS = 5_000, 200_000
+"""Beyond this the errors are many and the count not worth its time, or, where observations are tested, its memory."""
 
 
-def independent_errors_table(block: Block, result: BundleResult) -> IndependentErrors | None:
-    """Counts for what is compared with the truth or with check points; None where there is neither, nor covariances.
+def independent_errors_table(block: Block, result: BundleResult, *, tests: bool) -> IndependentErrors | None:
+    """Counts of the points that are no control and of the check points; None without their covariances.
 
-    Held points have no errors, and are not counted.
+    Held points have no errors, and are not counted. Whether a truth is known makes no difference: it changes nothing.
 
     Parameters
     ----------
     block : Block
     result : BundleResult
         In the frame of the adjustment.
+    tests : bool
+        Observations are tested too.
     """
     variance = np.einsum("nii->ni", result.covariances[POINT])
     known = np.isfinite(variance) & (variance > 0) & np.isfinite(result.xyz_m)
     adjusted = result.adjusted
-    if not known.any() or len(known) > MOST_POINTS or result.free is not None or adjusted.down_weighted:
+    most = MOST_WITH_TESTS if tests else MOST_POINTS
+    if not known.any() or len(known) > most or result.free is not None or adjusted.down_weighted:
         return None
     nothing = np.zeros_like(variance)
     counts: dict[str, Float] = {}
     ground = block.ground_points
-    if block.true_points is not None:
-        new = np.zeros(len(known), dtype=bool)
-        new[block.true_points.point] = True
-        new[ground.point[(ground.role == CONTROL).any(axis=1)]] = False
-        members = (new & known.all(axis=1))[:, None] & np.ones(3, dtype=bool)
+    new = known.all(axis=1)
+    new[ground.point[(ground.role == CONTROL).any(axis=1)]] = False
+    if new.any():
+        members = new[:, None] & np.ones(3, dtype=bool)
         counts[NEW_POINTS] = independent_errors(adjusted, POINT, members, variance, nothing)
     check = np.zeros_like(known)
     check[ground.point] = ground.role == CHECK

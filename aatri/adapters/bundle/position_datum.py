@@ -28,6 +28,8 @@ SIGNIFICANT = 5.0
 """Shifts beyond so many standard deviations are told."""
 BETTER = 0.5
 """Share of sigma0 that is left, where gross errors keep it from being as expected."""
+MANY = 0.1
+"""A constant contradicts most positions, and control with them: a larger share than this is rejected."""
 FEWEST = 3
 
 
@@ -82,6 +84,10 @@ def _contradicted(done: BundleInput, result: BundleResult) -> bool:
     kinds = {o.kind for o in done.observed if len(o)}
     if not {POSITION, CONTROL} <= kinds or result.adjusted.down_weighted:
         return False
-    rejected = any(o.rejected is not None and o.rejected.any() for o in done.observed if o.kind in (POSITION, CONTROL))
+    rejected = any(
+        o.rejected is not None and np.count_nonzero(o.rejected) > MANY * len(o)
+        for o in done.observed
+        if o.kind in (POSITION, CONTROL)
+    )
     test = global_test(result.adjusted.sigma0, result.adjusted.redundancy)
     return rejected or test.sigma0 > test.high

@@ -22,8 +22,12 @@ from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
 from aatri.arrays import Bool, Float
 
-VECTORS = 64
-"""Random vectors for sets larger than this: the count is right to some 18 %, of many independent errors far better."""
+EXACT = 64
+"""Sets up to this size are taken unit vector by unit vector."""
+
+VECTORS = 8
+"""Random vectors for larger sets, each a solve: the count is right to at most 50 %, of n independent errors to about
+50 % / sqrt(n / 2); limits of a ratio go with its root."""
 
 
 def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: Float, others: Float) -> Float:
@@ -71,6 +75,6 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
 
 def _vectors(n: int) -> tuple[Float, float]:
     """Unit vectors, or random signs and the weight of each."""
-    if n <= VECTORS:
+    if n <= EXACT:
         return np.eye(n), 1.0
     return np.random.default_rng(0).choice([-1.0, 1.0], size=(n, VECTORS)), 1.0 / VECTORS
