@@ -43,10 +43,10 @@ def simulated(seed: int = 1, **options: object) -> Block:
     return simulate(options=SimulateOptions(**options), rng=np.random.default_rng(seed))  # type: ignore[arg-type]
 
 
-def run_chain(block: Block, bundle_options: BundleOptions = BundleOptions()) -> Chain:  # noqa: B008
-    """All stages on a block of film or digital images with all corrections."""
+def run_chain(block: Block, bundle_options: BundleOptions = BundleOptions(), *, refraction: bool = True) -> Chain:  # noqa: B008
+    """All stages on a block of film or digital images with all corrections, refraction where the block has it."""
     interior = affine(block) if (block.cameras.kind == "film").any() else calibrated(block)
-    refined = systematic(block, interior)
+    refined = systematic(block, interior, options=SystematicOptions(refraction=refraction))
     return _from_refined(block, interior, refined, bundle_options)
 
 

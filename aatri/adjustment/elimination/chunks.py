@@ -43,7 +43,7 @@ def linearised(problem: IndexedProblem, fill: Fill, some: Stretch) -> Iterator[C
         fill(first, last, v, J)
         kept = [j for j, block in zip(J, is_block) if not block]
         A = kept[0] if len(kept) == 1 else np.concatenate(kept, axis=2)
-        if any_held:
+        if any_held and last > first:
             A = A * (part_columns(rays.parts, problem.layout, slice(first, last)) >= 0)[:, None, :]
         yield p0, p1, v, np.ascontiguousarray(A), next(j for j, block in zip(J, is_block) if block)
         p0 = p1

@@ -194,7 +194,7 @@ def of_node(problem: IndexedProblem, k: int, number: int = 0) -> list[Stretch]:
     start = rays.ray_start[p0 : p1 + 1]
     count = int(start[-1] - start[0])
     parts = -(-count // STRETCH)
-    if parts == 1:
+    if parts <= 1:  # none: points without any ray in use
         return [Stretch(number, k, p0, p1)]
     cuts = p0 + np.searchsorted(start, start[0] + count * np.arange(parts + 1) // parts)
     cuts = np.unique(np.clip(cuts, p0, p1)).tolist()

@@ -18,7 +18,7 @@ _POSE = ("X0", "Y0", "Z0")
 
 _DATUM = (
     "of the three coordinates of three points off one line seven fix a block: give control, observed positions or, for "
-    "the scale, a distance; or set `datum: free`"
+    "the scale, a distance; or set `datum: minimal` or `datum: free`"
 )
 _PART = "too few points join it to the rest: measure more of them, or give control or positions in it"
 _TURN = "control on one line (or two points) leaves the turn about it open: give a height away from it, or positions"
