@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.records import whitened
 from aatri.adjustment.statistics.global_test import global_test
 from aatri.errors import AatriError
 from aatri.notes import Note
@@ -30,6 +31,8 @@ BETTER = 0.5
 """Share of sigma0 that is left, where gross errors keep it from being as expected."""
 MANY = 0.1
 """A constant contradicts most positions, and control with them: a larger share than this is rejected."""
+MISFIT = 1.5
+"""Or their residuals are so many times their standard deviations; each adjustment more costs what the first did."""
 FEWEST = 3
 
 
@@ -84,10 +87,12 @@ def _contradicted(done: BundleInput, result: BundleResult) -> bool:
     kinds = {o.kind for o in done.observed if len(o)}
     if not {POSITION, CONTROL} <= kinds or result.adjusted.down_weighted:
         return False
-    rejected = any(
-        o.rejected is not None and np.count_nonzero(o.rejected) > MANY * len(o)
-        for o in done.observed
-        if o.kind in (POSITION, CONTROL)
-    )
-    test = global_test(result.adjusted.sigma0, result.adjusted.redundancy)
-    return rejected or test.sigma0 > test.high
+    for o in done.observed:
+        if o.kind not in (POSITION, CONTROL) or not len(o):
+            continue
+        used = np.flatnonzero(o.records.active)
+        if o.rejected is not None and np.count_nonzero(o.rejected) > MANY * len(o):
+            return True
+        if len(used) and float(np.mean(whitened(o.records, result.adjusted.state, used)[0] ** 2)) > MISFIT**2:
+            return True
+    return False
