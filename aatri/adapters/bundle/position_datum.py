@@ -32,7 +32,7 @@ BETTER = 0.5
 MANY = 0.1
 """A constant contradicts most positions, and control with them: a larger share than this is rejected."""
 MISFIT = 1.5
-"""Or their residuals are so many times their standard deviations; each adjustment more costs what the first did."""
+"""Or their residuals, or those of all, are so many times their standard deviations; looking costs an adjustment."""
 FEWEST = 3
 
 
@@ -95,4 +95,4 @@ def _contradicted(done: BundleInput, result: BundleResult) -> bool:
             return True
         if len(used) and float(np.mean(whitened(o.records, result.adjusted.state, used)[0] ** 2)) > MISFIT**2:
             return True
-    return False
+    return result.adjusted.sigma0 > MISFIT
