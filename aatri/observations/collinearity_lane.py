@@ -12,9 +12,9 @@ from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.camera_models import CameraRows, compared
-from aatri.observations.kernels.camera_frame import brown, into_camera, out_of_camera
+from aatri.observations.kernels.camera_frame import into_camera, out_of_camera
+from aatri.observations.kernels.camera_models import brown, opencv
 from aatri.observations.kernels.collinearity import in_front, linearise
-from aatri.observations.kernels.opencv import opencv
 from aatri.observations.poses import POINT, POSE, Poses
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
-"""Rays of cameras with models of their own: into the axes of the camera, through Brown's model, and back out.
+"""Rays of cameras with models of their own: into the axes of the camera, and back out.
 
-The camera model stands between two kernels: u = R'(X - X0) before it, and the chain rule after it. Brown's, the model
-of most self-calibrations, is compiled too; its equations are those of `aatri.camera.models.calibration`.
+The camera model stands between two kernels: u = R'(X - X0) before it, and the chain rule after it. Those that are
+compiled too are in `camera_models`.
 """
 
 from __future__ import annotations
@@ -51,62 +51,3 @@ def out_of_camera(first, last, image, point, X0, R, X, weight, by_u, by_pose, by
             by_pose[r, e, 3] = q1 * dz - q2 * dy
             by_pose[r, e, 4] = q2 * dx - q0 * dz
             by_pose[r, e, 5] = q0 * dy - q1 * dx
-
-
-@njit(
-    "void(int64, int64, int32[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1], "
-    "float64[:,:,::1], float64[:,:,::1])",
-    nogil=True,
-    cache=True,
-    error_model="numpy",
-)
-def brown(first, last, block, xy, parameters, u, v, by_u, by_camera):
-    """Residuals of Brown's model (c x0 y0 as k1 k2 k3 p1 p2 b1 b2) and derivatives to u and to the parameters.
-
-    Parameters
-    ----------
-    block : (n,) int32
-        Row of parameters of each ray.
-    xy : (n, 2) float64, mm
-    parameters : (n_blocks, s) float64, s from 11 on
-    u : (last - first, 3) float64
-    v : (last - first, 2) float64, mm
-    by_u : (last - first, 2, 3) float64
-    by_camera : (last - first, 2, s) float64
-        Filled in; columns from the twelfth on are zero.
-    """
-    for k in range(first, last):
-        r, g = k - first, parameters[block[k]]
-        c, stretch = g[0], 1.0 + g[3]
-        k1, k2, k3, p1, p2, b1, b2 = g[4], g[5], g[6], g[7], g[8], g[9], g[10]
-        s, y = xy[k, 0] - g[1], xy[k, 1] - g[2]
-        x = stretch * s
-        r2 = x * x + y * y
-        r4 = r2 * r2
-        r6 = r4 * r2
-        radial = k1 * r2 + k2 * r4 + k3 * r6
-        slope = 2.0 * (k1 + 2.0 * k2 * r2 + 3.0 * k3 * r4)
-        px, py = -u[r, 0] / u[r, 2], -u[r, 1] / u[r, 2]
-        dx = x * radial + p1 * (r2 + 2.0 * x * x) + 2.0 * p2 * x * y + b1 * x + b2 * y
-        dy = y * radial + p2 * (r2 + 2.0 * y * y) + 2.0 * p1 * x * y
-        v[r, 0], v[r, 1] = c * px - (x + dx), c * py - (y + dy)
-        by_u[r, 0, 0], by_u[r, 0, 1], by_u[r, 0, 2] = -c / u[r, 2], 0.0, -c * px / u[r, 2]
-        by_u[r, 1, 0], by_u[r, 1, 1], by_u[r, 1, 2] = 0.0, -c / u[r, 2], -c * py / u[r, 2]
-        xx = 1.0 + radial + slope * x * x + 6.0 * p1 * x + 2.0 * p2 * y + b1
-        xy_ = slope * x * y + 2.0 * p1 * y + 2.0 * p2 * x + b2
-        yx = slope * x * y + 2.0 * p2 * x + 2.0 * p1 * y
-        yy = 1.0 + radial + slope * y * y + 6.0 * p2 * y + 2.0 * p1 * x
-        J = by_camera[r]
-        J[0, 0], J[1, 0] = px, py
-        J[0, 1], J[1, 1] = stretch * xx, stretch * yx
-        J[0, 2], J[1, 2] = xy_, yy
-        J[0, 3], J[1, 3] = -s * xx, -s * yx
-        J[0, 4], J[1, 4] = -x * r2, -y * r2
-        J[0, 5], J[1, 5] = -x * r4, -y * r4
-        J[0, 6], J[1, 6] = -x * r6, -y * r6
-        J[0, 7], J[1, 7] = -(r2 + 2.0 * x * x), -2.0 * x * y
-        J[0, 8], J[1, 8] = -2.0 * x * y, -(r2 + 2.0 * y * y)
-        J[0, 9], J[1, 9] = -x, 0.0
-        J[0, 10], J[1, 10] = -y, 0.0
-        for j in range(11, J.shape[1]):
-            J[0, j], J[1, j] = 0.0, 0.0
