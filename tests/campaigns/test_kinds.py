@@ -30,7 +30,7 @@ def test_each_kind_alone_is_as_accurate_as_its_covariances_say(case: str) -> Non
 
 @pytest.mark.slow
 def test_large_gross_errors_of_every_kind_are_found() -> None:
-    """Of geodetic observations and relative control of a well surveyed block: those above twice the detectable error."""
+    """Of geodetic observations and relative control of a surveyed block: those above twice the detectable error."""
     missed: list[tuple[int, str, int, float]] = []
     count = 0
     for seed in range(1, 4):
