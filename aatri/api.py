@@ -136,7 +136,7 @@ def open_run(path: str | Path) -> Run:
     SpecError, ArtifactError
         If there is none.
     """
-    from aatri.cli.locate import find_run
+    from aatri.cli.arguments.locate import find_run
     from aatri.pipeline.store import run_folder as store
 
     found = find_run(Path(path))
@@ -170,8 +170,8 @@ def run_pipeline(
     AatriError
         What is wrong with the pipeline, or the errors of stages that failed.
     """
-    from aatri.cli.narrator import Narrator
-    from aatri.cli.planning import Request, open_request
+    from aatri.cli.arguments.planning import Request, open_request
+    from aatri.cli.terminal.narrator import Narrator
     from aatri.pipeline.run import runner
     from aatri.report.page import write_report
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.console import reports_errors, say
-from aatri.cli.plugins_option import LocalPlugins
+from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.terminal.console import reports_errors, say
 
 
 @reports_errors
@@ -19,7 +19,7 @@ def accept(
     local_plugins: LocalPlugins = False,
 ) -> None:
     """Let results stand in spite of changed code. Written down, with the reason; nothing is removed."""
-    from aatri.cli.planning import open_run
+    from aatri.cli.arguments.planning import open_run
     from aatri.errors import SpecError
     from aatri.pipeline.plan.plan import State, select
     from aatri.pipeline.store import run_folder as store

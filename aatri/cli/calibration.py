@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.console import narrate, say, say_table
+from aatri.cli.terminal.console import narrate, say, say_table
 
 if TYPE_CHECKING:
     from aatri.artifacts.solution import Parameters, Solution
@@ -35,7 +35,7 @@ def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
 
 def say_parameters(stage: str, solution: Solution) -> None:
     """The table of parameters, and pairs that the data hardly separate."""
-    from aatri.cli.figures import number
+    from aatri.cli.terminal.figures import number
     from aatri.formats.results.parameter_units import parameter_units
     from aatri.formats.results.solution_tables import removed_parameters
 

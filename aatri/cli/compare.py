@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.completion import complete_run
-from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import SpecError
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ def compare(
 
     More than two runs: accuracies, theory and seconds, then what each group of runs changes, most first.
     """
-    from aatri.cli.compare_tables import say_side_by_side, shown_value
-    from aatri.cli.locate import find_run
+    from aatri.cli.arguments.locate import find_run
+    from aatri.cli.terminal.compare_tables import say_side_by_side, shown_value
     from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run, relative_spread
     from aatri.pipeline.store.inside import VARIANTS, names_in
 
@@ -77,7 +77,7 @@ def _names(folders: list[Path]) -> list[str]:
 
 
 def _say_values(what: str, names: list[str], rows: list[tuple[str, list[Any]]], otherwise: str) -> None:
-    from aatri.cli.compare_tables import shown_value
+    from aatri.cli.terminal.compare_tables import shown_value
 
     if rows:
         say_table((what, *names), [[name, *map(shown_value, row)] for name, row in rows], names)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aatri.cli.console import reports_errors, say, say_json, say_table
-from aatri.cli.plugins_option import LocalPlugins
+from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
-    from aatri.cli.planning import Opened
+    from aatri.cli.arguments.planning import Opened
     from aatri.pipeline.plan.plan import Plan
 
 
@@ -23,8 +23,8 @@ def dag(
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Show the stages with their inputs; ports that are given but not used are in brackets."""
+    from aatri.cli.arguments.planning import open_run
     from aatri.cli.plan_table import plain_decision
-    from aatri.cli.planning import open_run
 
     opened = open_run(run, local_plugins=local_plugins)
     plan = opened.plan()

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.completion import complete_run, complete_stage, complete_variant
-from aatri.cli.console import narrate, reports_errors, say
-from aatri.cli.plugins_option import LocalPlugins
+from aatri.cli.arguments.completion import complete_run, complete_stage, complete_variant
+from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.terminal.console import narrate, reports_errors, say
 
 Several = list[str] | None
 
@@ -31,9 +31,9 @@ def exec_(
 ) -> None:
     """Make one stage whose inputs are up to date, beside other jobs on other stages of the run."""
     del debug  # for reports_errors
-    from aatri.cli.locate import in_folder
-    from aatri.cli.narrator import Narrator
-    from aatri.cli.planning import Request, open_request, open_run
+    from aatri.cli.arguments.locate import in_folder
+    from aatri.cli.arguments.planning import Request, open_request, open_run
+    from aatri.cli.terminal.narrator import Narrator
     from aatri.pipeline.plan.plan import Selection, select
     from aatri.pipeline.run.runner import How
     from aatri.pipeline.run.single import make_stage

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.completion import complete_run_stage
-from aatri.cli.console import narrate, reports_errors, say
-from aatri.cli.locate import Run, find_run, split_stage
+from aatri.cli.arguments.completion import complete_run_stage
+from aatri.cli.arguments.locate import Run, find_run, split_stage
+from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ArtifactError, ResourceError, SpecError
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def _refuse_links(folder: Path) -> None:
 
 
 def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
-    from aatri.cli.planning import open_run
+    from aatri.cli.arguments.planning import open_run
     from aatri.cli.slurm import script
 
     opened = open_run(run)

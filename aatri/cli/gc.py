@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.completion import complete_run
-from aatri.cli.console import reports_errors, say, say_json, say_table
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 
 @reports_errors
@@ -25,7 +25,7 @@ def gc(
     """Remove old results; what is current in the run or one of its variants always stays."""
     import datetime
 
-    from aatri.cli.locate import find_run
+    from aatri.cli.arguments.locate import find_run
     from aatri.pipeline.store.gc import garbage, remove
     from aatri.pipeline.store.lock import locked
 

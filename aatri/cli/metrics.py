@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.completion import complete_run
-from aatri.cli.console import reports_errors, say_json, say_table
-from aatri.cli.figures import number
-from aatri.cli.locate import find_run
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.locate import find_run
+from aatri.cli.terminal.console import reports_errors, say_json, say_table
+from aatri.cli.terminal.figures import number
 from aatri.errors import ArtifactError
 
 

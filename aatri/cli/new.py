@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.console import narrate, reports_errors, say
+from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.console import say, say_table
+from aatri.cli.terminal.console import say, say_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from aatri.cli.planning import Opened
+    from aatri.cli.arguments.planning import Opened
     from aatri.pipeline.plan.plan import Decision, Plan
     from aatri.pipeline.plan.reasons import Reason
 

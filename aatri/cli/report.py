@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.completion import complete_run
-from aatri.cli.console import reports_errors, say
-from aatri.cli.locate import find_run
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.locate import find_run
+from aatri.cli.terminal.console import reports_errors, say
 
 
 @reports_errors

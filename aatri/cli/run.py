@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.completion import complete_stage, complete_variant
-from aatri.cli.console import narrate, reports_errors, say, say_json
-from aatri.cli.plugins_option import LocalPlugins
+from aatri.cli.arguments.completion import complete_stage, complete_variant
+from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.terminal.console import narrate, reports_errors, say, say_json
 
 if TYPE_CHECKING:
-    from aatri.cli.planning import Opened
+    from aatri.cli.arguments.planning import Opened
     from aatri.pipeline.plan.plan import Selection
 
 TERMINATED = 143
@@ -71,8 +71,8 @@ def run(
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
     """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
-    from aatri.cli.locate import in_folder
-    from aatri.cli.planning import Request, open_request, open_run
+    from aatri.cli.arguments.locate import in_folder
+    from aatri.cli.arguments.planning import Request, open_request, open_run
     from aatri.errors import SpecError
     from aatri.pipeline.plan.plan import select
     from aatri.pipeline.run.workers import share_cores
@@ -116,7 +116,7 @@ def run(
 def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None) -> None:
     """The result of a run and where it lies."""
     from aatri.cli.calibration import say_calibration
-    from aatri.cli.figures import say_result
+    from aatri.cli.terminal.figures import say_result
 
     say_result(records)
     say_calibration(folder, records)
@@ -129,7 +129,7 @@ def _carry_out(
     opened: Opened, selection: Selection, how: dict[str, Any], *, quiet: bool, debug: bool
 ) -> tuple[list[dict[str, Any]], Path | None]:
     """Run; whatever ends it, write the report and say how to go on."""
-    from aatri.cli.narrator import Narrator
+    from aatri.cli.terminal.narrator import Narrator
     from aatri.errors import AatriError, ResourceError, SpecError
     from aatri.pipeline.run.runner import How, run_pipeline
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import typer
 
-from aatri.cli.compare_tables import say_side_by_side
-from aatri.cli.console import narrate, report_error, say
-from aatri.cli.planning import Opened, open_request
+from aatri.cli.arguments.planning import Opened, open_request
+from aatri.cli.terminal.compare_tables import say_side_by_side
+from aatri.cli.terminal.console import narrate, report_error, say
 from aatri.errors import AatriError
 from aatri.pipeline.plan.compare import read_run
 

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from aatri.cli.completion import complete_run_stage
-from aatri.cli.console import narrate, reports_errors, say, say_json, say_table
-from aatri.cli.locate import find_run, split_stage
+from aatri.cli.arguments.completion import complete_run_stage
+from aatri.cli.arguments.locate import find_run, split_stage
+from aatri.cli.terminal.console import narrate, reports_errors, say, say_json, say_table
 from aatri.errors import ArtifactError, SpecError
 
 MOST_ROWS = 20
@@ -35,7 +35,7 @@ def show(
     path = _file(what)
     header = read_header(path)
     if table:
-        from aatri.cli.show_values import say_values
+        from aatri.cli.terminal.show_values import say_values
 
         say_values(path, str(header["kind"]), table, None if all_rows else MOST_ROWS, json=json)
         return

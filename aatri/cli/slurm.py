@@ -10,7 +10,7 @@ from aatri.ids import printable
 from aatri.pipeline.run.command import arguments_of
 
 if TYPE_CHECKING:
-    from aatri.cli.planning import Opened
+    from aatri.cli.arguments.planning import Opened
 
 _HEAD = """\
 #!/usr/bin/env bash

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.console import reports_errors, say, say_json, say_table
-from aatri.cli.plugins_option import LocalPlugins, local_stages
+from aatri.cli.arguments.plugins_option import LocalPlugins, local_stages
+from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import PluginError
 
 if TYPE_CHECKING:

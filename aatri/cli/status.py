@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.completion import complete_run
-from aatri.cli.console import reports_errors, say, say_json, say_table
-from aatri.cli.plugins_option import LocalPlugins
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
-    from aatri.cli.planning import Opened
+    from aatri.cli.arguments.planning import Opened
     from aatri.pipeline.plan.plan import Decision
 
 
@@ -27,7 +27,7 @@ def status(
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Show which stages of a run are up to date, and what a run would do, and why."""
-    from aatri.cli.planning import open_run
+    from aatri.cli.arguments.planning import open_run
     from aatri.pipeline.store import run_folder as store
 
     opened = open_run(run, local_plugins=local_plugins)

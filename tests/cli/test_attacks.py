@@ -127,7 +127,7 @@ def test_a_newline_in_the_name_of_a_pipeline_starts_no_line_of_the_slurm_script(
 
 
 def test_what_drives_a_terminal_is_escaped_in_json_and_keeps_its_value(capsys: pytest.CaptureFixture[str]) -> None:
-    from aatri.cli.console import say_json
+    from aatri.cli.terminal.console import say_json
 
     value = {"a\u009b31m": "\u009b2J\u202e\U000e0001\x7f \u70b9\n"}
     say_json(value)

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from aatri.cli.compiling import Compiling, declared, shown
-from aatri.cli.live import Live
-from aatri.cli.narrator import Narrator
+from aatri.cli.terminal.compiling import Compiling, declared, shown
+from aatri.cli.terminal.live import Live
+from aatri.cli.terminal.narrator import Narrator
 from aatri.progress import SILENT, tell_iteration
 
 
@@ -81,8 +81,8 @@ def test_bars_keep_to_the_width() -> None:
 
 
 def test_into_a_pipe_go_plain_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("aatri.cli.narrator._HEARTBEAT_S", 0.02)
-    monkeypatch.setattr("aatri.cli.narrator._LOOK_S", 0.01)
+    monkeypatch.setattr("aatri.cli.terminal.narrator._HEARTBEAT_S", 0.02)
+    monkeypatch.setattr("aatri.cli.terminal.narrator._LOOK_S", 0.01)
     with Narrator(quiet=False) as narrator:
         plan: Any = SimpleNamespace(decisions=[SimpleNamespace(record=None, stage="bundle")], stale=[])
         narrator.planned(plan, {"bundle": 30.0})
@@ -124,7 +124,7 @@ def test_compilation_within_a_stage_is_announced_at_once_and_told_at_its_end(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr("aatri.cli.narrator._LOOK_S", 0.01)
+    monkeypatch.setattr("aatri.cli.terminal.narrator._LOOK_S", 0.01)
     with Narrator(quiet=False) as narrator:
         narrator.started("bundle", "bundle_adjustment/bundle", 1, 1)
         narrator.advanced("bundle", 0, 0, "iteration 1")
@@ -146,8 +146,8 @@ def test_compilation_is_told_while_a_pipeline_is_planned(
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setattr("aatri.cli.compiling._LOOK_S", 0.01)
-    monkeypatch.setattr("aatri.cli.compiling._LINE_S", 0.01)
+    monkeypatch.setattr("aatri.cli.terminal.compiling._LOOK_S", 0.01)
+    monkeypatch.setattr("aatri.cli.terminal.compiling._LINE_S", 0.01)
     told: list[str] = []
     with shown(told.append, terminal=terminal):
         time.sleep(0.1)

@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.compiling import shown
-from aatri.cli.console import is_terminal, narrate
-from aatri.cli.locate import in_folder
+from aatri.cli.arguments.locate import in_folder
+from aatri.cli.terminal.compiling import shown
+from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def open_request(request: Request, *, quiet: bool = False) -> Opened:
     AatriError
         Whatever is wrong with the pipeline, its plugins and options.
     """
-    from aatri.cli.plugins_option import local_stages
+    from aatri.cli.arguments.plugins_option import local_stages
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.kernel_cache import use_kernel_cache
     from aatri.pipeline.plan.graph import wire

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.compiling import Compiling, found
-from aatri.cli.console import is_terminal, narrate
-from aatri.cli.figures import highlights
+from aatri.cli.terminal.compiling import Compiling, found
+from aatri.cli.terminal.console import is_terminal, narrate
+from aatri.cli.terminal.figures import highlights
 
 if TYPE_CHECKING:
-    from aatri.cli.live import Live
+    from aatri.cli.terminal.live import Live
     from aatri.pipeline.plan.plan import Plan
 
 _LOOK_S, _HEARTBEAT_S = 0.25, 10.0
@@ -57,7 +57,7 @@ class Narrator:
     def __enter__(self) -> Narrator:
         if not self._quiet:
             if is_terminal() and os.environ.get("TERM") != "dumb":
-                from aatri.cli.live import Live
+                from aatri.cli.terminal.live import Live
 
                 self._live = Live().__enter__()
             self._clock.start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from aatri.cli.console import narrate, say_json, say_table
+from aatri.cli.terminal.console import narrate, say_json, say_table
 from aatri.errors import ArtifactError
 
 

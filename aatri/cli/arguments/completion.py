@@ -41,7 +41,7 @@ def complete_run_stage(incomplete: str) -> list[str]:
     run, colon, _ = incomplete.rpartition(":")
     if not colon:
         return _starting(incomplete, _runs(incomplete))
-    from aatri.cli.locate import find_run
+    from aatri.cli.arguments.locate import find_run
 
     with contextlib.suppress(Exception):
         found = find_run(Path(run) if run else None)
@@ -55,7 +55,7 @@ def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
 
 def _spec(ctx: typer.Context) -> Spec | None:
     """The pipeline file of a command line that is not complete yet."""
-    from aatri.cli.locate import DEFAULT, in_folder
+    from aatri.cli.arguments.locate import DEFAULT, in_folder
     from aatri.pipeline.spec.spec import load_spec
 
     given = ctx.params.get("pipeline") or ctx.params.get("run") or DEFAULT

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from aatri.cli.console import say, say_table
+from aatri.cli.terminal.console import say, say_table
 
 _HIGHLIGHTS = ("images", "models", "strips", "points", "sigma0", "sigma0_um", "check_points", "check_rmse_x_m",
                "check_rmse_y_m", "check_rmse_z_m", "image_points", "suspects")  # fmt: skip

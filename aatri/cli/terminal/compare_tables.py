@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from aatri.cli.console import say, say_table
+from aatri.cli.terminal.console import say, say_table
 from aatri.pipeline.plan.compare import Compared, metric_rows, relative_spread
 from aatri.pipeline.plan.compare_axes import Axis, axes, changed_settings, seconds_until
 

@@ -1,0 +1,1 @@
+"""What the verbs print and how: data, narration, live bars, tables of values and of runs."""
