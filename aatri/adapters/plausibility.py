@@ -1,4 +1,8 @@
-"""Sanity of a block from its tables: control against positions as given; with orientations, cameras and control."""
+"""Sanity of a block from its tables: control against positions as given; with orientations, cameras and control.
+
+Control whose numbers are exchanged is an error where the adjustment cannot leave it out: one of the two is exact, or
+fewer than three other points would remain. Else it is a warning, and the search for gross errors decides.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +13,19 @@ from aatri.adapters.imported import read_at
 from aatri.adapters.sanity_as_given import cameras_of
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
-from aatri.errors import InputError
+from aatri.errors import InputError, raise_all
+from aatri.geometry.intersection import intersect_rays
+from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.plausibility.cameras import camera_notes, control_notes
-from aatri.orientation.plausibility.control import misplaced_control
+from aatri.orientation.plausibility.control import length, misplaced_control
+from aatri.orientation.plausibility.exchanged import exchanged_at_start
+
+ENOUGH_CONTROL = 3
+"""Other control points without which an adjustment cannot leave out two."""
 
 
 def control_as_given(block: Block) -> tuple[list[InputError], tuple[Note, ...]]:
@@ -76,7 +86,13 @@ def _control(block: Block) -> tuple[Float, list[str], Int, Int]:
 
 
 def of_start(block: Block, given: BundleInput, *, check: bool) -> tuple[Note, ...]:
-    """What there is to say before a bundle: of its frame, and if wanted of the orientations it starts from."""
+    """What there is to say before a bundle: of its frame, and if wanted of the orientations it starts from.
+
+    Raises
+    ------
+    InputError
+        If the numbers of control points are exchanged and the adjustment could not leave them out.
+    """
     frame = given.given.frame if given.given is not None else None
     poses = poses_out_of(frame, Poses(given.poses.position_m + given.origin_m, given.poses.ground_from_image))
     xyz = given.xyz_m + given.origin_m
@@ -85,4 +101,39 @@ def of_start(block: Block, given: BundleInput, *, check: bool) -> tuple[Note, ..
     geocentric = frame is not None and frame.geocentric
     if not check or given.rays is None or geocentric:
         return notes
-    return (*notes, *sanity(block, poses.position_m, poses.ground_from_image, xyz))
+    errors, exchanged = _exchanged_control(block, given)
+    raise_all(errors)
+    return (*notes, *sanity(block, poses.position_m, poses.ground_from_image, xyz), *exchanged)
+
+
+def _exchanged_control(block: Block, given: BundleInput) -> tuple[list[InputError], list[Note]]:
+    """Control points that the start finds at each other's coordinates."""
+    control, rays, frame = control_of(block), given.rays, given.given.frame if given.given is not None else None
+    assert rays is not None
+    number = np.full(len(block.points), -1)
+    number[control.point] = np.arange(len(control.point))
+    oriented = finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image)
+    rows = np.flatnonzero(rays.active & oriented[rays.image] & (number[rays.point] >= 0))
+    looking = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
+    direction = np.einsum("nij,nj->ni", given.poses.ground_from_image[rays.image[rows]], looking)
+    found = intersect_rays(
+        given.poses.position_m[rays.image[rows]], direction, number[rays.point[rows]], len(control.point)
+    )
+    found += given.origin_m
+    found = found if frame is None else frame.to_block(found)
+    known = np.where(control.given, control.xyz_m, np.nan)
+    others = int(control.given.any(axis=1).sum()) - 2
+    errors, notes = [], []
+    for pair in exchanged_at_start(found, known):
+        both = [pair.first, pair.second]
+        first, second = block.points.id[control.point[both]].tolist()
+        text = (f"control points {first} and {second} fit with their numbers exchanged: as given they lie "
+                f"{length(pair.as_given_m)} from where the images find them, exchanged "
+                f"{length(pair.exchanged_m)}")  # fmt: skip
+        remedy = "exchange the two ids in the control, or in the images"
+        if control.exact[both].any() or others < ENOUGH_CONTROL:
+            where = read_at(block, block.ground_points, int(control.row[pair.first]))
+            errors.append(InputError(text, where=where, remedy=remedy))
+        else:
+            notes.append(Note("warning", f"{text}; {remedy}"))
+    return errors, notes

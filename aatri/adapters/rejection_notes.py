@@ -9,6 +9,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.ids import shown
 from aatri.notes import Note
+from aatri.orientation.plausibility.exchanged import exchanged_pairs
 
 
 def rejection_notes(suspects: Suspects, role: str) -> list[Note]:
@@ -77,13 +78,8 @@ def exchanged_control(ids: list[str], found_m: Float, given_m: Float, rejected: 
         Where the images put each point, and where it is given; NaN not given.
     rejected : (n,) bool
     """
-    rows, pairs = np.flatnonzero(rejected & np.isfinite(given_m).any(axis=1)), []
-    for i, a in enumerate(rows.tolist()):
-        for b in rows[i + 1 :].tolist():
-            as_given = min(_apart(found_m[a], given_m[a]), _apart(found_m[b], given_m[b]))
-            exchanged = max(_apart(found_m[a], given_m[b]), _apart(found_m[b], given_m[a]))
-            if exchanged < EXCHANGED * as_given:
-                pairs.append(f"{ids[a]} and {ids[b]}")
+    rows = np.flatnonzero(rejected & np.isfinite(given_m).any(axis=1)).tolist()
+    pairs = [f"{ids[pair.first]} and {ids[pair.second]}" for pair in exchanged_pairs(found_m, given_m, rows)]
     if not pairs:
         return []
     return [Note("warning", f"rejected control fits with the numbers exchanged, mend the ids: {shown(pairs)}")]
@@ -91,11 +87,3 @@ def exchanged_control(ids: list[str], found_m: Float, given_m: Float, rejected: 
 
 SMALL = 2.0
 """Relative orientation rejects points for large residuals, and with small ones for this reason alone."""
-
-EXCHANGED = 0.05
-"""Two points are exchanged if that leaves this share of their distances."""
-
-
-def _apart(a: Float, b: Float) -> float:
-    both = np.isfinite(a) & np.isfinite(b)
-    return float(np.linalg.norm(a[both] - b[both])) if both.any() else np.inf

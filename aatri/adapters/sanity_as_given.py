@@ -14,7 +14,8 @@ from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.orientation.plausibility.cameras import Cameras, given_notes
 from aatri.orientation.plausibility.control import length
-from aatri.orientation.plausibility.face_angles import ControlRays, contradiction
+from aatri.orientation.plausibility.control_rays import ControlRays
+from aatri.orientation.plausibility.face_angles import contradiction
 from aatri.orientation.plausibility.positions import impossible_positions
 
 LARGE_M = 10e3
@@ -52,7 +53,8 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
     if found is None:
         return [], tuple(notes)
     images = found.images if len(found.images) else np.unique(rays.image)
-    ids = tuple(block.images.id[images].tolist())
+    about = block.points.id[control_of(block).point[list(found.points)]] if found.points else block.images.id[images]
+    ids = tuple(about.tolist())
     if found.certain:
         where = _place(block, found.of, int(images[0]), int(rays.point[np.argmax(rays.image == images[0])]))
         return [InputError(found.text, where=where, remedy=found.remedy)], tuple(notes)

@@ -9,7 +9,8 @@ import numpy as np
 
 from aatri.adapters.ground import absolute_tables as tables
 from aatri.adapters.ground.absolute_tables import Ground, OrientedPart
-from aatri.adapters.rejection_notes import exchanged_control, lost_control, rejection_notes
+from aatri.adapters.ground.control_fit import exchange_notes, height_notes
+from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Float, Int
@@ -115,7 +116,7 @@ def _joined_and_oriented(
             failed.append(error)
             continue
         parts.append(part)
-        notes += _part_notes(ground, part)
+        notes += [*_height_notes(ground, part), *_part_notes(ground, part)]
     return free, parts, failed, notes
 
 
@@ -137,13 +138,18 @@ def control_notes(oriented: OrientedStrips, solution: Solution) -> list[Note]:
     block, control = ground.block, ground.control
     notes = rejection_notes(solution.suspects, tables.ROLE_NAME)
     for part in parts:
-        n, ids = len(part.control), block.points.id[control.point[part.control]].tolist()
-        given = np.where(control.given[part.control], control.xyz_m[part.control] - ground.origin, np.nan)
-        residual = part.result.residual_m[:n]
-        notes += exchanged_control(ids, given + residual, given, ~part.result.active[:n])
+        result, n = part.result, len(part.control)
+        notes += exchange_notes(block, control, part.control, result.residual_m[:n], result.active[:n])
     held = [part.component.point for part in parts]
     present = np.isin(control.point, np.concatenate(held)) if held else np.zeros(len(control.point), bool)
     return [*notes, *lost_control(block, control.point, present, ground.strips.suspects)]
+
+
+def _height_notes(ground: Ground, part: OrientedPart) -> list[Note]:
+    component, control = part.component, ground.control
+    x = component.xyz[np.searchsorted(component.point, control.point[part.control])]
+    model = ground.origin + transform(part.result.ground_from_component, x)
+    return height_notes(ground.block, control, part.control, model, part.what)
 
 
 def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:

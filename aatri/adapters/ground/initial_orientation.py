@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adapters.ground.control_fit import exchange_notes, height_notes
 from aatri.adapters.ground.initial_scale import compared, distance_ratios
 from aatri.adapters.solution import residuals, solved_cameras, stacked
 from aatri.adapters.strips import strips as pieces
@@ -100,7 +101,9 @@ def to_ground(
     for number, (component, (control, position)) in enumerate(zip(components, held), 1):
         what = f"component {number} ({int(component.images.sum())} images)"
         try:
-            done.append(_oriented(block, ground, component, rays, control, position, what, limit))
+            part = _oriented(block, ground, component, rays, control, position, what, limit)
+            done.append(part)
+            notes += _control_notes(block, ground, part, what)
         except GeometryError as error:
             failed.append(error)
             notes.append(_apart(block, component, error.what))
@@ -109,6 +112,17 @@ def to_ground(
     for number, part in enumerate(done, 1):
         notes += compared(block, number, part.component)
     return done, notes
+
+
+def _control_notes(block: Block, ground: Ground, part: OnGround, what: str) -> list[Note]:
+    """Heights of control in another unit, numbers of control exchanged."""
+    assert part.oriented is not None
+    n, c = len(part.control), ground.control
+    model = ground.origin_m + part.component.xyz[c.point[part.control]]
+    return [
+        *height_notes(block, c, part.control, model, what),
+        *exchange_notes(block, c, part.control, part.oriented.residual_m[:n], part.oriented.active[:n]),
+    ]
 
 
 def _apart(block: Block, component: Component, why: str) -> Note:

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.orientation.plausibility.face_angles import Contradiction, ControlRays, contradiction
+from aatri.orientation.plausibility.control_rays import ControlRays
+from aatri.orientation.plausibility.face_angles import Contradiction, contradiction
 from aatri.orientation.plausibility.positions import impossible_positions
 
 C_MM = 100.0
@@ -162,3 +163,24 @@ def test_one_position_for_all_images_is_no_position() -> None:
     found = impossible_positions(np.tile(STRIP[:1], (5, 1)), 100.0)
     assert list(found) == [0, 1, 2, 3, 4]
     assert "of all 5 images" in found[0]
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 4), (1, 5), (3, 8)])
+def test_two_points_with_exchanged_numbers_are_named_and_leave_the_decision_to_the_adjustment(first, second) -> None:
+    rays = _rays()
+    control = rays.control_m.copy()
+    control[[first, second]] = control[[second, first]]
+    for observed, error_m in ((True, 0.0), (False, 15.0)):
+        moved = replace(rays, control_m=control, position_m=rays.position_m + error_m)
+        found = _found(moved, observed=observed)
+        assert set(found.points) == {first, second}
+        assert "exchanged" in found.text
+        assert not found.certain
+
+
+def test_one_wrong_point_is_no_exchange() -> None:
+    rays = _rays()
+    control = rays.control_m.copy()
+    control[4] += [150.0, 90.0, 0.0]
+    found = contradiction(replace(rays, control_m=control), observed=True)
+    assert found is None or not found.points

@@ -9,7 +9,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.errors import GeometryError
+from aatri.errors import GeometryError, InputError
 from aatri.formats.dbat.reader import read_dbat
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
 from aatri.orientation.bundle.adjust import Datum
@@ -134,6 +134,26 @@ def test_the_calibration_gives_the_report_to_all_printed_digits(shared_data: Pat
     told = [text for text in heard.warnings if "correlated" in text]
     assert len(told) == 1
     assert "k2 and k3 are correlated by -0.979" in told[0]
+
+
+@pytest.mark.parametrize("control", ["camcal-fixed", "camcal-1mm"])
+@pytest.mark.parametrize("other", ["1002", "1004"])
+def test_two_exchanged_control_points_of_four_are_named_before_adjusting(
+    shared_data: Path, tmp_path: Path, control: str, other: str
+) -> None:
+    """Exact they cannot be rejected, and weighted two points are left, which leave the datum open."""
+    text = (shared_data / "dbat/camcal" / f"{control}.txt").read_text()
+    rows = {line.split(",")[0]: line.split(",") for line in text.splitlines()}
+    rows["1001"][2:5], rows[other][2:5] = rows[other][2:5], rows["1001"][2:5]
+    path = tmp_path / "control.txt"
+    path.write_text("".join(",".join(row) + "\n" for row in rows.values()))
+    block = read_dbat(
+        shared_data / "dbat/camcal/camcal-pmexport.txt", path, camera_model="dbat3", calibrate=True
+    )  # fmt: skip
+    with pytest.raises(InputError, match=f"1001 and {other} fit with their numbers exchanged") as caught:
+        bundle(block, calibrated(block))
+    assert caught.value.exit_code == 3
+    assert "control.txt:" in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["camcal-pmexport-1ray", "camcal-pmexport-missing-obs"])

@@ -1,0 +1,126 @@
+"""Heights of control that vary more or less than those of the model, by a factor: feet, or downwards.
+
+A model levelled and scaled by its control in plan has heights z in metres. With heights of control in another unit
+
+    Z = f z + a + b X + c Y + v,
+
+where a, b, c take up height, tilt, and what a wrong tilt took from the relief. f is 1 in a good block; with heights in
+feet 3.2808, with heights that count downwards -1. A principal distance wrong by f has the same effect: it stretches the
+model upwards. Over flat ground f is not determined, and nothing is said.
+
+It is said where the residuals v fall to a share of those with f = 1 and f is known well, which takes relief. Errors of
+the model make f too near to zero by a few hundredths; a known factor is met within three standard deviations. An f
+beyond 2 or below 1/2 is certain: no principal distance to be calibrated is so far off. Source: the affinity of heights
+in Kraus, Photogrammetry, deformation of models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Float
+
+FEET_M = 0.3048
+
+KNOWN = {
+    1 / FEET_M: ("they are in feet (3.28)", "convert them to metres"),
+    FEET_M: ("they are metres divided by 3.28 (0.305)", "give them in metres"),
+    -1.0: ("they count downwards (-1)", "turn their sign"),
+}
+"""Factors whose cause is known: what it is, and what to do."""
+
+UNKNOWN = (
+    "their unit or the principal distance is wrong",
+    "check the unit of the heights, and principal distance and pixel size, both in mm",
+)
+"""Cause and remedy of any other factor."""
+
+SPARE = 2
+"""Heights beyond the four that the factor takes."""
+
+EXPLAINED = 0.3
+"""Share of the residuals that may be left."""
+
+RELATIVE_SIGMA = 0.07
+"""A factor is told if it is known to this share of itself, and if 1 is ten standard deviations away."""
+
+SURELY = 2.0
+"""A factor, or its inverse, beyond this is no matter of a calibration."""
+
+
+@dataclass(frozen=True)
+class HeightFactor:
+    """How much more heights of control vary than those of the model.
+
+    Attributes
+    ----------
+    factor, sigma : float
+    cause, remedy : str
+        Of a factor that is known; else what else it may be.
+    """
+
+    factor: float
+    sigma: float
+    cause: str
+    remedy: str
+
+    @property
+    def certain(self) -> bool:
+        """Whether this is no matter of a calibration."""
+        return self.factor > SURELY or self.factor < 1 / SURELY
+
+    def __str__(self) -> str:
+        return (f"heights of control vary {self.factor:.2f} (+- {self.sigma:.2f}) times as much as those of the model: "
+                f"{self.cause}")  # fmt: skip
+
+
+def height_factor(model_m: Float, given_m: Float, given: Bool) -> HeightFactor | None:
+    """The factor by which heights of control differ from those of an oriented model.
+
+    Parameters
+    ----------
+    model_m : (n, 3) float64, m
+        Points of the model on the ground, by a similarity that may have suffered from the heights.
+    given_m : (n, 3) float64, m
+        Control.
+    given : (n, 3) bool
+        Coordinates that are known.
+
+    Returns
+    -------
+    HeightFactor or None
+        None where the heights fit, or do not tell.
+    """
+    plan, heights = given[:, :2].all(axis=1), given[:, 2]
+    if plan.sum() < 2 or heights.sum() < 4 + SPARE:
+        return None
+    scale = _scale_in_plan(model_m[plan], given_m[plan])
+    x = (model_m[heights] - model_m[heights].mean(axis=0)) * scale
+    Z = given_m[heights, 2]
+    tilt = np.column_stack([np.ones(len(x)), x[:, :2]])
+    at_one = _residuals(tilt, Z - x[:, 2])
+    design = np.column_stack([x[:, 2], tilt])
+    left = _residuals(design, Z)
+    if not np.linalg.norm(left) < EXPLAINED * np.linalg.norm(at_one):
+        return None
+    relief = _residuals(tilt, x[:, 2])
+    factor = float(relief @ Z / (relief @ relief))
+    sigma = float(np.linalg.norm(left) / np.sqrt(len(x) - 4) / np.linalg.norm(relief))
+    if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
+        return None
+    near = min(KNOWN, key=lambda known: abs(factor - known))
+    met = abs(factor - near) <= 3 * sigma
+    return HeightFactor(factor, sigma, *(KNOWN[near] if met else UNKNOWN))
+
+
+def _scale_in_plan(model: Float, given: Float) -> float:
+    """Scale of the similarity in plan: the median ratio of distances from the middle, which one wrong point leaves."""
+    a, b = (np.linalg.norm((xyz - np.median(xyz, axis=0))[:, :2], axis=1) for xyz in (model, given))
+    seen = (a > 0) & (b > 0)
+    return float(np.median(b[seen] / a[seen])) if seen.any() else 1.0
+
+
+def _residuals(design: Float, observed: Float) -> Float:
+    return np.asarray(observed - design @ np.linalg.lstsq(design, observed, rcond=None)[0])
