@@ -141,6 +141,30 @@ class Tests(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Uncontrolled(Table):
+    """Observations with a direction that nothing controls: a gross error along it shows in no residual."""
+
+    kind: Text = column("str", doc="image_point, control, position, distance ...")
+    row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
+    image: Text = column("str", doc="id of the image or strip, empty if none")
+    point: Text = column("str", doc="id of the point, name of the parameter, empty if none")
+    redundancy: Float = column("f8", doc="redundancy number in that direction, below 0.01")
+    direction: Float = column("f8", 3, doc="the direction, of length 1, along the axes of residual", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
+class ProposedNumbers(Table):
+    """Observations left out that fit under the number of another point."""
+
+    kind: Text = column("str", doc="image_point or control")
+    row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
+    image: Text = column("str", doc="id of the image, empty if none")
+    point: Text = column("str", doc="id of the point under whose number it was given")
+    proposed: Text = column("str", doc="id of the point that it fits")
+    exchanged: Bool = column("bool", doc="that point's own observation fits under this number: both are exchanged")
+
+
+@dataclass(frozen=True, eq=False)
 class VarianceComponents(Table):
     """Standard deviations of groups of observations, from their own residuals, as factors on those given."""
 
@@ -222,11 +246,24 @@ class Solution(Artifact):
     independent_errors: IndependentErrors | None = table(default=None)
     orderings: Orderings | None = table(default=None)
     datum: DatumCarriers | None = table(default=None)
+    uncontrolled: Uncontrolled | None = table(default=None)
+    proposed_numbers: ProposedNumbers | None = table(default=None)
+    sigma0_redundancy: float = attribute(
+        doc="redundancy that sigma0 counts where it is less: without the weights of additional parameters",
+        default=float("nan"),
+    )
+
+    @property
+    def counted_redundancy(self) -> int:
+        """Redundancy of sigma0, as its global test takes it."""
+        return self.redundancy if np.isnan(self.sigma0_redundancy) else round(self.sigma0_redundancy)
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""
         found = np.isfinite(self.points.xyz_m)  # of a network without images a height, or a place, is all there is
-        known = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
+        known: dict[str, float] = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
+        if not np.isnan(self.sigma0_redundancy):
+            known["sigma0_redundancy"] = self.sigma0_redundancy
         return {
             "images": int(self.images.oriented.sum()),
             "points": int((found.all(axis=1) if len(self.images) else found.any(axis=1)).sum()),

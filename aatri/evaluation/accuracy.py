@@ -82,7 +82,7 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
             known,
             control_is_exact=_is_exact(block),
             enough=enough,
-            sigma0=global_test(solution.sigma0, solution.redundancy),
+            sigma0=global_test(solution.sigma0, solution.counted_redundancy),
             beyond=beyond_every_bound(block, check, solution.sigma0) if over_datum else (),
         ),
         figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),

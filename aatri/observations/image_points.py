@@ -16,7 +16,7 @@ all others, nearly always all, the compiled one. Both give the same to 1e-12.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,6 +94,25 @@ def observed_image_points(
             ids = np.asarray(p.ids, dtype=np.str_)[block]
             found.append(Observed(records, np.full(len(block), -1), named(image=ids), "", components=p.labels))
     return tuple(found)
+
+
+def renumbered_records(rays: ImagePointRows, parameters: Sequence[ParameterRows], rows: Int, point: Int) -> Records:
+    """Some rays as if they carried other numbers, with all that corrects them.
+
+    Parameters
+    ----------
+    rays : ImagePointRows
+    parameters : sequence of ParameterRows
+        As all rays were observed with.
+    rows : (k,) int
+        Rays; the same may be there more than once.
+    point : (k,) int
+        Points in place of their own.
+    """
+    some = [p.take(rows) for p in parameters]
+    corrections = [LinearCorrection(p.group, p.block, p.basis) for p in some if p.basis is not None]
+    chosen, cameras = _through_cameras(rays.take(rows), some)
+    return image_point_records(replace(chosen, point=point), corrections, cameras)
 
 
 def _through_cameras(

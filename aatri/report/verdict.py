@@ -86,7 +86,8 @@ def _converged(stage: StageView | None, solution: Solution | None) -> Light:
 
 def _sigma0(stage: StageView | None) -> Light:
     sigma0 = stage.metrics.get("sigma0") if stage else None
-    redundancy = int(stage.metrics.get("redundancy") or 0) if stage else 0
+    figures = stage.metrics if stage else {}
+    redundancy = round(figures.get("sigma0_redundancy") or figures.get("redundancy") or 0)
     if stage is None or sigma0 is None or redundancy < 1:
         return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
     test = global_test(float(sigma0), redundancy)

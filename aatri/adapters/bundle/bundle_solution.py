@@ -71,6 +71,7 @@ def bundle_solution(
         error_fields=calibration.fields if calibration else None,
         independent_errors=independent,
         orderings=orderings,
+        sigma0_redundancy=float("nan") if result.counted is None else result.counted,
     )
 
 

@@ -1,4 +1,4 @@
-"""Covariance of any two blocks of unknowns, by solves.
+"""Covariance of any two blocks of unknowns, or of a few with themselves, by solves.
 
 Marginal covariances come from one way down the tree; the covariance of two blocks that share no front needs the columns
 of one of them: N Q_.b = E_b for a kept block b. An eliminated block p, with D and C = E'A of its own observations, has
@@ -59,6 +59,34 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
         found.append(_rows_of(adjusted, factored, first, columns))
         if W:
             found[-1] -= W[first[0]][first[1]] @ W[second[0]][second[1]].T
+    return found
+
+
+def covariances_of_blocks(adjusted: Adjusted, blocks: Sequence[Block]) -> list[Float]:
+    """Covariance of each of a few blocks with itself, by a solve each: without the way down the whole tree.
+
+    Parameters
+    ----------
+    adjusted : Adjusted
+    blocks : sequence of (group, block)
+        Of unknowns that are not eliminated point by point: those have a term of their own.
+
+    Returns
+    -------
+    list of (k, k) float64
+        Zero for held scalars.
+    """
+    refuse_covariances(adjusted.down_weighted)
+    problem = adjusted.problem
+    if any(group == problem.layout.eliminated for group, _ in blocks):
+        raise ValueError("blocks that are eliminated: use marginal_covariances")
+    factored = adjusted.factored or factorise(problem, adjusted.state)
+    W = covariance_reduction(problem, factored, adjusted.state)
+    found = []
+    for block in blocks:
+        Q = _rows_of(adjusted, factored, block, _columns_of(adjusted, factored, block))
+        w = W[block[0]][block[1]] if W else np.zeros((len(Q), 0))
+        found.append(np.asarray(Q - w @ w.T))
     return found
 
 

@@ -15,6 +15,7 @@ from aatri.errors import ResourceError, SpecError
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
 from aatri.orientation.bundle.blunders.swaps import Swap
 from aatri.orientation.bundle.parameter_notes import without_idle
 from aatri.orientation.bundle.readmission import readmitted
@@ -39,6 +40,8 @@ class Round:
         Used, though their test is above the limit.
     swapped : tuple of Swap
         Numbers to exchange.
+    renumbered : tuple of OtherNumber
+        Image points that fit another ground point.
     """
 
     given: BundleInput
@@ -47,6 +50,7 @@ class Round:
     undecided: tuple[Bool, ...] = ()
     above: tuple[Bool, ...] = ()
     swapped: tuple[Swap, ...] = ()
+    renumbered: tuple[OtherNumber, ...] = ()
 
 
 def with_readmission(given: BundleInput, adjust: Adjust) -> Round:

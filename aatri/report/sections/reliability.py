@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.report.numbers import DASH, number
@@ -13,14 +14,11 @@ from aatri.report.sections import tables
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Cells, PageTable
 
-UNCONTROLLED = 0.01
-"""A smaller redundancy number means that no gross error of the observation can be seen."""
-
 
 def reliability_tables(solution: Solution) -> list[PageTable]:
-    """By kind, and the observations with the largest tests; nothing if they were not computed."""
+    """By kind, and the observations with the largest tests, where they were computed; what nothing controls."""
     if solution.tests is None:
-        return []
+        return present(_uncontrolled(solution))
     return present(_by_kind(solution), _largest(solution), _worst_effects(solution), _uncontrolled(solution))
 
 
@@ -57,7 +55,7 @@ def _by_kind(solution: Solution) -> PageTable | None:
         moved = tests.point_moved_m[mine]
         rows.append((
             str(kind), unit, number(int(known.sum())), number(float(r[known].mean())), number(float(r[known].min())),
-            number(int((r[known] < UNCONTROLLED).sum())),
+            number(int((r[known] < BELOW).sum())),
             number(float(np.median(found))) if len(found) else DASH, number(float(found.max())) if len(found) else DASH,
             _of(np.nanmedian, effect), _of(np.nanmax, effect), _of(np.nanmax, moved), _of(np.nanmax, np.abs(w)),
         ))  # fmt: skip
@@ -99,13 +97,23 @@ def _worst_effects(solution: Solution) -> PageTable | None:
 
 
 def _uncontrolled(solution: Solution) -> PageTable | None:
-    """Observations in which no gross error can be seen."""
-    residuals, tests = solution.residuals, solution.tests
-    assert tests is not None
-    row, axis = np.nonzero(residuals.active[:, None] & (tests.redundancy < UNCONTROLLED))
-    r = tests.redundancy[row, axis]
-    columns = _named(solution, row, axis, by_row=False) | {"redundancy": lambda k: number(float(r[k]))}
-    return tables.all_rows(f"Uncontrolled: redundancy number below {UNCONTROLLED:g}", row, columns, 5)
+    """Observations with a direction in which no gross error can be seen."""
+    found = solution.uncontrolled
+    if found is None:
+        return None
+    columns: Cells = {
+        "observation": lambda k: str(found.kind[k]),
+        "image": lambda k: str(found.image[k]) or DASH,
+        "point": lambda k: str(found.point[k]) or DASH,
+        "redundancy": lambda k: number(float(found.redundancy[k])),
+        **{axis: tables.formatted(found.direction[:, i], _share) for i, axis in enumerate("xyz")},
+    }
+    caption = f"Uncontrolled, redundancy number below {BELOW:g}: a gross error in the direction x, y, z shows nowhere"
+    return tables.all_rows(caption, found, columns, 3)
+
+
+def _share(value: float) -> str:
+    return f"{value:.2f}" if np.isfinite(value) else DASH
 
 
 def _named(solution: Solution, order: Int, axis: Int, *, by_row: bool = True) -> Cells:

@@ -16,7 +16,7 @@ from aatri.report.numbers import seconds
 from aatri.report.run_view import RunView, StageView
 from aatri.report.sections import block, evaluation, image_points, models, solution, strips, tables
 from aatri.report.sections.parts import Section, Surroundings, present
-from aatri.report.sections.suspects import suspects_tables
+from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
 
 _SHOW: dict[type, Callable[[Section, Any, Surroundings], None]] = {
     Block: block.show,
@@ -46,4 +46,6 @@ def section(run: RunView, stage: StageView, around: Surroundings) -> Section:
     _SHOW[type(artifact)](made, artifact, around)
     if hasattr(artifact, "suspects"):
         made.tables.extend(suspects_tables(artifact.suspects))
+    if isinstance(artifact, Solution):
+        made.tables.extend(present(proposed_numbers_table(artifact.proposed_numbers)))
     return made

@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 
+from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
 from aatri.report.numbers import DASH, number
 from aatri.report.sections import tables
@@ -33,3 +34,17 @@ def suspects_tables(suspects: Suspects) -> list[PageTable]:
         "test": lambda k: number(float(suspects.test[order[k]])),
     }
     return present(summary, tables.all_rows("Suspects, the largest test first", suspects, columns, 6))
+
+
+def proposed_numbers_table(proposed: ProposedNumbers | None) -> PageTable | None:
+    """Numbers under which rejected observations fit."""
+    if proposed is None:
+        return None
+    columns: Cells = {
+        "observation": lambda k: str(proposed.kind[k]),
+        "image": lambda k: str(proposed.image[k]) or DASH,
+        "point": lambda k: str(proposed.point[k]),
+        "fits": lambda k: str(proposed.proposed[k]),
+        "exchanged": lambda k: "both" if proposed.exchanged[k] else DASH,
+    }
+    return tables.all_rows("Rejected observations that fit under another number", proposed, columns, 5)

@@ -8,6 +8,7 @@ import pytest
 from aatri.artifacts.solution import Solution
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.calibration_blocks import PLANNED, Type
+from tests.stages.film_blocks import Told
 
 FOUR = Type({"flight": {"strips": 2, "images_per_strip": 2}, "gnss": PLANNED, "known": {"full": 8},
              "ties": {"new_points": 30}}, {})  # fmt: skip
@@ -36,8 +37,29 @@ def test_loose_weights_give_the_sigma0_of_free_parameters() -> None:
     assert weighted.redundancy == free.redundancy + 3
 
 
-def test_without_covariances_all_is_counted() -> None:
+@pytest.mark.parametrize("of", [{}, {"self_calibration": {"set": "bauer3", "per": "image"}}])
+def test_sigma0_is_the_same_without_standard_deviations(of: dict[str, object]) -> None:
+    """By a solve for the parameters of one camera; with as many units as images (here 4) too."""
+    plain, full = adjusted(1, standard_deviations=False, **of), adjusted(1, **of)
+    assert np.isnan(plain.images.covariance).all()
+    assert np.isfinite(full.images.covariance).all()
+    assert plain.sigma0 == pytest.approx(full.sigma0, rel=1e-9)
+
+
+def test_with_many_units_it_is_the_same_too(monkeypatch: pytest.MonkeyPatch) -> None:
     one = adjusted(1, standard_deviations=False)
+    monkeypatch.setattr("aatri.orientation.bundle.observed_sigma0.MOST_SOLVES", 0)
+    assert adjusted(1, standard_deviations=False).sigma0 == pytest.approx(one.sigma0, rel=1e-9)
+
+
+def test_without_a_factor_all_is_counted_and_told() -> None:
+    context = Told()
+    block, points = FOUR.made(1)
+    options = BundleOptions.model_validate(
+        {"blunders": "none", "self_calibration": "ebner12", "solver": "conjugate_gradients",
+         "standard_deviations": False})  # fmt: skip
+    one = bundle(block, points, options=options, context=context)
     r = one.residuals
     size = r.residual / np.where(r.sigma > 0, r.sigma, np.nan)
     assert one.sigma0**2 * one.redundancy == pytest.approx(np.nansum(size[r.active] ** 2), rel=1e-6)
+    assert any("counts the weights of additional parameters" in w for w in context.warnings)

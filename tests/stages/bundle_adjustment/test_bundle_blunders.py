@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
 
 SIGMA_MM = 0.005
 
@@ -83,25 +83,18 @@ def test_a_clean_block_loses_next_to_nothing(chain: Chain) -> None:
 
 
 def test_no_more_than_the_share_of_a_kind_is_rejected_and_what_stays_is_told(chain: Chain) -> None:
-    class Told:
-        lines: ClassVar[list[str]] = []
-
-        def log(self, message: str) -> None: ...
-
-        def warn(self, message: str) -> None:
-            self.lines.append(message)
-
-        def progress(self, done: int, total: int, what: str = "") -> None: ...
-
+    told = Told()
     g = chain.block.ground_points
     xyz = g.xyz_m.copy()
     rows = np.flatnonzero((g.role == 1).any(axis=1))
     xyz[rows[2:5], 2] += [1.0, -1.5, 2.0]
     block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
     options = BundleOptions(interior_unknowns=True, blunders={"method": "data_snooping", "max_share": 0.05})
-    solution = bundle(block, chain.refined, _unsuspecting(chain.strip_block), options=options, context=Told())
+    solution = bundle(block, chain.refined, _unsuspecting(chain.strip_block), options=options, context=told)
     assert ((solution.suspects.kind == "control") & staying_out(solution.suspects)).sum() == 1
-    assert any(line.startswith("control:") and "kept, for no more than 5%" in line for line in Told.lines), Told.lines
+    assert any(line.startswith("control:") and "kept, for no more than 5%" in line for line in told.warnings), (
+        told.warnings
+    )
 
 
 def test_exchanged_numbers_and_coordinates_are_recognised(chain: Chain) -> None:
@@ -119,10 +112,19 @@ def test_exchanged_numbers_and_coordinates_are_recognised(chain: Chain) -> None:
     block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
     points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
     options = BundleOptions(interior_unknowns=True, blunders={"max_share": 0.2})
-    s = bundle(block, points, _unsuspecting(chain.strip_block), options=options).suspects
+    solution = bundle(block, points, _unsuspecting(chain.strip_block), options=options)
+    s = solution.suspects
     swapped = s.verdict == "swapped"
     assert set(s.row[swapped & (s.kind == "image_point")].tolist()) == set(np.concatenate(pairs).tolist())
     assert sorted(s.row[swapped & (s.kind == "control")].tolist()) == sorted(control.tolist())
+    numbers = solution.proposed_numbers
+    assert numbers is not None
+    assert numbers.exchanged.all()
+    named = dict(zip(zip(numbers.image.tolist(), numbers.point.tolist()), numbers.proposed.tolist()))
+    for image, a, b in ((m.image[p[0]], *m.point[p]) for p in pairs):
+        of, ids = str(block.images.id[image]), block.points.id
+        assert named[of, str(ids[a])] == str(ids[b])
+        assert named[of, str(ids[b])] == str(ids[a])
 
 
 def test_with_tau_the_sigma_of_the_measurements_need_not_be_known(chain: Chain) -> None:
@@ -132,3 +134,31 @@ def test_with_tau_the_sigma_of_the_measurements_need_not_be_known(chain: Chain) 
     options = BundleOptions(blunders={"tau": True}, positions={"use": False})
     found = bundle(chain.block, points, _unsuspecting(chain.strip_block), options=options)
     assert (found.suspects.kind == "image_point").sum() <= 0.002 * len(m)
+
+
+def test_an_image_point_with_the_number_of_a_point_elsewhere_is_named_with_its_own(chain: Chain) -> None:
+    """In six images the place of b was measured under the number of a; nobody measured a there, nor b."""
+    m, rng = chain.refined.measurements, np.random.default_rng(7)
+    rays = np.bincount(m.point[m.active], minlength=len(chain.block.points))
+    xy, active, truth = m.xy_mm.copy(), m.active.copy(), {}
+    for image in range(2, 14, 2):
+        a, b = rng.choice(np.flatnonzero((m.image == image) & m.active & (rays[m.point] > 3)), 2, replace=False)
+        xy[a], active[b] = xy[b], False
+        ids = chain.block.points.id
+        truth[str(chain.block.images.id[image]), str(ids[m.point[a]])] = str(ids[m.point[b]])
+    points = replace(chain.refined, measurements=replace(m, xy_mm=xy, active=active))
+    options, told = BundleOptions(interior_unknowns=True), Told()
+    solution = bundle(chain.block, points, _unsuspecting(chain.strip_block), options=options, context=told)
+    numbers = solution.proposed_numbers
+    assert numbers is not None
+    assert not numbers.exchanged.any()
+    found = dict(zip(zip(numbers.image.tolist(), numbers.point.tolist()), numbers.proposed.tolist()))
+    assert found == truth
+    (line,) = [text for text in told.warnings if "fit under another number" in text]
+    assert all(f"{image}/{a} (fits {b})" in line for (image, a), b in truth.items())
+
+
+def test_what_is_merely_wrong_is_given_no_other_number(chain: Chain) -> None:
+    block, points, _, _ = _spoilt(chain)
+    solution = bundle(block, points, _unsuspecting(chain.strip_block), options=BundleOptions(interior_unknowns=True))
+    assert solution.proposed_numbers is None

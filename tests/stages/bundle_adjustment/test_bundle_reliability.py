@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from aatri.report.sections.reliability import reliability_tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import Chain, run_chain, simulated
@@ -23,6 +24,11 @@ SMALL = {
 @pytest.fixture(scope="module")
 def solution() -> Solution:
     return run_chain(simulated(**SMALL), BundleOptions(reliability=True)).bundle
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    return run_chain(simulated(**SMALL))
 
 
 def test_redundancy_numbers_sum_to_the_redundancy(solution: Solution) -> None:
@@ -47,8 +53,8 @@ def test_without_gross_errors_the_tests_are_standard_normal(solution: Solution) 
     assert np.abs(w).max() < 4.5
 
 
-def test_reliability_is_opt_in() -> None:
-    assert run_chain(simulated(**SMALL)).bundle.tests is None
+def test_reliability_is_opt_in(chain: Chain) -> None:
+    assert chain.bundle.tests is None
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +100,46 @@ def test_an_error_of_the_detectable_size_moves_point_and_image_as_predicted(film
         assert tests.image_turned_rad[k, 0] == pytest.approx(np.linalg.norm(turn) / part, rel=1e-3)
 
 
-def test_x_of_points_in_two_images_along_the_flight_is_listed_as_uncontrolled(solution: Solution) -> None:
-    page = "".join(str(table) for table in reliability_tables(solution))
+def test_image_points_of_points_of_two_rays_are_listed_as_uncontrolled(chain: Chain) -> None:
+    """By default; nothing else of a point is known than its two rays: of four coordinates one is redundant."""
+    found, m = chain.bundle.uncontrolled, chain.refined.measurements
+    assert found is not None
+    assert chain.bundle.tests is None
+    listed = set(found.row[found.kind == "image_point"].tolist())
+    g = chain.block.ground_points
+    given = np.isin(m.point, g.point[(g.role == 1).any(axis=1)])
+    used = staying_in(chain)
+    rays = np.bincount(m.point[used], minlength=len(chain.block.points))[m.point]
+    two = np.flatnonzero(used & (rays == 2) & ~given)
+    assert len(two) > 50
+    assert set(two.tolist()) <= listed
+    assert not set(np.flatnonzero(used & (rays >= 4)).tolist()) & listed
+    assert np.abs(found.redundancy[np.isin(found.row, two) & (found.kind == "image_point")]).max() < 1e-8
+    page = "".join(str(table) for table in reliability_tables(chain.bundle))
     assert "Uncontrolled" in page
+
+
+def staying_in(chain: Chain) -> np.ndarray:
+    out = chain.bundle.suspects
+    return chain.refined.measurements.active & ~np.isin(
+        np.arange(len(chain.refined.measurements)), out.row[(out.kind == "image_point") & staying_out(out)]
+    )
+
+
+def test_an_error_in_an_uncontrolled_direction_changes_no_residual_and_one_across_it_does(chain: Chain) -> None:
+    found, m = chain.bundle.uncontrolled, chain.refined.measurements
+    assert found is not None
+    rows = np.flatnonzero((found.kind == "image_point") & (np.abs(found.redundancy) < 1e-8))
+    k, d = found.row[rows[3]], found.direction[rows[3], :2]
+
+    def squares(error: np.ndarray) -> float:
+        xy = m.xy_mm.copy()
+        xy[k] += error
+        points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
+        options = BundleOptions.model_validate({"blunders": "none"})
+        solution = bundle(chain.block, points, chain.bundle, options=options)
+        return solution.sigma0**2 * solution.redundancy
+
+    clean, size = squares(np.zeros(2)), 20 * 0.005  # of 20 standard deviations
+    assert squares(size * d) == pytest.approx(clean, abs=0.5)
+    assert squares(size * np.array([-d[1], d[0]])) > clean + 0.2 * 20**2

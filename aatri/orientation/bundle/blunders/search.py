@@ -32,6 +32,7 @@ from aatri.notes import Note
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.other_numbers import other_numbers
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
 from aatri.orientation.bundle.blunders.rule import Rule
@@ -164,13 +165,15 @@ class _Search:
         tried, use = found.solved, found.active
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | self._lost(tried.result, gone))
-        swapped = swaps(tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
+        asked = (tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
+        swapped = tuple(swaps(*asked))
+        renumbered = tuple(other_numbers(*asked, swapped))
         doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
         above = use & ((tried.plain if tried.small else tried.test) > self.rule.limit)
-        told = Found(use, undecided, above, doubtful, tuple(swapped), tried.small)
+        told = Found(use, undecided, above, doubtful, swapped, renumbered, tried.small)
         notes = findings(tried.given, self.all, told, self.rule)
         split = self.all.split
-        return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), tuple(swapped))
+        return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), swapped, renumbered)
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""

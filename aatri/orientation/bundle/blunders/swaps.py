@@ -19,6 +19,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.image_points import ImagePointRows
+from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
 
@@ -53,11 +54,16 @@ def swaps(result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ..
         groups = {group for group, _ in o.observed.records.touches}
         if not out[i].any():
             continue
-        if rays is not None and {POSE, POINT} <= groups and len(o.observed) == len(rays.image):
+        if rays is not None and is_of_rays(o.observed, rays):
             found += [Swap(i, a, b) for a, b in _of_rays(result, o, rays, out[i], limit)]
         elif groups == {POINT} and o.observed.records.rows == 3:
             found += [Swap(i, a, b) for a, b in _of_coordinates(result, o, out[i], limit)]
     return found
+
+
+def is_of_rays(observed: Observed, rays: ImagePointRows) -> bool:
+    """Whether these are the image points themselves."""
+    return {POSE, POINT} <= {group for group, _ in observed.records.touches} and len(observed) == len(rays.image)
 
 
 def _of_rays(

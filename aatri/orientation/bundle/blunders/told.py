@@ -12,6 +12,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.swaps import Swap
 
@@ -39,6 +40,7 @@ class Found:
     doubtful : (n,) bool
         At points where nothing tells what is wrong, and it is small: nothing is left out.
     swapped : tuple of Swap
+    renumbered : tuple of OtherNumber
     small : bool
         There is too little redundancy to tell gross errors from wrong standard deviations.
     """
@@ -48,6 +50,7 @@ class Found:
     above: Bool
     doubtful: Bool
     swapped: tuple[Swap, ...]
+    renumbered: tuple[OtherNumber, ...] = ()
     small: bool = False
 
 
@@ -80,8 +83,19 @@ def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) 
         o = records.observed[swap.place]
         rows = np.isin(np.arange(len(o)), [swap.first, swap.second])
         notes.append(Note("warning", f"{o.kind}: these two fit if their numbers are exchanged", labels(o, rows)))
+    if found.renumbered:
+        ids = tuple(_renumbering(given, one) for one in found.renumbered)
+        what = "these fit under another number, which may be theirs"
+        notes.append(Note("warning", f"image_point: {len(ids)} rejected, {what}", ids))
     notes += _whole(given, records, gone)
     return notes
+
+
+def _renumbering(given: BundleInput, one: OtherNumber) -> str:
+    assert given.rays is not None
+    points = given.point_ids
+    image, own = given.image_ids[given.rays.image[one.row]], points[given.rays.point[one.row]]
+    return f"{image}/{own} (fits {points[one.point]})"
 
 
 def _whole(given: BundleInput, records: AllRecords, gone: Bool) -> list[Note]:

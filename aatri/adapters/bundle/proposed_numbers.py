@@ -1,0 +1,39 @@
+"""Numbers that a search for gross errors proposes, as a table: exchanged ones, and such as fit another point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.artifacts.solution import ProposedNumbers
+from aatri.observations.observed import Observed
+from aatri.orientation.bundle.blunders.swaps import is_of_rays
+from aatri.orientation.bundle.rounds import Round
+
+
+def proposed_numbers(done: Round) -> ProposedNumbers | None:
+    """All proposals of a search; None where there are none.
+
+    Parameters
+    ----------
+    done : Round
+    """
+    rows: list[tuple[Observed, int, str, bool]] = []
+    observed = [o.observed for o in done.result.observations]
+    for swap in done.swapped:
+        o = observed[swap.place]
+        names = o.names(np.array([swap.first, swap.second]))[1]
+        rows += [(o, swap.first, str(names[1]), True), (o, swap.second, str(names[0]), True)]
+    if done.renumbered and done.given.rays is not None:
+        o = next(o for o in observed if is_of_rays(o, done.given.rays))
+        rows += [(o, one.row, str(done.given.point_ids[one.point]), False) for one in done.renumbered]
+    if not rows:
+        return None
+    named = [o.names(np.array([row])) for o, row, _, _ in rows]
+    return ProposedNumbers(
+        kind=np.array([o.kind for o, _, _, _ in rows]),
+        row=np.array([o.row[row] for o, row, _, _ in rows], dtype=np.int32),
+        image=np.array([str(image[0]) for image, _ in named]),
+        point=np.array([str(point[0]) for _, point in named]),
+        proposed=np.array([proposed for _, _, proposed, _ in rows]),
+        exchanged=np.array([exchanged for _, _, _, exchanged in rows]),
+    )

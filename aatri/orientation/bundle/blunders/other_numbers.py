@@ -1,0 +1,133 @@
+"""Wrong numbers: a rejected image point that lies where another point is expected, which the image does not have.
+
+With the measured coordinates of the ray, and the ground point q of the other in place of its own,
+
+    v = computed(pose, X_q) - measured,      |v| <= limit FITS sigma      in x and y
+
+q is looked for among the points that are seen in images which share points with this one; those that the image has
+itself, in use, are no choice. Where points lie dense one of them may fit by chance: the number n of them that fall into
+an image of area A, and the box of the bound, give the chance n (4 bound_x bound_y) / A, which must be below `CHANCE`,
+and the fit must be the only one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.collinearity import in_image_axes, project
+from aatri.observations.image_points import ImagePointRows, renumbered_records
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.blunders.swaps import MOST_IN_AN_IMAGE, Swap, is_of_rays
+from aatri.orientation.bundle.result import BundleResult
+
+FITS = 2.0
+"""Where the other is expected is known worse than a coordinate is measured: from its own rays, often two."""
+
+CHANCE = 0.01
+
+COARSE = 0.01
+"""Share of the principal distance within which a point is looked at: lens and film are left out at first."""
+
+
+@dataclass(frozen=True)
+class OtherNumber:
+    """An image point that fits another ground point: rows of the image points, of the points."""
+
+    row: int
+    point: int
+
+
+def other_numbers(
+    result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ...], limit: float, swapped: Sequence[Swap] = ()
+) -> list[OtherNumber]:
+    """Ground points that rejected image points fit.
+
+    Parameters
+    ----------
+    result : BundleResult
+    rays : ImagePointRows, optional
+        The image points.
+    out : tuple of (n,) bool
+        Rejected, kind by kind.
+    limit : float
+        In standard deviations.
+    swapped : sequence of Swap
+        Those of them that fit each other's number.
+    """
+    if rays is None:
+        return []
+    place = next(i for i, o in enumerate(result.observations) if is_of_rays(o.observed, rays))
+    known = [row for swap in swapped if swap.place == place for row in (swap.first, swap.second)]
+    rows = np.setdiff1d(np.flatnonzero(out[place] & result.image_adjusted[rays.image]), known)
+    if not len(rows):
+        return []
+    seen = _Seen(rays, result.ray_used & result.point_adjusted[rays.point], len(result.xyz_m))
+    pairs: list[tuple[Int, Int, Float]] = []
+    for image in np.unique(rays.image[rows]).tolist():
+        some = rows[rays.image[rows] == image]
+        if len(some) <= MOST_IN_AN_IMAGE:
+            pairs.append(_near(result.adjusted.state, rays, some, seen.around(image), limit))
+    if not pairs:
+        return []
+    row, point, chance = (np.concatenate(parts) for parts in zip(*pairs))
+    return _fitting(result, rays, row, point, chance, limit)
+
+
+class _Seen:
+    """Which points which images see, both ways."""
+
+    def __init__(self, rays: ImagePointRows, used: Bool, n_points: int) -> None:
+        from scipy.sparse import csr_array  # slow to import
+
+        some = np.flatnonzero(used)
+        n_images = int(rays.image.max(initial=-1)) + 1
+        ones, shape = np.ones(len(some), dtype=np.int32), (n_images, n_points)
+        self.points_of = csr_array((ones, (rays.image[some], rays.point[some])), shape=shape)
+        self.images_of = self.points_of.T.tocsr()
+
+    def around(self, image: int) -> Int:
+        """Points of the images that share some with this one, but for its own."""
+        own = self.points_of[[image]].indices
+        images = np.unique(self.images_of[own].indices)
+        return np.setdiff1d(self.points_of[images].indices, own)
+
+
+def _near(state: State, rays: ImagePointRows, rows: Int, points: Int, limit: float) -> tuple[Int, Int, Float]:
+    """Image points of one image and the points near them: rows, points, and the chance of such a fit."""
+    nothing = np.zeros(0, dtype=np.int64)
+    if not len(points):
+        return nothing, nothing, np.zeros(0)
+    image, c = int(rays.image[rows[0]]), float(rays.c_mm[rows[0]])
+    poses = state[POSE]
+    X0, R = poses.position_m[[image]], poses.ground_from_image[[image]]
+    u = in_image_axes(np.repeat(X0, len(points), axis=0), np.repeat(R, len(points), axis=0), state[POINT][points])
+    before = u[:, 2] < 0
+    points, xy = points[before], project(u[before], np.full(int(before.sum()), c))
+    mine = rays.xy_mm[rays.image == image]
+    low, high = mine.min(axis=0), mine.max(axis=0)
+    count = int(((xy >= low) & (xy <= high)).all(axis=1).sum())
+    near = (np.abs(rays.xy_mm[rows][:, None, :] - xy) <= COARSE * c).all(axis=2)
+    i, k = np.nonzero(near)
+    box = (2.0 * limit * FITS * rays.sigma_mm[rows]).prod(axis=1)
+    chance = np.minimum(1.0, count * box / max(float((high - low).prod()), 1e-12))
+    return rows[i], points[k], chance[i]
+
+
+def _fitting(
+    result: BundleResult, rays: ImagePointRows, row: Int, point: Int, chance: Float, limit: float
+) -> list[OtherNumber]:
+    """Of pairs of image point and ground point those that fit, where just one does."""
+    if not len(row):
+        return []
+    records = renumbered_records(rays, tuple(p.given for p in result.parameters), row, point)
+    v = np.abs(records.evaluate(result.adjusted.state, np.arange(len(row)))[0])
+    bound = limit * FITS * rays.sigma_mm[row]
+    fits = (v <= bound).all(axis=1) & (chance <= CHANCE)
+    alone = fits & (np.bincount(row[fits], minlength=len(rays.image))[row] == 1)
+    other = alone & (point != rays.point[row])
+    return [OtherNumber(int(r), int(p)) for r, p in zip(row[other], point[other])]
