@@ -19,7 +19,7 @@ from aatri.report.verdict import internal_lights
     ],
 )
 def test_sigma0_is_tested_with_the_redundancy_that_it_counts(figures: dict[str, float], state: str) -> None:
-    """1.20 lies within the 95 % limits of a redundancy of 30 (0.748 to 1.252), not within those of 300 (0.920 to 1.080)."""
+    """95 % limits: 0.748 to 1.252 for a redundancy of 30, 0.920 to 1.080 for 300 (tables of chi-square)."""
     stage = SimpleNamespace(name="bundle", metrics={"sigma0": 1.20, **figures}, status="done")
     run = SimpleNamespace(stages=[stage], of_kind=lambda kind: [stage])
     (light,) = [x for x in internal_lights(run, None) if x.title == "sigma0"]  # type: ignore[arg-type]
