@@ -6,13 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.report.numbers import DASH, number
 from aatri.report.sections import tables
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Cells, PageTable
+
+UNCONTROLLED = 0.01
+"""A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
 
 
 def reliability_tables(solution: Solution) -> list[PageTable]:
@@ -55,7 +57,7 @@ def _by_kind(solution: Solution) -> PageTable | None:
         moved = tests.point_moved_m[mine]
         rows.append((
             str(kind), unit, number(int(known.sum())), number(float(r[known].mean())), number(float(r[known].min())),
-            number(int((r[known] < BELOW).sum())),
+            number(int((r[known] < UNCONTROLLED).sum())),
             number(float(np.median(found))) if len(found) else DASH, number(float(found.max())) if len(found) else DASH,
             _of(np.nanmedian, effect), _of(np.nanmax, effect), _of(np.nanmax, moved), _of(np.nanmax, np.abs(w)),
         ))  # fmt: skip
@@ -108,7 +110,9 @@ def _uncontrolled(solution: Solution) -> PageTable | None:
         "redundancy": lambda k: number(float(found.redundancy[k])),
         **{axis: tables.formatted(found.direction[:, i], _share) for i, axis in enumerate("xyz")},
     }
-    caption = f"Uncontrolled, redundancy number below {BELOW:g}: a gross error in the direction x, y, z shows nowhere"
+    caption = (
+        f"Uncontrolled, redundancy number below {UNCONTROLLED:g}: a gross error in the direction x, y, z shows nowhere"
+    )
     return tables.all_rows(caption, found, columns, 3)
 
 
