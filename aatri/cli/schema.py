@@ -134,13 +134,12 @@ def _options_schema(card: StageCard) -> dict[str, Any]:
 
 
 def artifacts_schema(registry: Registry) -> dict[str, Any]:
-    """JSON Schema of all kinds of artifact that any role takes or gives, from their declarations.
+    """JSON Schema of all kinds of artifact that any role gives, from their declarations.
 
     A table is an object of columns, a column the list of its rows. In the HDF5 file a table is a group, a column a
     dataset; NaN and a row number -1, *not given*, are null here only for floats.
     """
-    kinds = {role.kind for role in map(registry.role, registry.roles)}
-    kinds |= {kind for role in map(registry.role, registry.roles) for kind in role.ports.values()}
+    kinds = {role.kind for role in map(registry.role, registry.roles)}  # what a role takes, another gives
     return {
         "$schema": DIALECT,
         "title": "aatri artifacts",

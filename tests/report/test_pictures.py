@@ -134,6 +134,15 @@ def test_a_point_far_off_does_not_set_the_scale():
     assert near(np.array([[0.0, 0.0], [1e6, 0.0]])).all()  # two points have no main part
 
 
+def test_points_without_height_count_for_the_extent_of_the_plan():
+    """Plan control of a block without images and solution: nothing else says where it lies."""
+    block = made_block()
+    flat = block.ground_points.xyz_m.copy()
+    flat[:, 2] = np.nan
+    drawn, _ = block_plan(replace(block, ground_points=replace(block.ground_points, xyz_m=flat)), None)
+    assert f">{block.points.id[block.ground_points.point[0]]}</text>" in drawn
+
+
 def test_the_plan_names_control_and_what_it_leaves_out():
     block = made_block()
     far = block.ground_points.xyz_m.copy()

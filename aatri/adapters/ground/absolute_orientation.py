@@ -76,7 +76,7 @@ def orient_strips(
     """
     how = (tie_limit, control_limit, two_points)
     free, parts, failed, notes = _joined_and_oriented(ground, *how, weakly=False)
-    if free.weak_left and failed:  # not each has control enough of its own
+    if any(free.weak) and failed:  # not each has control enough of its own
         free, parts, failed, notes = _joined_and_oriented(ground, *how, weakly=True)
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
@@ -107,7 +107,7 @@ def _joined_and_oriented(
     points, usable = pieces.strip_points_of(strips), pieces.usable_ties(strips)
     free = join_strips(points, names, active=usable, limit=tie_limit, weakly=weakly)
     parts, failed = list[OrientedPart](), list[GeometryError]()
-    notes = [Note("warning", f"not joined: {text}") for text in free.unjoined]
+    notes = list[Note]()
     for number, component in enumerate(free.components, 1):
         what = f"component {number} ({strip_names(component, names)})"
         try:
@@ -117,7 +117,10 @@ def _joined_and_oriented(
             continue
         parts.append(part)
         notes += [*_height_notes(ground, part), *_part_notes(ground, part)]
-    return free, parts, failed, notes
+    # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
+    level = [("note" if weak and not failed else "warning") for weak in free.weak]
+    joined = [Note(how, f"not joined: {text}") for how, text in zip(level, free.unjoined)]
+    return free, parts, failed, [*joined, *notes]
 
 
 def _worst(ground: Ground, parts: Sequence[OrientedPart]) -> str:

@@ -69,14 +69,14 @@ class FreeBlock:
         Rows of the StripPoints not rejected.
     unjoined : tuple of str
         For each pair of components with few or bad ties: what is missing.
-    weak_left : bool
-        Some of these could be joined weakly.
+    weak : tuple of bool
+        For each of these: it could be joined weakly, by points nearly on a line.
     """
 
     components: tuple[Component, ...]
     active: Bool
     unjoined: tuple[str, ...]
-    weak_left: bool = False
+    weak: tuple[bool, ...] = ()
 
 
 def join_strips(
@@ -107,8 +107,8 @@ def join_strips(
         if component.tied is not None:
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
-    weak_left = any(tie.joins(weakly=True) for tie in weak.values())
-    return FreeBlock(tuple(components), use, _reasons(components, weak, member, names), weak_left)
+    reasons = _reasons(components, weak, member, names)
+    return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
 
 
 def _adjusted(
@@ -184,22 +184,24 @@ def _medians(point: Int, value: Float, count: Int) -> Float:
 
 def _reasons(
     components: list[Component], weak: dict[tuple[int, int], Tie], member: Int, names: Sequence[str]
-) -> tuple[str, ...]:
+) -> dict[str, bool]:
+    """Why pairs of components are not joined, and whether they could be weakly."""
     components = sorted(components, key=lambda c: int(c.strips[0]))
     label = [int(member[c.strips[0]]) for c in components]
-    texts = []
+    texts = dict[str, bool]()
     for i, first in enumerate(components):
         for j, second in enumerate(components[i + 1 :], i + 1):
             tie = weak.get((min(label[i], label[j]), max(label[i], label[j])))
             between = f"{strip_names(first, names)} and {strip_names(second, names)}"
             if tie is None:
-                texts.append(f"{between} have no common point")
+                texts[f"{between} have no common point"] = False
             elif tie.common < 3:
-                texts.append(f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed")
+                texts[f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed"] = False
             else:
-                nearly = "nearly " if tie.joins(weakly=True) else ""
-                texts.append(f"{between} have {tie.common} common points that lie {nearly}on a line")
-    return tuple(texts)
+                weakly = tie.joins(weakly=True)
+                line = "nearly on a line" if weakly else "on a line"
+                texts[f"{between} have {tie.common} common points that lie {line}"] = weakly
+    return texts
 
 
 def strip_names(component: Component, names: Sequence[str]) -> str:

@@ -69,8 +69,8 @@ def _keys(value: Any, location: tuple[str | int, ...]) -> list[str | int]:
     for n, step in enumerate(location):
         if step == "parameters" and not (isinstance(value, dict) and "parameters" in value):
             continue
-        inside = (isinstance(value, dict) and step in value) or (isinstance(value, list) and isinstance(step, int))
-        if inside and not (isinstance(value, list) and int(step) >= len(value)):
+        # Too short a list is told of as a whole: a number is always that of an item.
+        if (isinstance(value, dict) and step in value) or (isinstance(value, list) and isinstance(step, int)):
             keys.append(step)
             value = value[step]
         elif n == len(location) - 1 and isinstance(value, dict):
