@@ -118,8 +118,10 @@ def _joined_and_oriented(
         parts.append(part)
         notes += [*_height_notes(ground, part), *_part_notes(ground, part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
-    level = [("note" if weak and not failed else "warning") for weak in free.weak]
-    joined = [Note(how, f"not joined: {text}") for how, text in zip(level, free.unjoined)]
+    joined = [
+        Note("note" if weak and not failed else "warning", f"not joined: {text}")
+        for text, weak in zip(free.unjoined, free.weak)
+    ]
     return free, parts, failed, [*joined, *notes]
 
 

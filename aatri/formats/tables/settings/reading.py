@@ -72,7 +72,7 @@ def _keys(value: Any, location: tuple[str | int, ...]) -> list[str | int]:
         # Too short a list is told of as a whole: a number is always that of an item.
         if (isinstance(value, dict) and step in value) or (isinstance(value, list) and isinstance(step, int)):
             keys.append(step)
-            value = value[step]
+            value = value[int(step)] if isinstance(value, list) else value[step]
         elif n == len(location) - 1 and isinstance(value, dict):
             keys.append(step)
     return keys
