@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.arguments.completion import complete_run_stage
 from aatri.cli.arguments.locate import Run, find_run, split_stage
 from aatri.cli.terminal.console import narrate, reports_errors, say
@@ -35,7 +36,12 @@ def export(
             metavar="RUN[:STAGE]", autocompletion=complete_run_stage, help="Without STAGE the last Solution."
         ),
     ],
-    form: Annotated[Form, typer.Argument(help="Form of the export.")],
+    form: Annotated[
+        Form,
+        typer.Argument(
+            parser=one_of(Form), autocompletion=complete(Form), metavar="FORM", help=f"One of {listed(Form)}."
+        ),
+    ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
 ) -> None:

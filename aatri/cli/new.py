@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
@@ -95,7 +96,15 @@ _LINES = {
 @reports_errors
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to write to.")] = Path(),
-    block: Annotated[Source, typer.Option(help="Where the block comes from.")] = Source.simulate,
+    block: Annotated[
+        Source,
+        typer.Option(
+            parser=one_of(Source),
+            autocompletion=complete(Source),
+            metavar="NAME",
+            help=f"Where the block comes from: {listed(Source)}.",
+        ),
+    ] = Source.simulate,
     plugin: Annotated[
         str | None, typer.Option(metavar="ROLE/NAME", help="Write a stage of your own and its test instead.")
     ] = None,

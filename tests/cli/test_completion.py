@@ -50,6 +50,8 @@ def _completed(line: str) -> list[str]:
         ("aatri metrics ru", ["runs/first"]),
         ("aatri show runs/first:", ["runs/first:block"]),
         ("aatri export :bu", [":bundle"]),
+        ("aatri export runs/first ta", ["tables"]),
+        ("aatri new --block u", ["unordered"]),
     ],
 )
 def test_completion_knows_stages_variants_and_runs(line: str, offered: list[str]) -> None:

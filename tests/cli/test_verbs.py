@@ -194,3 +194,10 @@ def test_figures_of_a_run_never_made_are_an_error(tmp_path: Path) -> None:
     result = aatri("metrics")
     assert result.exit_code == 7
     assert "has not been run" in result.stderr
+
+
+@pytest.mark.parametrize("arguments", [["export", "run", "tabels", "out"], ["new", "--block", "tabels"]])
+def test_a_misspelt_form_or_source_is_told_the_near_one(arguments: list[str]) -> None:
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 2
+    assert "did you mean 'tables'?" in " ".join(done.stderr.split())
