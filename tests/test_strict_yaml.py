@@ -76,6 +76,18 @@ def test_traps_are_refused_with_their_place(text: str, place: str, message: str)
     assert caught.value.where.startswith(place)
 
 
+def test_a_file_beyond_the_limit_is_refused_and_not_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text("a: 1\nb: 2\n")
+    for limit, refused in ((10, False), (9, True)):
+        monkeypatch.setattr("aatri.strict_yaml.MAX_BYTES", limit)
+        if refused:
+            with pytest.raises(SpecError, match="larger than 9 bytes"):
+                load(path)
+        else:
+            assert load(path).value == {"a": 1, "b": 2}
+
+
 def test_deep_and_large_input_is_refused_at_once() -> None:
     with pytest.raises(SpecError, match="deeper"):
         loads("[" * 500_000)

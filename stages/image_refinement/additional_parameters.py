@@ -56,5 +56,6 @@ def additional_parameters(
     correction_mm = calibrated_correction(block, image_points, parameters, found)
     m = image_points.measurements
     largest = largest_length(correction_mm, m.active & finite_rows(correction_mm))
-    context.log(f"{found.set} of {', '.join(found.shared[0].ids[:4])}: at most {1e3 * largest:.2f} um")
+    units = ", ".join(id for part in found.parts if part.per != "image" for id in part.ids[:4])
+    context.log(f"{found.set} of {units}: at most {1e3 * largest:.2f} um")
     return with_corrections(image_points, m.xy_mm + correction_mm, ["additional parameters"], [largest])

@@ -77,6 +77,15 @@ def test_residuals_are_told_in_their_own_unit():
     assert rows["control"][7] == "20"
 
 
+def test_rejected_observations_are_counted_apart_from_those_in_use():
+    solution = made_solution(made_block())
+    mine = np.flatnonzero(solution.residuals.kind == "image_point")
+    active = np.ones(len(solution.residuals), dtype=bool)
+    active[mine[:3]] = False
+    rows = residual_classes(replace(solution, residuals=replace(solution.residuals, active=active))).rows
+    assert next(row[3:5] for row in rows if row[0] == "image_point") == (str(len(mine) - 3), "3")
+
+
 def test_a_check_point_thousands_of_sigmas_off_is_named():
     block = made_block()
     evaluation = evaluate(block, made_solution(block))

@@ -74,11 +74,6 @@ class Calibration:
             return self.parts[0].per
         return {part.per: part.names for part in self.parts}
 
-    @property
-    def shared(self) -> tuple[CalibratedPart, ...]:
-        """Parts that hold for other images too."""
-        return tuple(part for part in self.parts if part.per != "image")
-
 
 def calibration_of(solution: Solution) -> Calibration:
     """Additional parameters of a finished adjustment, for another block.

@@ -184,6 +184,11 @@ def test_legendre_is_orthonormal_over_the_format_and_free_of_the_orientation(sca
     assert np.abs(K.T @ E).max() < 1e-12 * scale.radius_mm
 
 
+def test_names_of_terms_tell_their_degrees_apart_from_the_tenth_on() -> None:
+    assert {"x31", "y24"} <= set(parameter_set("legendre", orders=(9, 9)).parameters)
+    assert {"x3_1", "x2_10", "y10_0"} <= set(parameter_set("legendre", orders=(10, 10)).parameters)
+
+
 def test_ebner_and_gruen_span_what_legendre_spans() -> None:
     # Tang et al.: the Legendre sets generalise Ebner's and Gruen's; equal up to the exterior orientation
     xy = format_grid(FILM)

@@ -84,6 +84,10 @@ def test_exact_is_the_limit_of_weighted_and_the_redundancy_is_that_of_the_notes(
     weighted = _network(tmp_path / "weighted", case, f"sigma: {small!r}")
     exact = _network(tmp_path / "exact", case, "exact: true")
     gained = CASES[case][3]
+    given = [set(s.residuals.sigma[s.residuals.kind == case.split()[0], 0].tolist()) for s in (weighted, exact)]
+    if case.split()[0] not in ("distance", "angle", "coordinate_difference"):  # kinds that networks observe, too
+        assert given[1] == {0.0}
+        assert min(given[0]) > 0
     assert weighted.redundancy - plain.redundancy == gained
     assert exact.redundancy - plain.redundancy == gained
     np.testing.assert_allclose(exact.points.xyz_m, weighted.points.xyz_m, atol=1e-8)
