@@ -89,13 +89,17 @@ def units_named(wanted: SelfCalibration | None) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ChosenSet:
-    """The set of an adjustment in its parts; `calibration` weights those that another block has determined."""
+    """The set of an adjustment in its parts; `calibration` weights those that another block has determined.
+
+    `unnamed` are the parameters of the set that `per` does not name.
+    """
 
     name: str
     interior: bool
     sigma_mm: float | None
     parts: tuple[SetPart, ...]
     calibration: Calibration | None = None
+    unnamed: tuple[str, ...] = ()
 
 
 def chosen_set(
@@ -116,7 +120,10 @@ def chosen_set(
         named = {name for names in wanted.per.values() for name in names}
         interior = not has_it and bool(named & set(INTERIOR.parameters))
     full = with_interior(chosen) if interior else chosen
-    return ChosenSet(wanted.set, interior, _sigma_mm(wanted), parts_of_set(full, wanted.per))
+    parts = parts_of_set(full, wanted.per)
+    named = {name for part in parts for name in part.parameters.parameters}
+    unnamed = tuple(name for name in full.parameters if name not in named)
+    return ChosenSet(wanted.set, interior, _sigma_mm(wanted), parts, unnamed=unnamed)
 
 
 def _sigma_mm(wanted: SelfCalibration) -> float | None:
@@ -202,7 +209,16 @@ def told_parameters(block: Block, result: BundleResult, chosen: ChosenSet | None
     if chosen is not None:
         adjusted = [p for p in result.parameters if p.given.group in parts]
         calibration = calibration_tables(block, adjusted, chosen.parts, chosen.name, chosen.interior)
-    return ToldParameters(tables, covariances, calibration, (*notes, *_units_without_names(block, chosen)))
+    notes = (*notes, *_units_without_names(block, chosen), *_left_out_by_name(chosen))
+    return ToldParameters(tables, covariances, calibration, notes)
+
+
+def _left_out_by_name(chosen: ChosenSet | None) -> list[Note]:
+    """Parameters of the set that no unit of `per` names: not adjusted."""
+    if chosen is None or not chosen.unnamed:
+        return []
+    return [Note("note", f"self_calibration.per names no unit for some parameters of {chosen.name}, which stay zero: "
+                 f"{', '.join(chosen.unnamed)}")]  # fmt: skip
 
 
 def _units_without_names(block: Block, chosen: ChosenSet | None) -> list[Note]:

@@ -188,6 +188,7 @@ def test_flights_that_the_block_does_not_name_are_told(block: Block) -> None:
     sets = {"set": "brown_conrady", "per": {"camera": ["k1", "k2"], "flight": ["c"]}}
     options = BundleOptions(self_calibration=sets, **FREE | {"tolerance": 1e-3, "max_sigma0": 1e3})
     bundle(plain, measured(plain), options=options, context=told)
+    assert any("which stay zero: x0, y0, k3, p1, p2, b1, b2" in line for line in told.lines)
     assert any("no image has a flight (images.csv): all images of a camera share c" in text for text in told.warnings)
 
 
