@@ -101,6 +101,17 @@ def test_exec_makes_one_stage(tmp_path: Path) -> None:
     assert "nothing to do" not in aatri("run").stderr  # the report is missing yet
 
 
+def test_exec_takes_up_a_result_that_was_made_before_another(project: Path) -> None:
+    """An option changed and changed back: the first result is there yet, and becomes the current one again."""
+    first = (project / "out" / "current" / "s.h5").resolve()
+    write_pipeline(project, LINES.replace("from: {numbers: a}", "from: {numbers: a}, with: {offset: 4.0}"), HEAD)
+    assert aatri("exec", "pipeline.yaml", "s").exit_code == 0
+    assert (project / "out" / "current" / "s.h5").resolve() != first
+    write_pipeline(project, LINES, HEAD)
+    assert "up to date" in aatri("exec", "pipeline.yaml", "s").stderr
+    assert (project / "out" / "current" / "s.h5").resolve() == first
+
+
 def test_slurm_gets_a_job_per_stage(project: Path) -> None:
     assert aatri("export", "pipeline.yaml", "slurm", "jobs.sh").exit_code == 0
     text = (project / "jobs.sh").read_text()
