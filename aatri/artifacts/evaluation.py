@@ -32,6 +32,27 @@ class Differences(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class SingleModels(Table):
+    """Stereo pairs restituted one by one with the orientations of the block; differences: model minus the other."""
+
+    left: Text = column("str", doc="id of the left image")
+    right: Text = column("str", doc="id of the right image")
+    points: Int = column("i4", doc="points with both rays in use")
+    base_m: Float = column("f8", unit="m", doc="length of the base")
+    parallax_rms_um: Float = column("f8", unit="um", doc="y-parallaxes in the normal case", optional=True)
+    parallax_max_um: Float = column("f8", unit="um", doc="the largest", optional=True)
+    parallax_max_at: Text = column("str", doc="id of its point")
+    w_rms: Float = column(
+        "f8", doc="what the two rays leave, over its standard deviation: near 1, or below", optional=True
+    )
+    adjusted_rms_m: Float = column("f8", 3, unit="m", doc="minus the adjusted coordinates", optional=True)
+    control_points: Int = column("i4", doc="control points among them")
+    control_rms_m: Float = column("f8", 3, unit="m", doc="minus the given coordinates there", optional=True)
+    check_points: Int = column("i4", doc="check points among them")
+    check_rms_m: Float = column("f8", 3, unit="m", doc="minus the given coordinates there", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Evaluation(Artifact):
     """Accuracy of a Solution."""
 
@@ -41,11 +62,12 @@ class Evaluation(Artifact):
     verdict: str = attribute(doc="one sentence: what is known of the accuracy, and from what")
     figures: Figures = table()
     differences: Differences = table()
+    models: SingleModels | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """All figures; counts as integers."""
         values = zip(self.figures.name, self.figures.value)
-        return {str(n): int(v) if str(n).endswith("_points") else _plain(float(v)) for n, v in values}
+        return {str(n): int(v) if str(n).endswith(("_points", "models")) else _plain(float(v)) for n, v in values}
 
 
 def _plain(value: float) -> float | None:

@@ -181,7 +181,8 @@ class VarianceComponents(Table):
 class IndependentErrors(Table):
     """How many independent errors the correlated ones of some points amount to: (tr C)^2 / tr C^2."""
 
-    points: Text = column("str", doc="new (compared with the truth) or check (with the given coordinates)")
+    points: Text = column("str", doc="new (compared with the truth), check (with the given coordinates), or "
+                          "left_out (control, with its prediction by the others)")  # fmt: skip
     count: Float = column("f8", 3, doc="of X, Y, Z; NaN where no point has the coordinate", optional=True)
 
 

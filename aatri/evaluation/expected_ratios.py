@@ -16,9 +16,13 @@ import numpy as np
 from aatri.artifacts.solution import IndependentErrors
 
 TOLD = 0.999
-"""Probability of the limits beyond which a ratio is told: there are six of them."""
+"""Probability of the limits beyond which a ratio is told: there are nine of them."""
 
-RATIOS = {"new": ("truth", "truth_over_theory"), "check": ("check", "check_theory_ratio")}
+RATIOS = {
+    "new": ("truth", "truth_over_theory"),
+    "check": ("check", "check_theory_ratio"),
+    "left_out": ("left_out", "left_out_theory_ratio"),
+}
 
 
 def expected_ratios(
@@ -44,7 +48,7 @@ def expected_ratios(
 
 
 def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
-    """A sentence of the ratios that hardly come by chance, at `new` points or `check` points."""
+    """A sentence of the ratios that hardly come by chance, at `new` or `check` points, or of control `left_out`."""
     what, ratio = RATIOS[points]
     beyond = []
     for axis in "xyz":
@@ -54,7 +58,8 @@ def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
         low, high = _limits(n, TOLD)
         if not low <= value <= high:
             beyond.append(f"{axis.upper()} {value:.2f} (expected {low:.2f} to {high:.2f}, {n:.0f} independent errors)")
-    names = {"check": "check errors over theory", "new": "true errors over theory"}
+    names = {"check": "check errors over theory", "new": "true errors over theory",
+             "left_out": "control without itself over theory"}  # fmt: skip
     return [f"Beyond chance, {names[points]}: {', '.join(beyond)}."] if beyond else []
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from aatri.adjustment.statistics.global_test import GlobalTest
-from aatri.evaluation.expected_ratios import outside_expected
+from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
 
 
@@ -34,7 +34,7 @@ def verdict(
     """
     far = f"Beyond every bound, to be looked at: {shown(beyond)}." if beyond else ""
     fit = [_control(figures, control_is_exact), _left_out(figures)]
-    outside = [*outside_expected(figures, "check"), *outside_expected(figures, "new")]
+    outside = [text for points in RATIOS for text in outside_expected(figures, points)]
     parts = [_check(figures, enough), far, *fit, _truth(figures), *outside, _sigma0(sigma0)]
     return " ".join(part for part in parts if part)
 

@@ -2,16 +2,19 @@
 
 Control differences tell how the fit went, check differences how good the block is, and a simulated block tells how
 good its theoretical standard deviations are. They are kept apart. RMSE = sqrt(sum d^2 / n), d = solution minus given;
-the bias is the mean of d. Definitions: docs/methods/accuracy.md.
+the bias is the mean of d. Every stereo pair is restituted by itself too, with the orientations of the solution.
+Definitions: docs/methods/accuracy.md.
 """
 
 from __future__ import annotations
 
+from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.evaluation.doming import check_notes
+from aatri.evaluation.single_models import single_models, with_models
 from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -23,7 +26,7 @@ class EvaluationOptions(Options):
     enough_check_points: int = Field(30, ge=1, description="fewer check points than this are remarked upon")
 
 
-@stage(version=1, uses=("ground_points:check",))
+@stage(version=2, uses=("ground_points:check",))
 def evaluation(
     block: Block,
     solution: Solution,
@@ -33,6 +36,11 @@ def evaluation(
 ) -> Evaluation:
     """Empirical and theoretical accuracy of a Solution."""
     result = evaluate(block, solution, confidence=options.confidence, enough=options.enough_check_points)
+    frame = frame_of(block)
+    poses = poses_into(frame, solution.images.position_m, solution.images.ground_from_image)
+    xyz_m = points_into(frame, solution.points.xyz_m)
+    models = single_models(block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X))
+    result = with_models(result, models)
     context.log(result.verdict)
     tell(check_notes(result, block, solution), context)
     return result

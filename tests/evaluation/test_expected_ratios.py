@@ -9,6 +9,7 @@ import pytest
 
 from aatri.artifacts.solution import IndependentErrors
 from aatri.evaluation.accuracy import evaluate
+from aatri.evaluation.expected_ratios import expected_ratios, outside_expected
 from tests.made_solutions import made_block, made_solution
 
 
@@ -37,3 +38,14 @@ def test_a_ratio_beyond_chance_is_told_and_one_within_is_not() -> None:
     assert "Y 2.00" in verdict
     assert "Z 2.00" not in verdict
     assert "check errors" not in verdict
+
+
+def test_the_ratio_of_control_left_out_has_its_number_and_limits() -> None:
+    independent = IndependentErrors(points=["left_out"], count=[[10.0, 20.0, 3.0]])
+    found = expected_ratios({"left_out_theory_ratio_x": 1.1, "left_out_theory_ratio_z": 3.1}, independent, 0.95)
+    assert found["left_out_independent_x"] == 10.0
+    assert found["left_out_theory_ratio_x_low"] == pytest.approx(np.sqrt(3.247 / 10), rel=1e-4)
+    assert "left_out_independent_y" not in found
+    ratios = {"left_out_theory_ratio_x": 1.1, "left_out_theory_ratio_z": 3.1}
+    (text,) = outside_expected({**found, **ratios}, "left_out")
+    assert text.startswith("Beyond chance, control without itself over theory: Z 3.10")

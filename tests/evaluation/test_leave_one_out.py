@@ -68,6 +68,10 @@ def test_figures_and_verdict_have_it_and_a_point_that_nothing_controls_is_counte
     figures = result.metrics()
     assert figures["left_out_points"] == 9
     assert figures["left_out_rmse_x_m"] > figures["control_rmse_x_m"]
+    for axis, n in (("x", 7), ("y", 7), ("z", 7)):  # five full, two in plan, two in height
+        assert 1.0 < figures[f"left_out_independent_{axis}"] <= n
+        low, high = figures[f"left_out_theory_ratio_{axis}_low"], figures[f"left_out_theory_ratio_{axis}_high"]
+        assert low < 1.0 < high
     assert "Predicted without itself: X " in result.verdict
     mine = result.differences.kind == "left_out"
     d, s = result.differences.difference_m[mine], result.differences.sigma_m[mine]

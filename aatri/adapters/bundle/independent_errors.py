@@ -1,24 +1,29 @@
-"""How many independent errors the new points and the check points of a bundle have, axis by axis."""
+"""How many independent errors new points, check points and control left out of a bundle have, axis by axis."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.covariance.independent import independent_errors
+from aatri.adjustment.covariance.independent import independent_errors, independent_predictions
+from aatri.adjustment.records import whitened
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import IndependentErrors
+from aatri.observations.control import KIND as CONTROL_KIND
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.result import BundleResult
 
-NEW_POINTS, CHECK_POINTS = "new", "check"
+NEW_POINTS, CHECK_POINTS, LEFT_OUT = "new", "check", "left_out"
+
+PREDICTED = 1e-6
+"""Redundancy in every direction from which on the others predict a control point."""
 
 MOST_POINTS, MOST_WITH_TESTS = 5_000, 200_000
 """Beyond this the errors are many and the count not worth its time, or, where observations are tested, its memory."""
 
 
 def independent_errors_table(block: Block, result: BundleResult, *, tests: bool) -> IndependentErrors | None:
-    """Counts of the points that are no control and of the check points; None without their covariances.
+    """Counts of points that are no control, of check points, of control left out; None without their covariances.
 
     Held points have no errors, and are not counted. Whether a truth is known makes no difference: it changes nothing.
 
@@ -50,6 +55,29 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
         given = nothing.copy()
         given[ground.point] = np.nan_to_num(np.einsum("nii->ni", ground.covariance_m2))
         counts[CHECK_POINTS] = independent_errors(adjusted, POINT, check & known, variance, given)
+    if (left_out := _control_left_out(result)) is not None:
+        counts[LEFT_OUT] = left_out
     if not counts:
         return None
     return IndependentErrors(points=np.array(list(counts)), count=np.array(list(counts.values())))
+
+
+def _control_left_out(result: BundleResult) -> Float | None:
+    """Of control points predicted each without itself, (3,); None where there is none that others predict."""
+    adjusted = result.adjusted
+    of = [o for o in result.observations if o.observed.kind == CONTROL_KIND and not o.observed.exact]
+    found = next((o for o in of if len(o.observed.records.touches) == 1 and o.observed.records.rows == 3), None)
+    rows = np.flatnonzero(found.used) if found is not None else np.zeros(0, dtype=np.int64)
+    if found is None or not len(rows) or not np.isfinite(found.covariance[rows]).all():
+        return None
+    records = found.observed.records
+    block, observed = records.touches[0][1][rows], records.observed_components()[rows]
+    _, (J,) = whitened(records, adjusted.state, rows)
+    both = observed[:, :, None] & observed[:, None, :]
+    R = np.where(both, np.eye(3) - found.covariance[rows], np.eye(3))
+    predicted = np.linalg.eigvalsh(0.5 * (R + R.swapaxes(1, 2)))[:, 0] > PREDICTED
+    whitener = records.whitener[rows]
+    L = whitener[:, :, None] * np.eye(3) if whitener.ndim == 2 else whitener
+    back = np.linalg.inv(np.where(both, L, np.eye(3)))
+    gain = np.where(both & predicted[:, None, None], back @ np.linalg.pinv(R), 0.0)
+    return independent_predictions(adjusted, POINT, block, J, gain)

@@ -14,13 +14,15 @@ Source: Satterthwaite 1946 (effective degrees of freedom); Hutchinson 1989 (trac
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from aatri.adjustment.adjusted import Adjusted
 from aatri.adjustment.constraints import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 
 EXACT = 64
 """Sets up to this size are taken unit vector by unit vector."""
@@ -50,9 +52,7 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
     (k,) float64
         NaN where a scalar has no members or no error.
     """
-    problem, state = adjusted.problem, adjusted.state
-    factored = adjusted.factored or factorise_constrained(problem, state)
-    W = covariance_reduction(problem, factored, state)
+    times = covariance_times(adjusted, group)
     n, k = members.shape
     found = np.full(k, np.nan)
     for scalar in range(k):
@@ -62,15 +62,72 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
         z, weight = _vectors(len(rows))
         right = np.zeros((n, k, z.shape[1]))
         right[rows, scalar] = z
-        Qz = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, {group: right})))
-        Cz = Qz[group][rows, scalar] + others[rows, scalar, None] * z
-        if W:
-            Cz -= W[group][rows, scalar] @ (W[group][rows, scalar].T @ z)
+        Cz = times(right)[rows, scalar] + others[rows, scalar, None] * z
         trace = float((variance + others)[rows, scalar].sum())
         square = weight * float((Cz**2).sum())
         if square > 0:  # held scalars have no errors
             found[scalar] = trace**2 / square
     return found
+
+
+def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float, gain: Float) -> Float:
+    """Independent errors among records predicted each without itself, component by component.
+
+    A record l of unit covariance observes J of one block. Its residual v = J x - l has with all others the covariance
+    I - J Q J'; predicted without itself it is off by d = G v, G the inverse of its own part of that.
+
+    Parameters
+    ----------
+    adjusted : Adjusted
+        Solved by its factor.
+    group : str
+    block : (n,) int
+        Block of each record, none twice.
+    J : (n, m, k) float64
+        Whitened.
+    gain : (n, m, m) float64
+        G to the unit asked for; zero rows for components without a prediction.
+
+    Returns
+    -------
+    (m,) float64
+        NaN where no record has the component.
+    """
+    times = covariance_times(adjusted, group)
+    _n, m = gain.shape[:2]
+    size = next(u for u in adjusted.problem.unknowns if u.name == group).free.shape
+    found = np.full(m, np.nan)
+    for component in range(m):
+        rows = np.flatnonzero(gain[:, component].any(axis=1))
+        if not len(rows):
+            continue
+        z, weight = _vectors(len(rows))
+        y = gain[rows, component][:, :, None] * z[:, None, :]
+        right = np.zeros((*size, z.shape[1]))
+        right[block[rows]] = np.einsum("nmk,nmv->nkv", J[rows], y)
+        Qy = np.einsum("nmk,nkv->nmv", J[rows], times(right)[block[rows]])
+        Cz = np.einsum("nm,nmv->nv", gain[rows, component], y - Qy)
+        trace = weight * float((z * Cz).sum())
+        square = weight * float((Cz**2).sum())
+        if square > 0:
+            found[component] = trace**2 / square
+    return found
+
+
+def covariance_times(adjusted: Adjusted, group: str) -> Callable[[Float], Float]:
+    """The product of the covariance of all blocks of a group with right-hand sides, (n, k, v) -> (n, k, v)."""
+    problem, state = adjusted.problem, adjusted.state
+    factored = adjusted.factored or factorise_constrained(problem, state)
+    W = covariance_reduction(problem, factored, state)
+
+    def times(right: Float) -> Float:
+        Q = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, {group: right})))
+        found = Q[group]
+        if W:
+            found = found - np.einsum("nkc,cv->nkv", W[group], np.einsum("nkc,nkv->cv", W[group], right))
+        return np.asarray(found)
+
+    return times
 
 
 def _vectors(n: int) -> tuple[Float, float]:

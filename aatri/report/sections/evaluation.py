@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.evaluation import Differences, Evaluation
+from aatri.artifacts.evaluation import Differences, Evaluation, SingleModels
 from aatri.ids import rows_of
 from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
@@ -18,6 +18,7 @@ def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
     """Add verdict, points and pictures."""
     made.notes.append(evaluation.verdict)
     made.tables.extend(point_tables(evaluation))
+    made.tables.extend(present(models_table(evaluation.models)))
     made.pictures.extend(difference_pictures(evaluation, around, ("control", "check")))
     made.pictures.extend(difference_pictures(evaluation, around, ("truth",)))
 
@@ -44,6 +45,26 @@ def _table(differences: Differences, kind: str) -> PageTable | None:
     }
     where = "control points predicted without themselves" if kind == "left_out" else f"{kind} points"
     return tables.all_rows(f"Differences at {where}, the largest first", rows, columns, 1)
+
+
+def models_table(models: SingleModels | None) -> PageTable | None:
+    """Single models, those with the largest y-parallaxes first."""
+    if models is None:
+        return None
+    order = np.argsort(-np.nan_to_num(models.parallax_rms_um), kind="stable")
+    columns: tables.Cells = {
+        "left": lambda k: str(models.left[order[k]]),
+        "right": lambda k: str(models.right[order[k]]),
+        "largest at": lambda k: str(models.parallax_max_at[order[k]]),
+        "points": lambda k: number(int(models.points[order[k]])),
+        "y-parallax um": tables.formatted(models.parallax_rms_um[order], number),
+        "largest um": tables.formatted(models.parallax_max_um[order], number),
+        "over sigma": tables.formatted(models.w_rms[order], number),
+    }
+    for name, values in (("adjusted", models.adjusted_rms_m), ("check", models.check_rms_m)):
+        columns |= {f"{name} {a} m": tables.formatted(values[order, i], metres) for i, a in enumerate("XYZ")}
+    caption = "Single models with the orientations of the block, RMS; minus adjusted and check coordinates"
+    return tables.all_rows(caption, models, columns, 3)
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:

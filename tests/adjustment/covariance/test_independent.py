@@ -7,7 +7,7 @@ import pytest
 
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance import independent
-from aatri.adjustment.covariance.independent import independent_errors
+from aatri.adjustment.covariance.independent import independent_errors, independent_predictions
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from tests.adjustment.block_problem import made_problem
 
@@ -56,3 +56,24 @@ def test_what_has_no_members_has_no_count() -> None:
     found = independent_errors(result, "p", members, np.ones(members.shape), np.zeros(members.shape))
     assert np.isfinite(found[0])
     assert np.isnan(found[1:]).all()
+
+
+def test_predictions_without_themselves_have_the_covariance_of_their_residuals() -> None:
+    """Cov(v) = I - J Q J' between all records, d = G v; the third component of one record has no prediction."""
+    result, Q, columns = _dense(7)
+    rng = np.random.default_rng(3)
+    block = np.array([3, 11, 4, 25, 17])
+    J, gain = 0.3 * rng.normal(size=(5, 3, 3)), rng.normal(size=(5, 3, 3))
+    gain[2, 2] = 0.0
+    A = np.zeros((15, len(Q)))
+    for k, b in enumerate(block):
+        A[3 * k : 3 * k + 3][:, columns["p"][b]] = J[k]
+    G = np.zeros((15, 15))
+    for k in range(5):
+        G[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = gain[k]
+    C = G @ (np.eye(15) - A @ Q @ A.T) @ G.T
+    found = independent_predictions(result, "p", block, J, gain)
+    for component in range(3):
+        rows = 3 * np.arange(5) + component
+        D = C[np.ix_(rows, rows)]
+        assert found[component] == pytest.approx(np.trace(D) ** 2 / np.trace(D @ D), rel=1e-8)

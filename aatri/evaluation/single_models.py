@@ -1,0 +1,270 @@
+"""Single-model restitution: every stereo pair by itself, with the orientations of the block held, as a plotter sets it.
+
+The two rays of a point, measured coordinates with all corrections that the block found, meet nowhere exactly. Least
+squares gives the point of the model X_m; of four coordinates one is redundant, and
+
+    w = sqrt(v'P v)                                         is |N(0, 1)| but for the share the block has taken up
+    p_y = y' - y'',   y = -c (d.e2) / (d.e3)                is the y-parallax, with e1 along the base, e3 up
+
+remain. X_m - X of the block shows what this pair alone would have given; against control and check points, what a
+plotter would find there. Pairs are neighbours in a strip; images without a strip are paired with the image with which
+they share most points.
+
+Source: Kraus, Photogrammetry (y-parallaxes of oriented pairs); the quality module of classical block programs.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import CHECK, CONTROL, Block
+from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
+from aatri.artifacts.solution import Solution
+from aatri.evaluation.statistics import rmse
+from aatri.geometry.collinearity import collinearity, in_image_axes, project
+from aatri.observations.poses import Poses
+
+FEWEST = 6
+"""Common points from which on two images are a model."""
+
+CORRECTED = ("none", "table", "brown")
+"""Distortions that correct what is measured: the corrected coordinates are those of a central projection."""
+
+LEAST_BASE = 1e-3
+"""Share of the distance of the points: images from one place, as of a rig, are no model."""
+
+STEPS = 3
+"""From the adjusted point the intersection has converged after two steps."""
+
+
+@dataclass(frozen=True)
+class RayPairs:
+    """Points of models, each with its two rays.
+
+    Attributes
+    ----------
+    left, right : (k,) int
+        Images of each model.
+    model, point : (m,) int
+    xy_mm, sigma_mm : (m, 2, 2) float64, mm
+        Of the left and the right ray: corrected coordinates from the principal point, their standard deviations.
+    c_mm : (m, 2) float64, mm
+    """
+
+    left: Int
+    right: Int
+    model: Int
+    point: Int
+    xy_mm: Float
+    sigma_mm: Float
+    c_mm: Float
+
+
+def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> RayPairs | None:
+    """The models of a block and their points; None where it has none.
+
+    Corrected coordinates are those that the adjusted point would have, less the residual.
+
+    Parameters
+    ----------
+    block : Block
+    solution : Solution
+        With residuals of its image points.
+    poses : Poses
+        In the Cartesian frame of the adjustment.
+    xyz_m : (n_points, 3) float64, m
+        In the same frame.
+    """
+    r = solution.residuals
+    mine = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
+    image, point = block.image_points.image[r.row[mine]], block.image_points.point[r.row[mine]]
+    known = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
+    known &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
+    mine, image, point = mine[known], image[known], point[known]
+    if not len(mine):
+        return None
+    left, right = _pairs(block, image, point)
+    base = np.linalg.norm(poses.position_m[right] - poses.position_m[left], axis=1)
+    distance = np.median(np.linalg.norm(xyz_m[point] - poses.position_m[image], axis=1))
+    left, right = left[base > LEAST_BASE * distance], right[base > LEAST_BASE * distance]
+    if not len(left):
+        return None
+    c = solution.cameras.principal_distance_mm[block.images.camera[image]]
+    u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
+    xy, sigma = project(u, c) - r.residual[mine, :2], r.sigma[mine, :2]
+    first = np.searchsorted(image, np.arange(len(block.images) + 1), sorter=(order := np.argsort(image, kind="stable")))
+    rows, model = [], []
+    for k, pair in enumerate(zip(left.tolist(), right.tolist())):
+        a, b = (order[first[i] : first[i + 1]] for i in pair)
+        _, in_a, in_b = np.intersect1d(point[a], point[b], return_indices=True)
+        rows.append(np.stack([a[in_a], b[in_b]], axis=1))
+        model.append(np.full(len(in_a), k))
+    both = np.concatenate(rows)
+    return RayPairs(left, right, np.concatenate(model), point[both[:, 0]], xy[both], sigma[both], c[both])
+
+
+def _pairs(block: Block, image: Int, point: Int) -> tuple[Int, Int]:
+    """Neighbours in a strip, and partners of images without one, that share enough points."""
+    from scipy.sparse import csr_array  # slow to import
+
+    n = len(block.images)
+    seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
+    shared = (seen @ seen.T).tolil()
+    shared.setdiag(0)
+    strip, sequence = block.images.strip, block.images.sequence
+    order = np.lexsort((sequence, strip))
+    order = order[(strip[order] >= 0) & np.isin(order, image)]
+    pairs = [(a, b) for a, b in zip(order[:-1].tolist(), order[1:].tolist()) if strip[a] == strip[b]]
+    for a in np.flatnonzero((strip < 0) & np.isin(np.arange(n), image)).tolist():
+        row = shared[[a]].toarray()[0]
+        pairs.append((min(a, int(row.argmax())), max(a, int(row.argmax()))))
+    enough = [pair for pair in dict.fromkeys(pairs) if shared[pair] >= FEWEST]
+    return np.array([a for a, _ in enough], dtype=np.int64), np.array([b for _, b in enough], dtype=np.int64)
+
+
+def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Float, Float]:
+    """Points of the models, from their two rays alone.
+
+    Parameters
+    ----------
+    poses : Poses
+    rays : RayPairs
+    start_m : (m, 3) float64, m
+
+    Returns
+    -------
+    xyz_m : (m, 3) float64, m
+    w : (m,) float64
+        Length of the residuals in standard deviations.
+    parallax_mm : (m,) float64, mm
+        y-parallax; NaN where the base points along the view.
+    """
+    X = start_m.copy()
+    images = (rays.left[rays.model], rays.right[rays.model])
+    place = [(poses.position_m[i], poses.ground_from_image[i]) for i in images]
+    for step in range(STEPS + 1):
+        N, right, squares = np.zeros((len(X), 3, 3)), np.zeros((len(X), 3)), np.zeros(len(X))
+        for k, (X0, R) in enumerate(place):
+            xy, _, B = collinearity(X0, R, X, rays.c_mm[:, k])
+            weight = rays.sigma_mm[:, k] ** -2.0
+            off = rays.xy_mm[:, k] - xy
+            N += np.einsum("nia,ni,nib->nab", B, weight, B)
+            right += np.einsum("nia,ni,ni->na", B, weight, off)
+            squares += (weight * off**2).sum(axis=1)
+        if step < STEPS:
+            X = X + np.linalg.solve(N, right[:, :, None])[:, :, 0]
+    return X, np.sqrt(squares), y_parallax(poses, rays)
+
+
+def y_parallax(poses: Poses, rays: RayPairs) -> Float:
+    """y' - y'' in the normal case of each model, at the scale of its left camera, (m,) mm."""
+    base = poses.position_m[rays.right] - poses.position_m[rays.left]
+    e1 = base / np.linalg.norm(base, axis=1, keepdims=True)
+    up = poses.ground_from_image[rays.left][:, :, 2] + poses.ground_from_image[rays.right][:, :, 2]
+    e3 = up - (up * e1).sum(axis=1, keepdims=True) * e1
+    length = np.linalg.norm(e3, axis=1, keepdims=True)
+    e3 = np.where(length > 0.1, e3 / np.where(length > 0, length, 1.0), np.nan)
+    e2 = np.cross(e3, e1)[rays.model]
+    e3 = e3[rays.model]
+    y = []
+    for k, image in enumerate((rays.left[rays.model], rays.right[rays.model])):
+        in_camera = np.column_stack([rays.xy_mm[:, k], -rays.c_mm[:, k]])
+        d = np.einsum("nij,nj->ni", poses.ground_from_image[image], in_camera)
+        y.append(-rays.c_mm[:, 0] * (d * e2).sum(axis=1) / (d * e3).sum(axis=1))
+    return np.asarray(y[0] - y[1])
+
+
+def single_models(
+    block: Block, solution: Solution, poses: Poses, xyz_m: Float, to_block: Callable[[Float], Float]
+) -> SingleModels | None:
+    """Restitute every model of a block; None where it has none.
+
+    Parameters
+    ----------
+    block : Block
+    solution : Solution
+    poses : Poses
+        In the frame of the adjustment.
+    xyz_m : (n_points, 3) float64, m
+        In the same.
+    to_block : callable
+        Coordinates of the frame of the adjustment -> of the block.
+    """
+    rays = ray_pairs(block, solution, poses, xyz_m)
+    if rays is None:
+        return None
+    X, w, parallax = intersected(poses, rays, xyz_m[rays.point])
+    X = to_block(X)
+    given = {role: np.full((len(block.points), 3), np.nan) for role in (CONTROL, CHECK)}
+    for role, values in given.items():
+        values[block.ground_points.point] = np.where(
+            block.ground_points.role == role, block.ground_points.xyz_m, np.nan
+        )
+    to_control, to_check = (X - given[role][rays.point] for role in (CONTROL, CHECK))
+    n = len(rays.left)
+    first = np.searchsorted(rays.model, np.arange(n + 1))
+    parts = [slice(int(a), int(b)) for a, b in itertools.pairwise(first)]
+    largest = [part.start + int(np.nan_to_num(np.abs(parallax[part]), nan=-1.0).argmax()) for part in parts]
+
+    def of_models(values: Float) -> Float:
+        return np.array([rmse(values[part]) for part in parts]).reshape(n, *values.shape[1:])
+
+    def count(values: Float) -> Int:
+        return np.bincount(rays.model, weights=np.isfinite(values).any(axis=1), minlength=n).astype(np.int32)
+
+    ids = block.images.id
+    base = poses.position_m[rays.right] - poses.position_m[rays.left]
+    return SingleModels(
+        left=ids[rays.left],
+        right=ids[rays.right],
+        points=np.bincount(rays.model, minlength=n).astype(np.int32),
+        base_m=np.linalg.norm(base, axis=1),
+        parallax_rms_um=1e3 * of_models(parallax[:, None])[:, 0],
+        parallax_max_um=1e3 * np.array([np.abs(parallax[k]) for k in largest]),
+        parallax_max_at=block.points.id[rays.point[largest]],
+        w_rms=of_models(w[:, None])[:, 0],
+        adjusted_rms_m=of_models(X - solution.points.xyz_m[rays.point]),
+        control_points=count(to_control),
+        control_rms_m=of_models(to_control),
+        check_points=count(to_check),
+        check_rms_m=of_models(to_check),
+    )
+
+
+def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluation:
+    """The evaluation with its models, their figures and a sentence."""
+    if models is None:
+        return evaluation
+
+    def pooled(values: Float, counts: Int) -> Float:
+        known = np.isfinite(values) & (counts > 0)[:, None]
+        total = np.where(known, counts[:, None], 0).sum(axis=0)
+        squares = np.where(known, counts[:, None] * values**2, 0.0).sum(axis=0)
+        return np.sqrt(np.where(total > 0, squares / np.maximum(total, 1), np.nan))
+
+    parallax = float(pooled(models.parallax_rms_um[:, None], models.points)[0])
+    figures = {"models": float(len(models)), "model_parallax_rmse_um": parallax,
+               "model_parallax_max_um": float(np.nanmax(models.parallax_max_um, initial=0.0)),
+               "model_w_rms": float(pooled(models.w_rms[:, None], models.points)[0])}  # fmt: skip
+    for what, values, counts in (
+        ("adjusted", models.adjusted_rms_m, models.points),
+        ("control", models.control_rms_m, models.control_points),
+        ("check", models.check_rms_m, models.check_points),
+    ):
+        figures |= {f"model_{what}_rmse_{axis}_m": float(v) for axis, v in zip("xyz", pooled(values, counts))}
+    figures = {name: value for name, value in figures.items() if np.isfinite(value)}
+    count = f"{len(models)} single model{'' if len(models) == 1 else 's'}"
+    return replace(
+        evaluation,
+        verdict=f"{evaluation.verdict} y-parallaxes of {parallax:.2g} um RMS in {count}.",
+        figures=Figures(
+            name=np.concatenate([evaluation.figures.name, list(figures)]),
+            value=np.concatenate([evaluation.figures.value, list(figures.values())]),
+        ),
+        models=models,
+    )

@@ -1,0 +1,119 @@
+"""Single-model restitution, against an intersection and a parallax of its own kind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import CHECK
+from aatri.stages.accuracy.evaluation import evaluation
+from tests.stages.chain import Chain, run_chain, simulated
+
+SMALL = {"preset": "rc30", "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0}, "known": {"full": 8},
+         "ties": {"new_points": 80}}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    return run_chain(simulated(3, **SMALL))
+
+
+def corrected(chain: Chain, image: int) -> dict[int, np.ndarray]:
+    """Refined coordinates of an image's points with its estimated film corrections, by hand, mm."""
+    m, s = chain.refined.measurements, chain.bundle
+    p = s.parameters
+    mine = (p.object == chain.block.images.id[image]) & np.char.startswith(p.group, "film")
+    d = p.value[mine]
+    rows = np.flatnonzero((m.image == image) & m.active)
+    out = set(s.suspects.row[s.suspects.kind == "image_point"].tolist())
+    x0 = chain.block.cameras.principal_point_mm[0]
+    found = {}
+    for r in rows.tolist():
+        if r not in out:
+            x, y = m.xy_mm[r] + x0  # from the fiducial centre
+            film = [d[0] + d[1] * x + d[2] * y, d[3] + d[4] * x + d[5] * y] if len(d) else [0.0, 0.0]
+            found[int(m.point[r])] = m.xy_mm[r] + film
+    return found
+
+
+def test_every_model_is_what_two_rays_give(chain: Chain) -> None:
+    """Independently: rays with their corrections, nearest point of two skew lines, parallax by an epipolar angle."""
+    found = evaluation(chain.block, chain.bundle).models
+    assert found is not None
+    ids, s = chain.block.images.id, chain.bundle
+    assert list(zip(found.left, found.right)) == [(ids[i], ids[i + 1]) for i in (0, 1, 2, 4, 5, 6)]
+    c = chain.block.cameras.principal_distance_mm[0]
+    for k, (left, right) in enumerate(zip(found.left, found.right)):
+        i, j = (int(np.flatnonzero(ids == name)[0]) for name in (left, right))
+        a, b = corrected(chain, i), corrected(chain, j)
+        X0, R = s.images.position_m, s.images.ground_from_image
+        base = X0[j] - X0[i]
+        off, parallax = [], []
+        for point in sorted(set(a) & set(b)):
+            d1, d2 = R[i] @ [*a[point], -c], R[j] @ [*b[point], -c]
+            t = np.linalg.lstsq(np.column_stack([d1, -d2]), base, rcond=None)[0]
+            off.append(X0[i] + t[0] * d1 - 0.5 * ((X0[i] + t[0] * d1) - (X0[j] + t[1] * d2)) - s.points.xyz_m[point])
+            n1, n2 = np.cross(base, d1), np.cross(base, d2)  # epipolar planes of both rays
+            angle = np.cross(n1, n2) @ base / np.linalg.norm(base) / np.linalg.norm(n1) / np.linalg.norm(n2)
+            across = np.linalg.norm(n1) / np.linalg.norm(base)  # distance of the ray's end from the base
+            slope = abs(n1 @ np.cross(base, [0, 0, 1.0])) / np.linalg.norm(n1) / np.linalg.norm(base)
+            parallax.append(1e3 * angle * across / slope)
+        assert found.points[k] == len(off)
+        assert found.parallax_rms_um[k] == pytest.approx(np.sqrt(np.mean(np.square(parallax))), rel=0.03)
+        # the middle between the rays is not least squares of image coordinates, but near it
+        difference = np.sqrt(np.mean(np.square(off), axis=0))
+        assert found.adjusted_rms_m[k] == pytest.approx(difference, abs=0.2 * difference.max())
+
+
+def test_parallaxes_are_those_of_the_noise(chain: Chain) -> None:
+    """p_y has sigma sqrt 2, but for the share that orientations and third rays take up or add."""
+    found = evaluation(chain.block, chain.bundle)
+    figures = found.metrics()
+    assert figures["models"] == 6
+    sigma_um = 1e3 * float(np.median(chain.refined.measurements.sigma_mm))
+    assert 0.8 * np.sqrt(2) * sigma_um < figures["model_parallax_rmse_um"] < 1.15 * np.sqrt(2) * sigma_um
+    assert 0.8 < figures["model_w_rms"] < 1.1
+    assert "6 single models" in found.verdict
+
+
+def test_check_points_of_a_model_are_compared_with_what_is_given(chain: Chain) -> None:
+    found = evaluation(chain.block, chain.bundle).models
+    assert found is not None
+    g = chain.block.ground_points
+    check = set(g.point[(g.role == CHECK).any(axis=1)].tolist())
+    for k, (left, right) in enumerate(zip(found.left, found.right)):
+        seen = [set(corrected(chain, int(np.flatnonzero(chain.block.images.id == name)[0]))) for name in (left, right)]
+        assert found.check_points[k] == len(check & seen[0] & seen[1])
+    some = found.check_points > 0
+    assert np.isfinite(found.check_rms_m[some]).all()
+    assert np.isnan(found.check_rms_m[~some]).all()
+
+
+def test_images_without_a_strip_are_paired_with_the_image_they_share_most_points_with(chain: Chain) -> None:
+    images = chain.block.images
+    block = replace(chain.block, images=replace(images, strip=np.full(len(images), -1, dtype=np.int32)))
+    found = evaluation(block, chain.bundle).models
+    assert found is not None
+    points = [set(corrected(chain, i)) for i in range(len(images))]
+    of = {str(name): i for i, name in enumerate(images.id)}
+    pairs = {frozenset((of[str(a)], of[str(b)])) for a, b in zip(found.left, found.right)}
+    for i, mine in enumerate(points):
+        most = max(len(mine & points[j]) for j in range(len(points)) if j != i)
+        assert any(i in pair and len(set.intersection(*(points[j] for j in pair))) == most for pair in pairs)
+
+
+def test_two_images_from_one_place_are_no_model(chain: Chain) -> None:
+    s = chain.bundle
+    position = s.images.position_m.copy()
+    position[1] = position[0]
+    found = evaluation(chain.block, replace(s, images=replace(s.images, position_m=position))).models
+    assert found is not None
+    assert (str(s.images.id[0]), str(s.images.id[1])) not in zip(found.left.tolist(), found.right.tolist())
+
+
+def test_a_solution_without_image_points_has_no_models(chain: Chain) -> None:
+    found = evaluation(chain.block, chain.strip_block)
+    assert found.models is None
+    assert "models" not in found.metrics()
