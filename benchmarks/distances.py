@@ -3,7 +3,7 @@
     python -m benchmarks.distances [--strips 12] [--distances 10000]
 
 One block three times: with so many control coordinates; with so many distances between near points, observed; with the
-same distances exact. Told are the seconds of the whole bundle stage, the better of two runs, and the ratios.
+same distances exact. Told are the processor seconds of the whole bundle stage, the better of two runs, and the ratios.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ def seconds(block: Block) -> float:
     """Of the bundle, the better of two runs."""
     points, found = calibrated(block), []
     for _ in range(2):
-        begun = time.perf_counter()
+        begun = time.process_time()
         bundle(block, points, options=BundleOptions(blunders="none"))
-        found.append(time.perf_counter() - begun)
+        found.append(time.process_time() - begun)
     return min(found)
 
 

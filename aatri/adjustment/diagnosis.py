@@ -71,8 +71,8 @@ def _null_vectors(
     layout = problem.layout
     if layout.n_kept <= WHOLE:
         normals, free = reduced_normals(problem, state), np.flatnonzero(~layout.held)
-        diagonal = np.where(normals.diagonal[free] > 0, normals.diagonal[free], 1.0)
-        values, among_free = np.linalg.eigh(normals.N[np.ix_(free, free)] / np.sqrt(np.outer(diagonal, diagonal)))
+        scale = np.sqrt(np.where(normals.diagonal[free] > 0, normals.diagonal[free], 1.0))
+        values, among_free = np.linalg.eigh(normals.N[np.ix_(free, free)] / np.outer(scale, scale))
         open_ = (values < RANK_TOLERANCE) | (values <= values[0])
         vectors = np.zeros((layout.n_kept, int(open_.sum())))
         vectors[free] = among_free[:, open_]

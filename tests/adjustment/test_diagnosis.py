@@ -40,3 +40,18 @@ def test_all_open_directions_of_a_network_without_datum_are_counted(monkeypatch:
     monkeypatch.setattr(preparation, "DENSE_VERTICES", 20)
     with pytest.raises(GeometryError, match=r"leave 6 unknown\(s\) open: .*of point p"):
         adjust_large(*trilateration(n))
+
+
+def test_what_is_open_is_named_however_small_the_derivatives(recwarn: pytest.WarningsRecorder) -> None:
+    """Products of two diagonals of 1e-200 are zero in double precision."""
+    ids, tiny = np.zeros(3, dtype=np.int32), 1e-100
+
+    def evaluate(state, rows):
+        v = tiny * (state["value"][0].sum() - np.arange(3.0)[rows])
+        return v[:, None], (np.full((len(rows), 1, 2), tiny),)
+
+    records = Records("sum", (("value", ids),), evaluate, np.ones((3, 1)), np.ones(3, bool))
+    unknowns = Unknowns("value", np.ones((1, 2), bool), ("a", "b"), ["x"], add_step)
+    with pytest.raises(GeometryError, match=r"leave 1 unknown\(s\) open"):
+        adjust_large([unknowns], [records], {"value": np.zeros((1, 2))})
+    assert not recwarn.list
