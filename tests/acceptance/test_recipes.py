@@ -26,3 +26,17 @@ def test_a_recipe_runs(recipe: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["run", str(recipe), "--into", str(tmp_path), "--json", *small])
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("recipe", "variant"), [("gnss_imu", "calibrated"), ("gnss_imu", "fixed"), ("crossed_flights", "known")]
+)
+def test_a_variant_of_a_recipe_runs(recipe: str, variant: str, tmp_path: Path) -> None:
+    """Those whose patch names one option within others: what stands beside it must stay."""
+    path = next(p for p in RECIPES if p.stem == recipe)
+    small = [w for s in SMALL for w in ("--set", f"block.{s}")] if recipe not in AS_THEY_ARE else []
+    result = CliRunner().invoke(app, ["run", str(path), "--into", str(tmp_path), "--variant", variant, *small])
+    assert result.exit_code == 0, result.output
+    warned = "boresight is fixed" in result.output or "common offset" in result.output
+    assert warned == (variant == "fixed"), result.output

@@ -10,6 +10,7 @@ import pytest
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
 from aatri.report.sections import network
 from aatri.report.sections.parts import Section
+from aatri.report.sections.shapes import shapes_table
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.bundle_adjustment.test_networks import HEAD
@@ -86,3 +87,28 @@ def test_a_block_without_such_observations_has_no_network() -> None:
     network.show(made, block, made_solution(block))
     assert not made.tables
     assert not made.pictures
+
+
+def test_shapes_are_told_by_how_they_lie_and_by_their_residuals(tmp_path: Path) -> None:
+    """A plane through three fixed points that dips by 30 degrees to the east; a fourth point is held to it."""
+    slope = np.tan(np.radians(30.0))
+    places = {"A": (0, 0, 0), "B": (90, 0, -90 * slope), "C": (40, 80, -40 * slope), "P": (50, 30, -50 * slope)}
+    (tmp_path / "block.yaml").write_text(HEAD)
+    rows = [f"{k},{x},{y},{z}," + ("0,0,0,control" if k in "ABC" else ",,,approximate")
+            for k, (x, y, z) in places.items()]  # fmt: skip
+    (tmp_path / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
+    lines = [f"distance,{a},P,{np.linalg.norm(np.subtract(places[a], places['P']))},0.003" for a in "ABC"]
+    (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")
+    (tmp_path / "relative_control.yaml").write_text(
+        "- {type: plane, points: [A, B, C, P], sigma: 0.001}\n- {type: horizontal_line, points: [A, P], sigma: 100.0}\n"
+    )
+    block = tables(options=TablesOptions(path=tmp_path))
+    made = shapes_table(block, bundle(block, options=BundleOptions(blunders="none")))
+    assert made is not None
+    second, first = (dict(zip(made.heads, row)) for row in made.rows)
+    assert first["shape"] == "plane"
+    assert first["normal or axis"] == "bearing 90.000, slope 60.000 deg"
+    assert (first["held"], first["used"], first["rejected"]) == ("sigma 0.0010", "4", "0")
+    assert second["points"] == "A, P"
+    bearing, dip = np.degrees(np.arctan2(-50, -30)) % 360, np.degrees(np.arctan(50 * slope / np.hypot(50, 30)))
+    assert second["normal or axis"] == f"bearing {bearing:.3f}, slope {dip:.3f} deg"

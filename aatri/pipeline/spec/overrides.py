@@ -74,8 +74,8 @@ def with_use(spec: Spec, texts: Sequence[str], known: Options) -> tuple[Spec, li
 def with_variant(spec: Spec, name: str) -> Spec:
     """The spec with the patches of one of its variants; its run lies within that of the spec.
 
-    A patch of `use` or `from` replaces what it names; options are set one by one, unless the method changes: then the
-    patch has all of them.
+    A patch of `use` or `from` replaces what it names; options are set one by one, also those within others, unless the
+    method changes: then the patch has all of them.
 
     Raises
     ------
@@ -96,11 +96,18 @@ def with_variant(spec: Spec, name: str) -> Spec:
             inputs[port] = source or port
             written_at[(stage_name, "from", port)] = spec.document.where(*at, "from", port)
         for option, value in ((patch or {}).get("with") or {}).items():
-            options[option] = value
+            options[option] = _patched(options.get(option), value)
             written_at[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
         written_at[(stage_name, "use")] = spec.document.where(*at, "use")
         stages[stage_name] = dataclasses.replace(stage, use=use, inputs=inputs, options=options)
     return dataclasses.replace(spec, stages=stages, written_at=written_at, variant=name, run=spec.run / VARIANTS / name)
+
+
+def _patched(old: Any, new: Any) -> Any:
+    """Options within an option set one by one; anything else replaced."""
+    if not (isinstance(old, dict) and isinstance(new, dict)):
+        return new
+    return {**old, **{name: _patched(old.get(name), value) for name, value in new.items()}}
 
 
 def _stage(stages: dict[str, StageSpec], name: str, where: str) -> StageSpec:

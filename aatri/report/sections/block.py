@@ -7,11 +7,12 @@ import numpy as np
 from aatri.artifacts.block import Block
 from aatri.report.numbers import DASH, number
 from aatri.report.sections import tables
+from aatri.report.sections.frames import frame_tables
 from aatri.report.sections.parts import Section, Surroundings, present
 
 
 def show(made: Section, block: Block, _around: Surroundings) -> None:
-    """Add cameras and rejects."""
+    """Add frames, cameras and rejects."""
     cameras = block.cameras
     columns = {
         "camera": lambda k: str(cameras.id[k]),
@@ -26,6 +27,7 @@ def show(made: Section, block: Block, _around: Surroundings) -> None:
     }
     crs = f"{block.frames.crs[0]} {block.frames.vertical[0]}".strip()
     made.notes.append(f"Coordinates are in frame {block.frames.id[0]} ({crs}).")
+    made.tables.extend(frame_tables(block))
     made.tables.extend(present(tables.all_rows("Cameras", cameras, columns, 4), tables.rejects_table(block.rejects)))
 
 

@@ -8,9 +8,15 @@ from aatri.arrays import Float
 from aatri.artifacts.solution import Solution, StripTransformations
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.report.drawing.charts import convergence_chart, residual_histogram
-from aatri.report.drawing.residual_plots import error_field_pictures, image_vectors, tie_pictures
+from aatri.report.drawing.residual_plots import (
+    error_field_pictures,
+    height_bars,
+    image_vectors,
+    plan_vectors,
+    tie_pictures,
+)
 from aatri.report.numbers import DASH, metres, number
-from aatri.report.sections import calibration, network, reliability, tables
+from aatri.report.sections import calibration, network, observations, reliability, tables
 from aatri.report.sections.parts import Picture, Section, Surroundings, present
 from aatri.report.sections.tables import Cells, PageTable
 
@@ -25,6 +31,7 @@ def show(made: Section, solution: Solution, around: Surroundings) -> None:
             reliability.variance_table(solution),
             *reliability.reliability_tables(solution),
             _orientations(solution),
+            observations.of_images(solution),
             _orderings(solution),
             tables.all_rows("Transformations", transformations, _transformation_columns(transformations), 3),
         )
@@ -33,6 +40,7 @@ def show(made: Section, solution: Solution, around: Surroundings) -> None:
     if solution.error_fields is not None and len(solution.error_fields):
         made.pictures.extend(error_field_pictures(solution.error_fields))
     made.pictures.extend(image_residual_pictures(solution, around))
+    made.pictures.extend(position_pictures(solution))
     made.pictures.extend(tie_pictures(_ties(solution)))
     made.pictures.extend(present(convergence_chart(solution.history.cost, solution.history.decrement)))
 
@@ -88,6 +96,23 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
     if weighted.any() and share > 0:
         pictures += present(residual_histogram(v[weighted] / sigma[weighted] / share**0.5))
     return pictures
+
+
+def position_pictures(solution: Solution) -> list[Picture]:
+    """Residuals of observed positions in plan and in height: what is common to neighbours is drift."""
+    residuals, images = solution.residuals, solution.images
+    rows = np.flatnonzero((residuals.kind == "position") & residuals.active)
+    if len(rows) < 2:
+        return []
+    order = np.argsort(images.id, kind="stable")
+    xyz = images.position_m[order[np.searchsorted(images.id[order], residuals.image[rows])]]
+    of = {"position": (xyz, residuals.residual[rows])}
+    return [(picture, _of_positions(caption)) for picture, caption in present(plan_vectors(of), height_bars(of))]
+
+
+def _of_positions(caption: str) -> str:
+    caption = caption.replace("Differences", "Residuals of observed positions").replace("position points", "images")
+    return caption.replace("solution minus given", "adjusted minus observed")
 
 
 def _ties(solution: Solution) -> dict[str, tuple[Float, Float]]:

@@ -9,7 +9,7 @@ from aatri.errors import AatriError, Errors, PluginError, SpecError
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.methods.registry import find_stages, first_line
 from aatri.pipeline.plan.graph import downstream, wire
-from aatri.pipeline.spec.overrides import with_set, with_use
+from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
 from aatri.pipeline.spec.spec import load_spec
 from tests.made_up_stages import made_up_registry, write_pipeline
 
@@ -180,3 +180,14 @@ def test_listing_stages_imports_none_of_them(tmp_path: Path, monkeypatch: pytest
         registry.card("odd_role/broken")
     with pytest.raises(PluginError, match="no function empty"):
         registry.card("odd_role/empty")
+
+
+def test_a_variant_sets_single_options_within_options_and_leaves_the_others(tmp_path: Path) -> None:
+    given = "{camera: {kind: digital, brown: {k1: 1.0, k2: 2.0}}, seed: null, list: [1, 2]}"
+    head = ("run: out\nseed: 1\nvariants:\n  v: {a: {with: {camera: {brown: {k1: 3.0}, format: [1, 2]}, seed: {x: 1}, "
+            "list: [3]}}}\n  none: {a: {with: {camera: null}}}\n")  # fmt: skip
+    spec = load_spec(write_pipeline(tmp_path, f"  a: {{use: source/fixed, with: {given}}}\n", head=head))
+    expected = {"kind": "digital", "brown": {"k1": 3.0, "k2": 2.0}, "format": [1, 2]}
+    assert dict(with_variant(spec, "v").stages["a"].options) == {"camera": expected, "seed": {"x": 1}, "list": [3]}
+    assert with_variant(spec, "none").stages["a"].options["camera"] is None
+    assert spec.stages["a"].options["camera"]["brown"]["k1"] == 1.0

@@ -1,0 +1,57 @@
+"""Tables of observations one by one: residual, standard deviation, redundancy number and test, the largest first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float
+from aatri.artifacts.solution import Solution
+from aatri.report.numbers import DASH, number
+from aatri.report.sections import tables
+from aatri.report.sections.tables import Cells, PageTable
+
+OF_POINTS = ("image_point", "control")
+"""Kinds of observation that are too many, or have tables of their own."""
+
+
+def of_images(solution: Solution) -> PageTable | None:
+    """Positions, attitudes and rigs: what is observed of images as a whole."""
+    residuals = solution.residuals
+    mine = (residuals.image != "") & (residuals.point == "") & (residuals.row >= 0)
+    return listed(solution, mine, "image", "Observed positions, attitudes and rigs of images")
+
+
+def of_the_network(solution: Solution) -> PageTable | None:
+    """Geodetic observations and relative control: what is observed between points."""
+    residuals = solution.residuals
+    mine = (residuals.point != "") & (residuals.image == "") & ~np.isin(residuals.kind, OF_POINTS)
+    return listed(solution, mine, "between", "Geodetic observations and relative control")
+
+
+def listed(solution: Solution, mine: Bool, names: str, caption: str) -> PageTable | None:
+    """Some observations, the largest residuals first; `names` is the head of the column of ids."""
+    residuals, tests = solution.residuals, solution.tests
+    rows = np.flatnonzero(mine & ~np.isin(residuals.kind, OF_POINTS) & np.isfinite(residuals.residual).any(axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size = np.abs(residuals.residual) / np.where(residuals.sigma > 0, residuals.sigma, np.nan)
+    rows = rows[np.argsort(-np.nan_to_num(np.fmax.reduce(size[rows], axis=1)), kind="stable")]
+    ids = residuals.image if names == "image" else residuals.point
+    columns: Cells = {
+        "observation": lambda k: str(residuals.kind[rows[k]]),
+        names: lambda k: str(ids[rows[k]]),
+        "used": lambda k: "yes" if residuals.active[rows[k]] else "rejected",
+        "unit": lambda k: str(residuals.unit[rows[k]]),
+        "residual": lambda k: _each(residuals.residual[rows[k]]),
+        "sigma": lambda k: _each(residuals.sigma[rows[k]]),
+    }
+    if tests is not None:
+        columns |= {
+            "redundancy": lambda k: _each(tests.redundancy[rows[k]]),
+            "w": lambda k: _each(tests.test[rows[k]]),
+        }
+    return tables.all_rows(f"{caption}, the largest residuals first", rows, columns, 4)
+
+
+def _each(values: Float) -> str:
+    """The components that there are."""
+    return ", ".join(number(float(v)) for v in values[np.isfinite(values)]) or DASH

@@ -1,0 +1,79 @@
+"""Planes, lines and round shapes of the relative control as they came out: how they lie, and how well their points do.
+
+The unknowns of a shape count from where it was at the start. What can be told without that is how its adjusted points
+lie: with equal standard deviations the plane of the adjustment is the one that fits them best,
+
+    (X - mean) = U S V',     normal = the last row of V',     direction of a line = the first
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.ids import shown
+from aatri.report.numbers import DASH, metres, number
+from aatri.report.sections import tables
+from aatri.report.sections.tables import Cells, PageTable
+
+PLANES = ("plane", "vertical_plane", "horizontal_plane", "equal_height")
+LINES = ("line", "plumb_line", "horizontal_line")
+ROUND = ("sphere", "cylinder")
+NAMED = 4
+STEEP = 1e-6
+"""Sine of a nadir distance below which an axis has no bearing."""
+
+
+def shapes_table(block: Block, solution: Solution) -> PageTable | None:
+    """How each plane, line and round shape lies, with the residuals of its points."""
+    control, residuals = block.relative_control, solution.residuals
+    found = np.flatnonzero(np.isin(control.type, (*PLANES, *LINES, *ROUND)))
+    members = block.relative_control_members
+    of = {int(c): np.flatnonzero(members.condition == c) for c in found}
+    rows = {c: np.flatnonzero((residuals.kind == control.type[c]) & np.isin(residuals.row, m)) for c, m in of.items()}
+    found = np.array([c for c in found if len(rows[int(c)])], dtype=np.int64)
+    lying = [_lying(str(control.type[c]), _points(solution, rows[int(c)])) for c in found]
+
+    def v(k: int) -> Float:
+        mine = rows[int(found[k])]
+        return np.asarray(residuals.residual[mine[residuals.active[mine]]])
+
+    columns: Cells = {
+        "shape": lambda k: str(control.type[found[k]]),
+        "points": lambda k: shown(members.id[of[int(found[k])]].tolist(), NAMED),
+        "normal or axis": lambda k: lying[k],
+        "held": lambda k: _held(float(control.sigma[found[k]])),
+        "used": lambda k: number(len(v(k))),
+        "rejected": lambda k: number(len(rows[int(found[k])]) - len(v(k))),
+        "RMS residual m": lambda k: metres(float(np.sqrt(np.nanmean(v(k) ** 2)))) if v(k).size else DASH,
+        "largest m": lambda k: metres(float(np.nanmax(np.abs(v(k))))) if v(k).size else DASH,
+    }
+    return tables.all_rows("Planes, lines and round shapes", found, columns, 4)
+
+
+def _held(sigma_m: float) -> str:
+    return "exact" if sigma_m == 0 else f"sigma {metres(sigma_m)}"
+
+
+def _points(solution: Solution, rows: Int) -> Float:
+    """Adjusted coordinates of the points of some residuals in use, (n, 3) m."""
+    residuals, ids = solution.residuals, solution.points.id
+    order = np.argsort(ids, kind="stable")
+    names = residuals.point[rows[residuals.active[rows]]]
+    xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], names)]]
+    return np.asarray(xyz[np.isfinite(xyz).all(axis=1)])
+
+
+def _lying(type_: str, xyz: Float) -> str:
+    """Bearing and slope of the normal of a plane or of the direction of a line; nothing of round shapes."""
+    if type_ in ROUND or len(xyz) < (2 if type_ in LINES else 3):
+        return DASH
+    axes = np.linalg.svd(xyz - xyz.mean(axis=0))[2]
+    axis = axes[0] if type_ in LINES else axes[2]
+    axis = axis if axis[2] >= 0 else -axis
+    slope = np.degrees(np.arcsin(min(1.0, float(axis[2]))))
+    if np.hypot(axis[0], axis[1]) < STEEP:
+        return "vertical"
+    return f"bearing {np.degrees(np.arctan2(axis[0], axis[1])) % 360:.3f}, slope {slope:.3f} deg"
