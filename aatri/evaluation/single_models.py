@@ -248,7 +248,7 @@ def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluati
         return np.sqrt(np.where(total > 0, squares / np.maximum(total, 1), np.nan))
 
     parallax = float(pooled(models.parallax_rms_um[:, None], models.points)[0])
-    figures = {"models": float(len(models)), "model_parallax_rmse_um": parallax,
+    figures = {"single_models": float(len(models)), "model_parallax_rmse_um": parallax,
                "model_parallax_max_um": float(np.nanmax(models.parallax_max_um, initial=0.0)),
                "model_w_rms": float(pooled(models.w_rms[:, None], models.points)[0])}  # fmt: skip
     for what, values, counts in (

@@ -71,7 +71,7 @@ def test_parallaxes_are_those_of_the_noise(chain: Chain) -> None:
     """p_y has sigma sqrt 2, but for the share that orientations and third rays take up or add."""
     found = evaluation(chain.block, chain.bundle)
     figures = found.metrics()
-    assert figures["models"] == 6
+    assert figures["single_models"] == 6
     sigma_um = 1e3 * float(np.median(chain.refined.measurements.sigma_mm))
     assert 0.8 * np.sqrt(2) * sigma_um < figures["model_parallax_rmse_um"] < 1.15 * np.sqrt(2) * sigma_um
     assert 0.8 < figures["model_w_rms"] < 1.1
@@ -116,4 +116,4 @@ def test_two_images_from_one_place_are_no_model(chain: Chain) -> None:
 def test_a_solution_without_image_points_has_no_models(chain: Chain) -> None:
     found = evaluation(chain.block, chain.strip_block)
     assert found.models is None
-    assert "models" not in found.metrics()
+    assert "single_models" not in found.metrics()
