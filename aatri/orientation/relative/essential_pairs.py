@@ -113,7 +113,7 @@ def essential_orientations(
         also = portion.chosen & (costs[:, 1] - np.where(portion.chosen, costs[:, 0], 0.0) <= limit)
         second[own][also] = poses[also, 1]
 
-    found = oriented_in_loops(rays, start, begin, snooping_limit, max_iterations, min_points, reporter)
+    found = oriented_in_loops(rays, start, begin, snooping_limit, max_iterations, min_points, reporter, enough=FEWEST)
     for pair in np.flatnonzero(np.isfinite(second[:, 0, 0])).tolist():
         if found.formed[pair]:
             text = "ambiguous: another orientation explains the points as well, as over a plane"

@@ -106,9 +106,10 @@ def adjust_pair(rays: RayPairs, start: State, active: Bool, *, limit: float, max
         raise ConvergenceError(f"points keep falling behind the images, {int(behind.sum())} of {n} so far")
     test = statistics(_linearise(rays), result, active)[1]
     fits = result.redundancy <= 1 or bool((np.nan_to_num(test[active]) <= limit).all())
-    # Standard deviations that are too small reject points everywhere; another start would not mend that.
+    # Standard deviations that are too small leave misfits everywhere; another start would not mend that. But where most
+    # points had to go, those left can fit an orientation that is wrong altogether.
     near = float(np.median(np.abs(sampson(*start, rays)[0]))) <= limit
-    return AdjustedPair(result, active, test, points, near or (fits and bool(active.sum() >= ENOUGH * n)))
+    return AdjustedPair(result, active, test, points, (near or fits) and bool(active.sum() >= ENOUGH * n))
 
 
 def _update(state: State, step: Float) -> State:

@@ -17,7 +17,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.intersection import inverse_of_normals
 from aatri.geometry.rotations import nearest_rotation
-from aatri.orientation.relative.dependent import FEWEST, MANY_REJECTED, WEAK_RAD, judged
+from aatri.orientation.relative.dependent import MANY_REJECTED, WEAK_RAD, judged
 from aatri.orientation.relative.kernels.model_points import intersect
 from aatri.orientation.relative.kernels.snooping import snoop
 from aatri.orientation.relative.pair_adjustment import ENOUGH, FALLBACKS, SNOOPED
@@ -108,13 +108,17 @@ Begin = Callable[[Portion], None]
 
 def oriented_in_loops(
     rays: RayPairs, start: Int, begin: Begin, snooping_limit: float, max_iterations: int, min_points: int,
-    reporter: Reporter,
+    reporter: Reporter, *, enough: float = ENOUGH,
 ) -> RelativeOrientations:  # fmt: skip
-    """What the compiled loops can orient; the other pairs have neither orientation nor reason, unless they are open."""
+    """What the compiled loops can orient; the other pairs have neither orientation nor reason, unless they are open.
+
+    `enough` is the share of the points that has to fit; a smaller one suffices where the start is already the best of
+    many.
+    """
     found = _nothing(len(start) - 1, len(rays.left))
     for first, last in _portions(start):
         reporter.progress(first, len(start) - 1, "models")
-        _orient(found, rays, start, first, last, begin, snooping_limit, max_iterations, min_points)
+        _orient(found, rays, start, first, last, begin, snooping_limit, max_iterations, min_points, enough)
     _judge(found, np.flatnonzero(found.formed), start, snooping_limit)
     return found
 
@@ -139,7 +143,7 @@ def _portions(start: Int) -> list[tuple[int, int]]:
 
 def _orient(
     found: RelativeOrientations, all_rays: RayPairs, all_start: Int, first: int, last: int,
-    begin: Begin, limit: float, max_iterations: int, min_points: int,
+    begin: Begin, limit: float, max_iterations: int, min_points: int, enough: float,
 ) -> None:  # fmt: skip
     """The compiled loops over the pairs first ... last - 1; what they orient is filled in."""
     rows = slice(int(all_start[first]), int(all_start[last]))
@@ -169,7 +173,7 @@ def _orient(
         chosen &= np.bincount(row[inside], minlength=m) >= SNOOPED
         if not chosen.any():
             break
-    settled = _good(settled, row, work, active, limit, min_points)
+    settled = _good(settled, row, work, active, limit, min_points, enough)
     work[~settled[row]] = np.nan
     done = np.flatnonzero(settled)
     of_done = first + done
@@ -182,7 +186,9 @@ def _orient(
     _fill_points(found, rows, settled[row], active, work, model)
 
 
-def _good(settled: Bool, row: Int, work: Float, active: Bool, limit: float, min_points: int) -> Bool:
+def _good(
+    settled: Bool, row: Int, work: Float, active: Bool, limit: float, min_points: int, enough: float
+) -> Bool:
     """Pairs of which enough points fit, so that no other start is tried and a model is formed."""
     m = len(settled)
     n, used = np.bincount(row, minlength=m), np.bincount(row[active], minlength=m)
@@ -194,7 +200,7 @@ def _good(settled: Bool, row: Int, work: Float, active: Bool, limit: float, min_
     misfits = np.bincount(row[active & (work[:, 6] > limit)], minlength=m)
     fits = ((misfits == 0) | (used <= 6)) & (used >= ENOUGH * n)
     finite = np.bincount(row[~np.isfinite(size)], minlength=m) == 0
-    return np.asarray(settled & finite & (near | fits) & (used >= max(min_points, 5)) & (used >= FEWEST * n))
+    return np.asarray(settled & finite & (near | fits) & (used >= max(min_points, 5)) & (used >= enough * n))
 
 
 def _fill_points(
