@@ -70,7 +70,7 @@ def _say_axis(axis: Axis, first: Compared, judged: Sequence[str]) -> None:
     """The settings that the runs of an axis change, and the figures that change most with them."""
     say(f"{', '.join(axis.stages) or 'the same options'}: {len(axis.runs)} run{'s' * (len(axis.runs) != 1)}")
     for run in axis.runs:
-        say(f"  {run.name}: {'; '.join(changed_settings(first, run)) or 'the same options'}")
+        say(f"  {run.name}: {'; '.join(changed_settings(first, run, axis.runs)) or 'the same options'}")
     together = (first, *axis.runs)
     once: dict[tuple[str, ...], tuple[str, list[Any]]] = {}  # what a stage passes on as it is stands once
     for name, row in metric_rows(together):

@@ -29,6 +29,7 @@ SAMPLES = 300
 
 _CAUCHY = 3.0
 _BEHIND = 100.0
+_ALIKE = 0.02
 _SEED = 5
 
 
@@ -52,7 +53,7 @@ def essential_starts(rays: RayPairs, *, most: int = 4) -> list[tuple[Float, Floa
     if not len(hypotheses):
         return []
     distance = _sampson_distances(hypotheses, rays)
-    order = np.argsort(_cost(distance), kind="stable")[: 5 * most]
+    order = _different(hypotheses, np.argsort(_cost(distance), kind="stable"), 5 * most)
     ranked = sorted(
         (_best_decomposition(hypotheses[k], distance[k], rays) for k in order), key=lambda candidate: candidate[0]
     )
@@ -151,6 +152,15 @@ def _sampson_distances(E: Float, rays: RayPairs) -> Float:
 
 def _cost(distance: Float) -> Float:
     return np.asarray(np.log1p((distance / _CAUCHY) ** 2).sum(axis=-1))
+
+
+def _different(E: Float, order: Int, most: int) -> list[int]:
+    """The first ones of an order that differ: over flat ground a wrong one, with points behind, has many doubles."""
+    chosen: list[int] = []
+    while len(order) and len(chosen) < most:
+        chosen.append(int(order[0]))
+        order = order[np.abs(np.einsum("hij,ij->h", E[order], E[order[0]])) < 2.0 * np.cos(_ALIKE)]
+    return chosen
 
 
 def _best_decomposition(E: Float, distance: Float, rays: RayPairs) -> tuple[float, Float, Float]:

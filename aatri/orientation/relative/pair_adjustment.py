@@ -31,6 +31,9 @@ UNKNOWNS = ("rotation about x", "rotation about y", "rotation about z", "base al
 ENOUGH = 0.6
 """Share of the points that fit and lie in front of both images in a solution that needs no other start."""
 
+BEHIND = 0.1
+"""A larger share of points that fit, but behind an image, tells of the other orientation of points in a plane."""
+
 FALLBACKS = 3
 """Adjustments in all, while points fall behind an image."""
 
@@ -109,7 +112,8 @@ def adjust_pair(rays: RayPairs, start: State, active: Bool, *, limit: float, max
     # Standard deviations that are too small leave misfits everywhere; another start would not mend that. But where most
     # points had to go, those left can fit an orientation that is wrong altogether.
     near = float(np.median(np.abs(sampson(*start, rays)[0]))) <= limit
-    return AdjustedPair(result, active, test, points, (near or fits) and bool(active.sum() >= ENOUGH * n))
+    enough = bool(active.sum() >= ENOUGH * n and behind.sum() <= BEHIND * n)
+    return AdjustedPair(result, active, test, points, (near or fits) and enough)
 
 
 def _update(state: State, step: Float) -> State:

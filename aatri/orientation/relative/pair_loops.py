@@ -20,7 +20,7 @@ from aatri.geometry.rotations import nearest_rotation
 from aatri.orientation.relative.dependent import MANY_REJECTED, WEAK_RAD, judged
 from aatri.orientation.relative.kernels.model_points import intersect
 from aatri.orientation.relative.kernels.snooping import snoop
-from aatri.orientation.relative.pair_adjustment import ENOUGH, FALLBACKS, SNOOPED
+from aatri.orientation.relative.pair_adjustment import BEHIND, ENOUGH, FALLBACKS, SNOOPED
 from aatri.orientation.relative.start import LINE, NO_BASE
 from aatri.progress import Reporter
 
@@ -173,6 +173,7 @@ def _orient(
         chosen &= np.bincount(row[inside], minlength=m) >= SNOOPED
         if not chosen.any():
             break
+    settled &= np.bincount(row[~inside], minlength=m) <= BEHIND * np.bincount(row, minlength=m)
     settled = _good(settled, row, work, active, limit, min_points, enough)
     work[~settled[row]] = np.nan
     done = np.flatnonzero(settled)
@@ -186,9 +187,7 @@ def _orient(
     _fill_points(found, rows, settled[row], active, work, model)
 
 
-def _good(
-    settled: Bool, row: Int, work: Float, active: Bool, limit: float, min_points: int, enough: float
-) -> Bool:
+def _good(settled: Bool, row: Int, work: Float, active: Bool, limit: float, min_points: int, enough: float) -> Bool:
     """Pairs of which enough points fit, so that no other start is tried and a model is formed."""
     m = len(settled)
     n, used = np.bincount(row, minlength=m), np.bincount(row[active], minlength=m)

@@ -11,12 +11,12 @@ from aatri.pipeline.plan.reasons import flat
 
 @dataclass(frozen=True)
 class Axis:
-    """Runs that differ from the first one by the methods or options of the same stages.
+    """Runs that differ from the first one by the methods, options or ports of the same stages.
 
     Attributes
     ----------
     stages : tuple of str
-        Whose method or options differ; none for runs that differ by their inputs, code or versions alone.
+        Whose method, options or ports differ; none for runs that differ by the files read, code or versions alone.
     runs : tuple of Compared
     """
 
@@ -35,10 +35,11 @@ def axes(runs: Sequence[Compared]) -> list[Axis]:
     return [Axis(stages, tuple(found[stages])) for stages in order]
 
 
-def changed_settings(first: Compared, run: Compared) -> list[str]:
-    """Methods and options of a run that are not those of the first: `stage.option: one -> other`.
+def changed_settings(first: Compared, run: Compared, beside: Sequence[Compared] = ()) -> list[str]:
+    """Methods, options and ports of a run that are not those of the first: `stage.option: one -> other`.
 
-    Where the method is another one, its options are not those of the first and are not listed.
+    Where the method is another one, its options are not those of the first: listed are those that tell it from the
+    runs beside it that use the same method.
     """
     told = []
     for stage in first.stages:
@@ -46,7 +47,9 @@ def changed_settings(first: Compared, run: Compared) -> list[str]:
         if one is None or other is None:
             continue
         if one["use"] != other["use"]:
-            told.append(f"{stage}: {one['use']} -> {other['use']}")
+            alike = [s for s in (_settings(r, stage) for r in beside) if s is not None and s["use"] == other["use"]]
+            own = [f"{n}: {value}" for n, value in other.items() if any(s.get(n) != value for s in alike)]
+            told.append(f"{stage}: {one['use']} -> {other['use']}" + (f" ({', '.join(own)})" if own else ""))
             continue
         names = dict.fromkeys((*one, *other))
         told += [f"{stage}.{n}: {one.get(n)} -> {other.get(n)}" for n in names if one.get(n) != other.get(n)]
@@ -71,6 +74,9 @@ def _differs(first: Compared, run: Compared, stage: str) -> bool:
 
 
 def _settings(run: Compared, stage: str) -> dict[str, object] | None:
-    """Method and options of a stage, flat; None where the run did not make it."""
+    """Method, options and ports of a stage, flat; None where the run did not make it."""
     record = run.records.get(stage)
-    return None if record is None else {"use": record["plugin"], **flat(record["options"])}
+    if record is None:
+        return None
+    ports = {f"from {port}": source["stage"] for port, source in record["inputs"].items()}
+    return {"use": record["plugin"], **flat(record["options"]), **ports}

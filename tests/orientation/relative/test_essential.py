@@ -8,6 +8,7 @@ import pytest
 from aatri.geometry.coplanarity import RayPairs, essential_matrix
 from aatri.geometry.rotations import exp_rotation
 from aatri.orientation.relative.essential import decompositions, essential_starts, five_point
+from tests.orientation.relative.pairs import gruber_ground, rotation, simulate
 
 
 def _pair(rng, n, planar=False, turn=None):
@@ -51,3 +52,14 @@ def test_half_of_the_points_wrong_is_survived():
     found_R, found_b = essential_starts(RayPairs(left, right, sigma, sigma))[0]
     np.testing.assert_allclose(found_R, R, atol=1e-6)
     np.testing.assert_allclose(found_b, b, atol=1e-6)
+
+
+def test_the_first_start_over_flat_ground_has_the_points_in_front():
+    """A plane has a second orientation, often with points behind, that explains the rays of noisy points as well."""
+    rng = np.random.default_rng(3)
+    for _ in range(25):
+        X = gruber_ground(6, rng, relief=0.0)
+        rays, R, b = simulate(X, rotation(rng), rotation(rng), np.zeros(3), np.array([0.6, 0.02, -0.01]), rng)
+        left_from_right, base = essential_starts(rays)[0]
+        assert np.abs(left_from_right - R).max() < 0.1
+        assert base @ b > 0.9

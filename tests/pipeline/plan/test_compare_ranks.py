@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
-from aatri.pipeline.plan.compare import relative_spread
+from aatri.pipeline.plan.compare import Compared, relative_spread
+from aatri.pipeline.plan.compare_axes import axes, changed_settings
 
 
 @pytest.mark.parametrize(
@@ -20,3 +24,19 @@ from aatri.pipeline.plan.compare import relative_spread
 )
 def test_the_spread_of_a_figure_is_relative(values, expected):
     assert relative_spread(values) == pytest.approx(expected)
+
+
+def _run(name: str, use: str, options: dict[str, Any], source: str) -> Compared:
+    record = {"plugin": use, "options": options, "inputs": {"initial": {"stage": source}}}
+    return Compared(name, Path(name), ("bundle",), {"bundle": record})
+
+
+def test_another_port_is_a_change_and_runs_of_another_method_are_told_apart_by_its_options():
+    first = _run("first", "role/plain", {"limit": 4}, "strips")
+    other = _run("other", "role/plain", {"limit": 4}, "models")
+    two, three = (_run(name, "role/curved", {"limit": 4, "degree": n}, "strips") for name, n in (("2", 2), ("3", 3)))
+    (axis,) = axes([first, other, two, three])
+    assert axis.stages == ("bundle",)
+    assert changed_settings(first, other, axis.runs) == ["bundle.from initial: strips -> models"]
+    assert changed_settings(first, three, axis.runs) == ["bundle: role/plain -> role/curved (degree: 3)"]
+    assert changed_settings(first, three, [three]) == ["bundle: role/plain -> role/curved"]
