@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -154,3 +157,18 @@ def test_compilation_is_told_while_a_pipeline_is_planned(
         _kernel(tmp_path, "a")
         time.sleep(0.4)
     assert "1 kernels ready" in (capsys.readouterr().err if terminal else told[0])
+
+
+def test_where_nobody_reads_the_narration_the_work_goes_on(tmp_path: Path) -> None:
+    """`aatri run 2>&1 | head -1`: what is told later has no reader, which is no failure of a stage, nor of the verb."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    program = "from aatri.cli.terminal.console import narrate; narrate('one'); narrate('two'); print('done')"
+    done = subprocess.run(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=writer, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "done\n")
+    program = "from aatri.cli.main import main; main()"
+    command = [sys.executable, "-c", program, "run", str(tmp_path / "nothing.yaml")]
+    assert subprocess.run(command, stderr=writer, check=False).returncode == 2
+    os.close(writer)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import functools
 import json
+import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -74,8 +75,11 @@ def say(text: str = "") -> None:
 
 
 def narrate(text: str) -> None:
-    """Print what is not data."""
-    typer.echo(_escaped(text), err=True)
+    """Print what is not data; where nobody reads it any more, as after `2>&1 | head`, the work goes on."""
+    try:
+        typer.echo(_escaped(text), err=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def say_json(value: Any) -> None:
