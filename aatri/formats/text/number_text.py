@@ -94,4 +94,23 @@ def what_is_wrong(cell: str) -> str:
         return "a decimal comma"
     if re.fullmatch(r"[+-]?[0-9]{1,3}([ _,'][0-9]{3})+(\.[0-9]*)?", cell):
         return "a thousands separator"
-    return "not a number"
+    degrees = _ANGLE.fullmatch(cell)
+    return "not a number" if degrees is None else _as_decimal(degrees)
+
+
+_ANGLE = re.compile(
+    r"""([+-]?)([0-9]{1,3}(?:\.[0-9]{0,20})?)                                   # degrees
+        (?:°?\s?([NSEWnsew])                                                   # with a letter, or minutes and seconds
+          |[-°:\s]([0-5]?[0-9])[-'′:\s]([0-5]?[0-9](?:\.[0-9]{0,20})?)["″]?\s?([NSEWnsew])?)""",
+    re.VERBOSE,
+)
+
+
+def _as_decimal(angle: re.Match[str]) -> str:
+    """An angle as people write it, and its decimal form."""
+    sign, degrees, letter, minutes, seconds, last = angle.groups()
+    letter = (letter or last or "").upper()
+    value = float(degrees) + float(minutes or 0) / 60 + float(seconds or 0) / 3600
+    value = -value if sign == "-" or letter in ("S", "W") else value
+    what = {"": "an angle", "N": "a latitude", "S": "a latitude"}.get(letter, "a longitude")
+    return f"{what}, {value:.9g} degrees as a decimal"

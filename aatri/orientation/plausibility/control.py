@@ -144,7 +144,11 @@ def _all_of_it(xy: Float, rows: Int, middle: float, distance: Callable[[Float], 
     if apart and found[best] < BETTER * min(middle, from_origin):
         return Misplaced(rows, f"{off}; {best} they lie {length(found[best])} from them", FOR_ALL[best], certain=True)
     if middle > MOST_SEEN_M:
-        return Misplaced(rows, off, "check zone, datum and false easting of control and positions", certain=True)
+        remedy = "check zone, datum and false easting of control and positions"
+        if found[best] < BETTER * middle:
+            off += f"; {best} they would lie {length(found[best])} from them"
+            remedy = f"{FOR_ALL[best]} if that is so; else {remedy}"
+        return Misplaced(rows, off, remedy, certain=True)
     return None
 
 

@@ -92,3 +92,20 @@ def test_rows_beyond_one_chunk_keep_their_lines(tmp_path: Path) -> None:
     assert table.number["x"][:n].tolist() == [k + 0.5 for k in range(n)]
     assert table.line[-1] == n + 2
     assert [problem.where for problem in problems] == [f"{path}:{n + 2}:6"]
+
+
+@pytest.mark.parametrize(
+    ("cell", "reason"),
+    [
+        ("40-41-12.5", "an angle, 40.6868056 degrees"),  # 40 + 41 / 60 + 12.5 / 3600
+        ("-40 30 00", "an angle, -40.5 degrees"),
+        ("40\u00b030'00\"S", "a latitude, -40.5 degrees"),
+        ("40.7N", "a latitude, 40.7 degrees"),
+        ("119.25W", "a longitude, -119.25 degrees"),
+        ("40-75-12", "not a number"),  # 75 minutes
+        ("2024-11-22", "not a number"),
+        ("a7N", "not a number"),
+    ],
+)
+def test_angles_are_told_with_their_decimal_reading(cell: str, reason: str) -> None:
+    assert what_is_wrong(cell).startswith(reason)
