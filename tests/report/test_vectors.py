@@ -48,6 +48,18 @@ def test_plan_vectors_point_where_the_differences_do_in_the_scale_of_the_key():
     assert (start + vector * [1.0, -1.0] > 0).all()
 
 
+def test_many_vectors_are_drawn_half_as_long() -> None:
+    rng = np.random.default_rng(2)
+    times = []
+    for n in (290, 310):
+        xyz = np.column_stack([rng.permutation(n) * 10.0, rng.permutation(n) * 10.0, np.zeros(n)])
+        d = np.tile([0.03, 0.04, 0.0], (n, 1))
+        drawn = plan_vectors({"new": (xyz, d)})
+        assert drawn is not None
+        times.append(float(re.search(r"Exaggerated ([\d,]+) times", drawn[1])[1].replace(",", "")))
+    assert times[1] < times[0]
+
+
 def test_bars_go_up_where_the_height_is_too_large():
     d = np.array([[9.0, 9.0, 0.03], [np.nan, 9.0, -0.05], [9.0, 9.0, np.nan], [9.0, 9.0, 0.0]])
     picture, caption = height_bars({"check": (XYZ_M, d)})
