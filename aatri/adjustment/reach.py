@@ -54,7 +54,7 @@ def within_reach(records: Sequence[Records], candidates: Sequence[int], state: S
                 size = (J**2).sum(axis=2).max(axis=1)
                 pieces[group].append((block[rows], size, np.full(len(rows), i), rows, r.rows, J.shape[2]))
     factor = {i: np.ones(len(records[i].active)) for i in candidates}
-    for parts in pieces.values():
+    for parts in (p for p in pieces.values() if p):  # none of a group whose candidates are all inactive
         block, size, of, row = (np.concatenate([part[k] for part in parts]) for k in range(4))
         residuals = np.concatenate([np.full(len(part[0]), part[4]) for part in parts])
         _bring(_Added(block, size, of, row, residuals), parts[0][5], factor)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,3 +44,11 @@ def test_where_the_accurate_ones_determine_a_block_alone_nothing_is_lost() -> No
     weak = _sums("weak", [0], [9], [1e-4])
     strong = _sums("strong", [0, 0, 0], [1, 2, 3], [1e8, 1e8, 1e8])
     assert within_reach([weak, strong], [0, 1], {}) == {}
+
+
+def test_candidates_that_are_all_inactive_change_nothing() -> None:
+    """What is left of distances of a group when all of them are members of correlated records: their unknowns."""
+    gone = replace(_sums("gone", [0], [1], [1e14]), active=np.zeros(1, dtype=bool))
+    others = _sums("others", [0, 2], [3, 3], [2.0, 3.0])
+    assert within_reach([others, gone], [0, 1], {}) == {}
+    assert within_reach([gone], [0], {}) == {}

@@ -33,8 +33,8 @@ def systematic_notes(result: BundleResult) -> list[Note]:
         touches = found.observed.records.touches
         if found.observed.kind == POSITION and len(touches) == 1 and touches[0][0] == POSE:
             notes += _shift(found, result)
-        elif found.observed.kind == GEODETIC and all(group == POINT for group, _ in touches):
-            notes += _scale(found, result)
+        elif found.observed.kind == GEODETIC and [group for group, _ in touches] == [POINT, POINT]:
+            notes += _scale(found, result)  # not of correlated ones, which are records of several distances
     return notes
 
 

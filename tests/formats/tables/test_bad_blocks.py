@@ -53,6 +53,7 @@ BAD: dict[str, tuple[Change, str, str, str]] = {
     "open quote": (_added(POINTS, '"1,a1,3,4,,,,\n'), "image_points.csv:18:1", "quote", "close it"),
     "column twice": (replaced(POINTS, "sx,sy", "sx,sx"), "image_points.csv:1:20", "'sx' twice", "remove one"),
     "unknown column": (replaced(POINTS, "group", "gruop"), "image_points.csv:1:23", "did you mean 'group'", "x_"),
+    "angles of a stabilised mount": (replaced("exterior.csv", "use,refers_to", "mount_roll,refers_to"), "exterior.csv:1:40", "unknown column 'mount_roll'", "x_"),
     "missing column": (replaced(IMAGES, ",camera", ",x_c"), "images.csv:2:1", "column camera missing", "header"),
     "semicolons": ({IMAGES: "image;camera;strip\n"}, "images.csv:1:1", "semicolons", "commas"),
     "image twice": (_added(IMAGES, "a1,uav,,,,,\n"), "images.csv:7:1", "'a1' twice, first in line 4", "rename"),

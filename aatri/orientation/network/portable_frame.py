@@ -1,0 +1,84 @@
+"""A portable frame, marks measured once in axes of their own, as distances between them with their full covariance.
+
+    d_ab = |X_b - X_a|,      C_d = J C_X J',      J = dd/dX
+
+Wherever the frame is set up, its distances stay what they are. n marks that do not lie in one plane have 3n - 6 of
+them that determine all others and each mark; observed with C_d they are, to first order, the same as the body itself
+with six unknowns of place and direction and its marks observed with C_X: those six move no distance, and of 3n
+coordinates no more than 3n - 6 are left without them. With a common scale of the distances it is a body of seven
+parameters.
+
+Chosen are those that are known best independently of each other: by a QR decomposition with column pivoting of (J L)',
+C_X = L L', of all distances. Source: Mikhail & Ackermann, Observations and Least Squares, 4 (propagation).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.linalg import qr
+
+from aatri.arrays import Float, Int
+from aatri.errors import GeometryError
+
+FLAT = 1e-4
+"""Smallest pivot, of the largest, with which distances hold a body: in a plane none sees what leaves it."""
+
+
+@dataclass(frozen=True)
+class BodyDistances:
+    """Distances that hold the shape and size of a body.
+
+    Attributes
+    ----------
+    pairs : (3n - 6, 2) int
+        Marks of each.
+    length_m : (3n - 6,) float64, m
+    covariance_m2 : (3n - 6, 3n - 6) float64, m^2
+    """
+
+    pairs: Int
+    length_m: Float
+    covariance_m2: Float
+
+
+def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
+    """The distances that stand for a portable frame.
+
+    Parameters
+    ----------
+    xyz_m : (n, 3) float64, m
+        Marks, n at least 4, in axes of their own.
+    covariance_m2 : (3 n, 3 n) float64, m^2
+        Of all their coordinates, positive definite.
+
+    Raises
+    ------
+    GeometryError
+        If there are too few marks, or they lie in a plane: then distances do not hold them.
+    """
+    n = len(xyz_m)
+    if n < 4:
+        raise GeometryError(f"{n} marks are no body", remedy="give 4 or more, not all in one plane")
+    pairs = np.array(list(combinations(range(n), 2)), dtype=np.int64)
+    away = xyz_m[pairs[:, 1]] - xyz_m[pairs[:, 0]]
+    length = np.linalg.norm(away, axis=1)
+    if not length.min() > 0:
+        raise GeometryError("two marks are at the same place", remedy="give each mark once")
+    u = away / length[:, None]
+    J = np.zeros((len(pairs), n, 3))
+    J[np.arange(len(pairs)), pairs[:, 0]], J[np.arange(len(pairs)), pairs[:, 1]] = -u, u
+    J = J.reshape(len(pairs), 3 * n)
+    count = 3 * n - 6
+    _, R, order = qr((J @ np.linalg.cholesky(covariance_m2)).T, mode="economic", pivoting=True)
+    pivot = np.abs(np.diagonal(R))
+    if len(pivot) < count or not pivot[count - 1] > FLAT * pivot[0]:
+        raise GeometryError(
+            "the marks lie in a plane, or nearly: distances do not hold what leaves it",
+            remedy="give marks outside it, or the distances within the plane and a `plane` of relative control",
+        )
+    chosen = np.sort(order[:count])
+    some = J[chosen]
+    return BodyDistances(pairs[chosen], length[chosen], some @ covariance_m2 @ some.T)

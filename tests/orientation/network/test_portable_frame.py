@@ -1,0 +1,104 @@
+"""A portable frame by its distances is the body of its marks: against dense least squares, six unknowns a set-up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from aatri.errors import GeometryError
+from aatri.orientation.network.portable_frame import BodyDistances, body_distances
+from aatri.stages.block.tables import TablesOptions, tables
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.bundle_adjustment.test_networks import HEAD
+
+MARKS = np.array([[0, 0, 0], [1.2, 0.1, 0], [0.2, 1.1, 0.1], [0.4, 0.3, 0.9], [1.0, 0.9, 0.5]])
+N, SIGMA = len(MARKS), 2e-3
+PLACES = (
+    (np.array([0.3, -0.2, 1.1]), np.array([10.0, 5.0, 1.0])),
+    (np.array([-1.0, 0.4, 2.0]), np.array([14.0, 9.0, 2.0])),
+)
+
+
+def covariance() -> np.ndarray:
+    """Of all coordinates of the marks: 0.3 mm, correlated."""
+    A = np.random.default_rng(4).normal(size=(3 * N, 3 * N))
+    return 9e-8 * (np.eye(3 * N) + 0.5 * A @ A.T / (3 * N))
+
+
+def set_up(body: np.ndarray, turn: np.ndarray, place: np.ndarray) -> np.ndarray:
+    return np.asarray(body @ Rotation.from_rotvec(turn).as_matrix().T + place)
+
+
+def written(folder: Path, seen: np.ndarray, frame: BodyDistances, group: str = "") -> None:
+    """A network of two set-ups, each mark with observed coordinates; the frame in the first, the second like it."""
+    (folder / "block.yaml").write_text(HEAD)
+    ids = [[f"S{s}M{k}" for k in range(N)] for s in range(2)]
+    rows = [f"{ids[s][k]},{','.join(map(repr, seen[s, k].tolist()))},{SIGMA},{SIGMA},{SIGMA},control"
+            for s in range(2) for k in range(N)]  # fmt: skip
+    (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
+    sigma = np.sqrt(np.diagonal(frame.covariance_m2))
+    lines = [f"distance,{ids[0][a]},{ids[0][b]},{float(d)!r},{float(s)!r},{group}"
+             for (a, b), d, s in zip(frame.pairs, frame.length_m, sigma)]  # fmt: skip
+    (folder / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma,group", *lines]) + "\n")
+    between = [f"geodetic,{i + 1},{j + 1},{float(frame.covariance_m2[i, j])!r}"
+               for i in range(len(sigma)) for j in range(i + 1, len(sigma))]  # fmt: skip
+    (folder / "covariances.csv").write_text("\n".join(["table,row_a,row_b,value", *between]) + "\n")
+    equal = [f"- {{type: equal_distance, pairs: [[{ids[0][a]}, {ids[0][b]}], [{ids[1][a]}, {ids[1][b]}]], exact: true}}"
+             for a, b in frame.pairs]  # fmt: skip
+    (folder / "relative_control.yaml").write_text("\n".join(equal) + "\n")
+
+
+@pytest.mark.parametrize("scale", [False, True], ids=["six parameters", "seven parameters"])
+def test_two_set_ups_of_a_frame_have_the_coordinates_and_covariances_of_the_body(tmp_path: Path, scale: bool) -> None:
+    rng, C = np.random.default_rng(7), covariance()
+    given = MARKS + (np.linalg.cholesky(C) @ rng.normal(size=3 * N)).reshape(N, 3)
+    true = 1.0002 * MARKS if scale else MARKS
+    seen = np.array([set_up(true, *place) for place in PLACES]) + rng.normal(0, SIGMA, (2, N, 3))
+    written(tmp_path, seen, body_distances(given, C), "frame" if scale else "")
+    options = BundleOptions.model_validate({"blunders": "none", "tolerance": 1e-9, "distances": {"addition": False}})
+    solution = bundle(tables(options=TablesOptions(path=tmp_path)), options=options)
+
+    W = np.linalg.inv(np.linalg.cholesky(C))
+
+    def places(x: np.ndarray) -> np.ndarray:
+        body = x[: 3 * N].reshape(N, 3) * (1 + x[-1] * scale)
+        return np.array([set_up(body, *x[3 * N + 6 * s : 3 * N + 6 * s + 6].reshape(2, 3)) for s in range(2)])
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([W @ (x[: 3 * N] - given.ravel()), (places(x) - seen).ravel() / SIGMA])
+
+    start = np.concatenate([given.ravel(), *(np.concatenate(p) for p in PLACES), [0.0] if scale else []])
+    dense = least_squares(residuals, start, x_scale="jac", method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    Q = np.linalg.inv(dense.jac.T @ dense.jac)
+    A = dense.jac[3 * N :] * SIGMA
+    order = [solution.points.id.tolist().index(f"S{s}M{k}") for s in range(2) for k in range(N)]
+    sigma = np.sqrt(np.diagonal(A @ Q @ A.T)).reshape(-1, 3)
+    off = (solution.points.xyz_m[order] - places(dense.x).reshape(-1, 3)) / sigma
+    assert np.abs(off).max() < 5e-3  # of second order in 2 mm over 1 m
+    found = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2[order]))
+    np.testing.assert_allclose(found, sigma, rtol=2e-3)
+    assert solution.redundancy == 2 * 3 * N + 3 * N - (3 * N + 12 + scale)
+    if scale:
+        of_scale = solution.parameters.value[solution.parameters.name == "scale"]
+        np.testing.assert_allclose(of_scale, -dense.x[-1], atol=5e-3 * np.sqrt(Q[-1, -1]))
+
+
+def test_marks_in_a_plane_and_too_few_marks_are_refused() -> None:
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 2, 0]], dtype=float)
+    with pytest.raises(GeometryError, match="lie in a plane"):
+        body_distances(flat, 1e-8 * np.eye(15))
+    with pytest.raises(GeometryError, match="3 marks are no body"):
+        body_distances(flat[:3], 1e-8 * np.eye(9))
+    with pytest.raises(GeometryError, match="same place"):
+        body_distances(np.vstack([flat[:4], flat[:1]]), 1e-8 * np.eye(15))
+
+
+def test_the_chosen_distances_determine_all_others() -> None:
+    found = body_distances(MARKS, covariance())
+    assert found.pairs.shape == (3 * N - 6, 2)
+    assert len({tuple(p) for p in found.pairs.tolist()}) == 3 * N - 6
+    assert np.linalg.cond(found.covariance_m2) < 1e6
