@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import Block, Geodetic
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -105,3 +106,39 @@ def test_a_block_of_100_images_and_150_targets_has_the_sigmas_and_correlations_o
     assert len(solution.points) == 150
     assert solution.redundancy == solution.observations - (600 + 450 + 10) + 6
     assert solution.sigma0 == pytest.approx(1.0, abs=4 / np.sqrt(2 * solution.redundancy))
+
+
+def _stretched(block: Block, factor: float) -> Block:
+    """Approximate orientations of another scale."""
+    return replace(block, exterior=replace(block.exterior, position_m=factor * block.exterior.position_m))
+
+
+def _distance(start: str, start_kind: str, end: str, end_kind: str, value: float) -> Geodetic:
+    one, empty, none = np.ones(1), np.array([""]), np.array([-1], dtype=np.int32)
+    return Geodetic(type=np.array(["distance"]), start=np.array([start]), end=np.array([end]), via=empty,
+                    start_kind=np.array([start_kind]), end_kind=np.array([end_kind]), value=value * one,
+                    sigma=1e-5 * one,
+                    set=empty, group=empty, start_height_m=np.full(1, np.nan), end_height_m=np.full(1, np.nan),
+                    active=np.array([True]), reduced=np.array(["no"]), file=none, line=none)  # fmt: skip
+
+
+@pytest.mark.parametrize("ends", [("point", "point"), ("point", "image"), ("image", "image")])
+def test_one_distance_of_any_kind_gives_the_size_of_an_object_without_control(ends: tuple[str, str]) -> None:
+    """Between points, from a point to a station, between stations; no noise, so that the size is the true one."""
+    block = field_block(2, 1, 8, 30, noise=0.0)
+    points, images = block.true_points, block.true_images
+    assert points is not None
+    assert images is not None
+    place = {"point": [(block.points.id[points.point[k]], points.xyz_m[k]) for k in (0, 20)],
+             "image": [(block.images.id[images.image[k]], images.position_m[k]) for k in (0, 5)]}  # fmt: skip
+    (a, at), (b, to) = place[ends[0]][0], place[ends[1]][1]
+    far = _distance(a, ends[0], b, ends[1], float(np.linalg.norm(to - at)))
+    given = _stretched(replace(block, geodetic=far), 1.03)
+    solution = _adjusted(given, measured(given))
+    xyz = solution.points.xyz_m[points.point]
+    found, true = (np.linalg.norm(x[1:] - x[0], axis=1) for x in (xyz, points.xyz_m))
+    np.testing.assert_allclose(found, true, rtol=1e-7)
+    # without it the size is that of the approximate orientations, and nothing says what it is
+    alone = replace(given, geodetic=Geodetic.empty())
+    xyz = _adjusted(alone, measured(alone)).points.xyz_m[points.point]
+    assert np.linalg.norm(xyz[20] - xyz[0]) / np.linalg.norm(points.xyz_m[20] - points.xyz_m[0]) > 1.01

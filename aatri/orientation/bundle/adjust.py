@@ -26,6 +26,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 from aatri.notes import Note
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
@@ -143,8 +144,8 @@ def _places(given: BundleInput, ordering: str) -> Float:
 
 
 def _is_ray(records: Records) -> bool:
-    groups = {group for group, _ in records.touches}
-    return POSE in groups and POINT in groups
+    """Whether records are image points; a distance from a station to a point joins the same, and sees the scale."""
+    return records.name == IMAGE_POINT
 
 
 def _records(given: BundleInput, part: Participants, settings: BundleSettings) -> tuple[list[Records], list[Records]]:

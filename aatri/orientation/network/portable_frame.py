@@ -68,9 +68,9 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     if not length.min() > 0:
         raise GeometryError("two marks are at the same place", remedy="give each mark once")
     u = away / length[:, None]
-    J = np.zeros((len(pairs), n, 3))
-    J[np.arange(len(pairs)), pairs[:, 0]], J[np.arange(len(pairs)), pairs[:, 1]] = -u, u
-    J = J.reshape(len(pairs), 3 * n)
+    by_mark = np.zeros((len(pairs), n, 3))
+    by_mark[np.arange(len(pairs)), pairs[:, 0]], by_mark[np.arange(len(pairs)), pairs[:, 1]] = -u, u
+    J = by_mark.reshape(len(pairs), 3 * n)
     count = 3 * n - 6
     _, R, order = qr((J @ np.linalg.cholesky(covariance_m2)).T, mode="economic", pivoting=True)
     pivot = np.abs(np.diagonal(R))
