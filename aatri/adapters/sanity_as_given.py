@@ -15,6 +15,7 @@ from aatri.observations.control import control_of
 from aatri.orientation.plausibility.cameras import Cameras, given_notes
 from aatri.orientation.plausibility.control import length
 from aatri.orientation.plausibility.control_rays import ControlRays
+from aatri.orientation.plausibility.distances import scale_notes
 from aatri.orientation.plausibility.face_angles import contradiction
 from aatri.orientation.plausibility.positions import impossible_positions
 
@@ -48,7 +49,7 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
     distance = np.linalg.norm(rays.control_m[rays.point] - rays.position_m[rays.image], axis=1)
     notes = list(given_notes(cameras_of(block), block.images.camera[rays.image], distance))
     plain = np.isin(block.cameras.distortion, PLAIN_LENSES)[block.images.camera[rays.image]]
-    notes += _plane_frame(block)
+    notes += [*_plane_frame(block), *_scale_of_distances(block)]
     found = contradiction(_some(rays, plain), observed=observed)
     if found is None:
         return [], tuple(notes)
@@ -76,6 +77,24 @@ def _plane_frame(block: Block) -> list[Note]:
     return [Note("warning", f"the block is {length(across)} across and `earth_curvature: ignore` takes its frame as "
                  f"Cartesian; if it is a map, heights bend by {length(bend)} from its middle to its ends: declare crs, "
                  "and leave out earth_curvature")]  # fmt: skip
+
+
+def _scale_of_distances(block: Block) -> list[Note]:
+    """A warning where distances between control points of a Cartesian frame have another scale than the coordinates."""
+    if len(block.frames) and not (block.frames.crs[0] == "local" or is_tangent_frame(str(block.frames.crs[0]))):
+        return []  # the adjustment reduces them
+    control, g = control_of(block), block.geodetic
+    row_of = {str(block.points.id[p]): k for k, p in enumerate(control.point) if control.given[k].all()}
+    rows = [
+        k
+        for k in np.flatnonzero(g.active & (g.type == "distance") & (g.reduced == "no")).tolist()
+        if {str(g.start_kind[k]), str(g.end_kind[k])} == {"point"} and str(g.start[k]) in row_of
+        and str(g.end[k]) in row_of and not np.nan_to_num([g.start_height_m[k], g.end_height_m[k]]).any()
+    ]  # fmt: skip
+    start, end = ([row_of[str(ids[k])] for k in rows] for ids in (g.start, g.end))
+    variance = np.trace(control.covariance_m2, axis1=1, axis2=2) / 3
+    length_m = np.linalg.norm(control.xyz_m[end] - control.xyz_m[start], axis=1)
+    return scale_notes(g.value[rows], length_m, np.sqrt(g.sigma[rows] ** 2 + variance[start] + variance[end]))
 
 
 def _place(block: Block, of: str, image: int, control: int) -> str:
