@@ -1,0 +1,73 @@
+"""The principal distance and the flying height through the bundle: the table of designs, and the advice it gives.
+
+Eight designs of four strips of eight images (tests/camera/parameters/test_coupling_with_height.py) with the largest
+correlation of c with a Z0 that the reference has. Its relief and points are others: figures are held against dense
+algebra over the same block, and against the reference by what has to be told: a warning from 0.95 on, "cannot be told
+apart" from 0.999 on.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.camera.parameters.test_coupling_with_height import C_MM, HALF, NEARLY_FLAT, flight, largest, points_of
+from tests.stages.film_blocks import Told
+from tests.stages.hand_block import Hand, ground_rows, projected, read, start
+
+ADVICE = (
+    "observed projection centres (GNSS) or oblique images separate them, crossed strips and a second flying height do "
+    "not, relief alone only above 20 % of the flying height"
+)
+TABLE = [
+    ("vertical", NEARLY_FLAT, 0.999998), ("crossed", NEARLY_FLAT, 0.999999), ("oblique", NEARLY_FLAT, 0.971),
+    ("gnss", NEARLY_FLAT, 0.16), ("vertical", 0.05, 0.9996), ("vertical", 0.10, 0.998), ("vertical", 0.20, 0.997),
+    ("oblique", 0.20, 0.836),
+]  # fmt: skip
+"""Design, relief over flying height, reference correlation; the reference's 0 % is 1 % here, or c were free."""
+
+
+def flown(design: str, relief: float) -> Hand:
+    (X0, R), X = flight(design), points_of(relief)
+    image, point = (a.ravel() for a in np.indices((len(X0), len(X))))
+    xy = projected(X0, R, X, image, point)
+    u = np.einsum("nji,nj->ni", R[image], X[point] - X0[image])
+    inside = (np.abs(xy) <= HALF).all(axis=1) & (u[:, 2] < 0)
+    inside &= (np.bincount(point[inside], minlength=len(X)) >= 2)[point]
+    kept, place = np.unique(np.concatenate([np.arange(9), point[inside]]), return_inverse=True)
+    return Hand(X0, R, X[kept], image[inside], place[9:], xy[inside])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("design", "relief", "reference"), TABLE)
+def test_sigma_correlation_and_advice(tmp_path: Path, design: str, relief: float, reference: float) -> None:
+    of = flown(design, relief)
+    rows = [f"i{k},{x!r},{y!r},{z!r},0.05,0.05,0.05" for k, (x, y, z) in enumerate(of.position_m.tolist())]
+    exterior = "\n".join(["image,X,Y,Z,sX,sY,sZ", *rows]) + "\n" if design == "gnss" else ""
+    camera = {"principal_distance": C_MM, "principal_point": [0.0, 0.0], "format": (2 * HALF).tolist()}
+    more = {"sigma": {"image": 3, "control": [0.02, 0.02, 0.02]}}
+    block, points = read(tmp_path, of, ground=ground_rows(of, range(9)), exterior=exterior, camera=camera, more=more,
+                         xy_mm=of.xy_mm - np.array([0.02, -0.01]))  # fmt: skip
+    wanted = {"set": "brown_conrady", "per": {"camera": ["c", "x0", "y0", "k1", "k2"]}, "sigma_um": None}
+    options = BundleOptions.model_validate({"blunders": "none", "self_calibration": wanted})
+    image, point = (np.array([int(name[1:]) for name in ids]) for ids in (block.images.id, block.points.id))
+    as_read = replace(of, position_m=of.position_m[image], rotation=of.rotation[image], xyz_m=of.xyz_m[point])
+    told = Told()
+    solution = bundle(block, points, start(as_read, block), options=options, context=told)
+    _, rho, sigma_mm = largest(design, relief)
+    c = solution.parameters.sigma[solution.parameters.name == "c"][0]
+    assert c == pytest.approx(sigma_mm, rel=0.01)
+    mine = [text for text in told.warnings if re.search(r"c and Z0 of image \S+ (are correlated|cannot be told)", text)]
+    assert bool(mine) == (reference >= 0.95)
+    for text in mine:
+        found = abs(float(re.search(r"correlat\w+(?: by|) (-?[\d.]+\d)", text)[1]))  # type: ignore[index]
+        assert found == pytest.approx(abs(rho), abs=0.01)
+        assert ("cannot be told apart" in text) == (found >= 0.999)
+        assert ADVICE in text
+    if reference >= 0.9995:
+        assert any("cannot be told apart" in text for text in mine)
