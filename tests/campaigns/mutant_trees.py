@@ -111,7 +111,7 @@ class Tree:
             verdict, by = self._run(tests, marked)
             if verdict == "passed":
                 return None
-            if verdict == "hung" or by in self.sound or not self._fails_anyway(by):
+            if verdict == "hung" or "::" not in by or by in self.sound or not self._fails_anyway(by):
                 return verdict, by
             self.failing.add(by)
 
@@ -166,6 +166,8 @@ class Tree:
         if process.returncode in (0, 5):  # 5: nothing of these is marked so
             return "passed", ""
         failed = re.findall(r"^(?:FAILED|ERROR) (tests/\S.*?)(?: - .*)?$", text, re.MULTILINE)
+        if not failed:  # the process itself died, as compiled code does that writes where it must not
+            failed = re.findall(r"^(tests/\S+)", text, re.MULTILINE)[-1:]
         return "killed", failed[0] if failed else f"pytest ended with {process.returncode}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.orientation.plausibility.cameras import Cameras, camera_notes, control_notes
+from aatri.orientation.plausibility.cameras import Cameras, camera_notes, control_notes, given_notes
 from aatri.orientation.plausibility.control import misplaced_control
 
 MAP = np.array([446_000.0, 4_505_000.0])
@@ -133,6 +133,16 @@ def test_a_line_per_camera_tells_field_of_view_height_scale_and_sampling():
     # 2 atan(115 sqrt(2) / 150) = 94.6 deg; 750 m over ground at c = 150 mm: 1 : 5,000, 0.02 mm are 0.1 m
     assert str(note) == (
         "camera c: field of view 94.6 deg, 750 m above its points, scale 1 : 5,000, ground sampling distance 0.1 m"
+    )
+
+
+def test_a_line_per_camera_tells_what_is_given_and_nothing_of_a_camera_of_which_nothing_is():
+    bare = Cameras(["c", "bare"], np.array([150.0, np.nan]), np.array([[115.0, 115.0], [np.nan, np.nan]]),
+                   np.array([0.02, np.nan]))  # fmt: skip
+    (note,) = given_notes(bare, np.zeros(3, dtype=int), np.array([740.0, 750.0, 760.0]))
+    assert str(note) == (
+        "camera c, as given: 750 m from the control it shows, field of view 94.6 deg, scale 1 : 5,000, "
+        "ground sampling distance 0.1 m"
     )
 
 

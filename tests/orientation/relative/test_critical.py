@@ -56,6 +56,14 @@ def test_rough_ground_is_no_cylinder() -> None:
     assert critical_configuration(rough, np.array([1.0, 0.0, 0.0])) == GENERAL
 
 
+def test_a_band_as_good_as_flat_is_a_plane_and_no_cylinder() -> None:
+    """An arc of 0.14 rad on a circle of ten bases: its depth varies by 1.7 % of its width, well above FLAT bases."""
+    rng = np.random.default_rng(2)
+    angle = rng.uniform(-0.07, 0.07, 40)
+    band = np.column_stack([rng.uniform(0, 1, 40), 10 * np.sin(angle), -10 - 10 * np.cos(angle)])
+    assert critical_configuration(band, np.array([1.0, 0.0, 0.0])) == GENERAL
+
+
 def test_fewer_than_five_points_are_named() -> None:
     assert "4" in said(gruber_ground(1)[:4])
 
