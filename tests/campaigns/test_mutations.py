@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.campaigns.mutants import ROOT, equivalents
 from tests.campaigns.mutations import is_another_program, mutations
 
 SOURCE = '''\
@@ -63,3 +64,10 @@ def test_a_change_that_says_the_same_is_no_mutant() -> None:
     (change,) = [m for m in mutations("x = a is not b\n") if m.text == "is"]
     assert is_another_program("x = a is not b\n", change)
     assert not is_another_program("x = a\n", type(change)(1, 4, 5, "(a)"))
+
+
+def test_every_equivalent_mutant_is_one_of_a_line_that_is_there() -> None:
+    for file, was, becomes in equivalents():
+        lines = [line.strip() for line in (ROOT / file).read_text(encoding="utf-8").splitlines()]
+        assert was in lines, (file, was)
+        assert becomes != was
