@@ -43,13 +43,15 @@ def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
     assert found.images.position_m == pytest.approx(exact.block.true_images.position_m, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
-    """Models of one strip share images, whose errors they have in common: theory, which leaves that out, is too small.
+    """Models of one strip share images, whose errors they have in common: theory and sigma0 are somewhat too small.
 
-    Of models that share nothing it is right, see tests/orientation/free_block/test_independent_models.py.
+    Of models that share nothing they are right, see tests/orientation/free_block/test_independent_models.py. Single
+    blocks scatter by 12 %, for errors of control go through all points: eight together.
     """
     squares, count, sigma0 = 0.0, 0, []
-    for seed in (1, 2, 3):
+    for seed in range(1, 9):
         chain = flown(seed, ties={"new_points": 200})
         told = Told()
         found = independent_models(chain.block, chain.refined, chain.models, chain.strip_block, context=told)
@@ -61,7 +63,7 @@ def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
         squares += float(np.einsum("ni,nij,nj->", e[new], np.linalg.inv(C[new]), e[new]))
         count += 3 * len(new)
         sigma0.append(found.sigma0)
-    assert 0.9 < np.sqrt(squares / count) < 1.3
+    assert 0.9 < np.sqrt(squares / count) < 1.15
     assert 0.8 < np.mean(sigma0) < 1.2
 
 
