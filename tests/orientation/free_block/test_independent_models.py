@@ -141,7 +141,9 @@ def plan_sigma(block: Made, plan: Any) -> float:
     return float(np.sqrt(variance.mean()) / 1e-4)
 
 
-@pytest.mark.parametrize(("strips", "dense", "four"), [(2, 0.98, 1.25), (4, 0.96, 1.75), (6, 0.98, 2.32), (8, 1.00, 2.93)])
+@pytest.mark.parametrize(
+    ("strips", "dense", "four"), [(2, 0.98, 1.25), (4, 0.96, 1.75), (6, 0.98, 2.32), (8, 1.00, 2.93)]
+)
 def test_plan_accuracies_of_the_anblock_method(strips: int, dense: float, four: float) -> None:
     """Four points a model at its corners and two between them (6 a model), plan only, level models; within 10 %."""
     block = made(strips, centre=1e3, turned=False)
