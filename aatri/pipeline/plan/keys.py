@@ -21,6 +21,9 @@ KEY_SCHEMA = 2
 ABSENT = "absent"
 """Stands for the content of a file that is not there: the stage will say so."""
 
+NO_FILE = "no file"
+"""Stands for that of a link to nothing, a pipe or a device in a folder."""
+
 
 def key_parts(node: Node, inputs: Mapping[str, str | None], files: Mapping[str, str], seed: int) -> dict[str, Any]:
     """All that the result of a stage depends on.
@@ -61,6 +64,8 @@ def key_of(parts: Mapping[str, Any]) -> str:
 def file_digests(option: str, path: Path, of_one: Callable[[Path], str]) -> dict[str, str]:
     """Digest of the content of each file that an option names, or that is in the folder it names, by option and name.
 
+    A link to nothing or a pipe in the folder is opened by no plan, but it counts: the stage that reads it refuses it.
+
     Parameters
     ----------
     option : str
@@ -73,7 +78,7 @@ def file_digests(option: str, path: Path, of_one: Callable[[Path], str]) -> dict
         if not path.exists():
             return {option: ABSENT}
         base = path.parent if path.is_file() else path
-        return {f"{option}/{_named(p.relative_to(base))}": of_one(p) for p in files}
+        return {f"{option}/{_named(p.relative_to(base))}": of_one(p) if p.is_file() else NO_FILE for p in files}
     except OSError:
         return {option: ABSENT}
 
@@ -84,7 +89,7 @@ def _named(path: Path) -> str:
 
 
 def _files_in(folder: Path) -> list[Path]:
-    return [p for p in folder.rglob("*") if p.is_file() and not p.name.startswith((".", "~$"))]
+    return [p for p in folder.rglob("*") if not p.is_dir() and not p.name.startswith((".", "~$"))]
 
 
 def _without_paths(node: Node) -> dict[str, Any]:

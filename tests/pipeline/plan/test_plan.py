@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import random
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -270,6 +271,22 @@ def test_a_changed_file_of_a_folder_is_named_and_not_its_digest(tmp_path: Path) 
     told = [str(r) for r in differences({**parts, "files": before}, {**parts, "files": digests()})]
     assert told == ["ground_points.csv changed", "images.csv is gone", "new.csv is new"]
     assert str(Reason(Why.input, "image_points", "0123", "4567")) == "input image_points changed"
+
+
+def test_a_link_to_nothing_and_a_pipe_in_a_folder_are_changes_and_not_opened(tmp_path: Path) -> None:
+    """A result made without them is none of the folder as it is now."""
+    (tmp_path / "images.csv").write_text("b")
+
+    def digests() -> dict[str, str]:
+        return file_digests("path", tmp_path, lambda p: p.read_text())
+
+    before = digests()
+    (tmp_path / "geodetic.csv").symlink_to(tmp_path / "gone.csv")
+    os.mkfifo(tmp_path / "exterior.csv")
+    (tmp_path / "empty").mkdir()
+    after = digests()
+    assert set(after) - set(before) == {"path/geodetic.csv", "path/exterior.csv"}
+    assert after["path/images.csv"] == before["path/images.csv"]
 
 
 def test_a_change_of_code_names_the_modules() -> None:
