@@ -17,8 +17,6 @@ With `--short` the stages end before the bundle, whose kernels would have to be 
 
 from __future__ import annotations
 
-import ast
-import dis
 import hashlib
 import importlib
 import importlib.util
@@ -28,14 +26,14 @@ import random
 import shutil
 import sys
 import time
-import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from tests.campaigns import harness
+from tests.campaigns.reached_modules import inserted, reached_modules
 
 ROOT = Path(__file__).resolve().parents[2]
 WARM = ("numpy", "scipy.linalg", "scipy.stats", "scipy.sparse", "scipy.spatial", "h5py", "numba", "pydantic", "typer")
@@ -133,7 +131,7 @@ def _prepare(project: Project) -> None:
     project.write_spec()
     assert project.aatri() == 0, output.read_text()
     for name, stage in project.spec["stages"].items():
-        project.reached[name] = _reached(project, stage["use"])
+        project.reached[name] = reached_modules(project.tree, project.place, stage["use"])
     assert project.expected(harness.digests_of(project.run)) == list(project.spec["stages"])
 
 
@@ -232,7 +230,7 @@ def statement(project: Project) -> str:
     path = _file(project, module)
     text = path.read_text()
     project.originals.setdefault(module, text)
-    _insert(path, line, project.chance)
+    inserted(path, line, project.chance)
     project.statements[module] = line  # random: no two states of a module with statements added are alike
     return module
 
@@ -240,7 +238,7 @@ def statement(project: Project) -> str:
 def comment(project: Project) -> str:
     """A comment more."""
     module = project.chance.choice(_modules(project))
-    _insert(_file(project, module), f"# {project.chance.random()}", project.chance)
+    inserted(_file(project, module), f"# {project.chance.random()}", project.chance)
     return module
 
 
@@ -278,20 +276,6 @@ def _modules(project: Project) -> list[str]:
     return sorted(m for m in frozenset().union(*project.reached.values()) if ".kernels." not in m)
 
 
-def _insert(path: Path, line: str, chance: random.Random) -> None:
-    """Put a line at the end of a module, or at the beginning of one of its functions, after its docstring."""
-    text = path.read_text()
-    lines = text.splitlines()
-    places = [(len(lines), 0)]
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef) and len(node.body) > 1 and node.body[0].lineno > node.lineno:
-            first = node.body[1 if ast.get_docstring(node, clean=False) is not None else 0]
-            above = getattr(first, "decorator_list", None)
-            places.append(((above[0].lineno if above else first.lineno) - 1, first.col_offset))
-    at, indent = chance.choice(places)
-    path.write_text("\n".join([*lines[:at], " " * indent + line, *lines[at:]]) + "\n")
-
-
 def _content(folder: Path) -> str:
     lines = [f"{p.name} {hashlib.sha256(p.read_bytes()).hexdigest()}" for p in sorted(folder.iterdir())]
     return "\n".join(lines)
@@ -301,72 +285,6 @@ def _file(project: Project, module: str) -> Path:
     parts = module.split(".")
     top = project.tree / "stages" if parts[:2] == ["aatri", "stages"] else project.tree / "aatri"
     return top.joinpath(*parts[2 if parts[:2] == ["aatri", "stages"] else 1 :]).with_suffix(".py")
-
-
-def _reached(project: Project, use: str) -> frozenset[str]:
-    """The modules of the copy that a stage needs, found in a process of its own by importing them."""
-    answer = project.place / "reached.json"
-
-    def look() -> None:
-        _enter_without_packages(project.tree)
-        importlib.import_module("aatri.stages." + use.replace("/", "."))
-        done: set[str] = set()
-        while new := {name for name in sys.modules if name.startswith("aatri.")} - done:
-            for name in sorted(new):
-                for target in _imports_in_functions(sys.modules[name]):
-                    importlib.import_module(target)
-            done |= new
-        files = {name: getattr(sys.modules[name], "__file__", None) for name in done}
-        assert all(file is None or file.startswith(str(project.tree)) for file in files.values()), files
-        answer.write_text(json.dumps([name for name, file in files.items() if file is not None]))
-
-    child = os.fork()
-    if child == 0:
-        try:
-            look()
-            os._exit(0)
-        finally:
-            os._exit(1)
-    assert os.waitpid(child, 0)[1] == 0
-    return frozenset(json.loads(answer.read_text()))
-
-
-def _enter_without_packages(tree: Path) -> None:
-    """Let the copy be imported without what `__init__` files import: a role names all its ports there."""
-    folders = [tree / "aatri", *sorted(p.parent for p in (tree / "aatri").rglob("*/__init__.py"))]
-    places = {".".join(folder.relative_to(tree).parts): folder for folder in folders}
-    places["aatri.stages"] = tree / "stages"
-    places |= {f"aatri.stages.{p.parent.name}": p.parent for p in (tree / "stages").glob("*/__init__.py")}
-    for name, folder in places.items():
-        sys.modules[name] = types.ModuleType(name)
-        sys.modules[name].__path__ = [str(folder)]
-
-
-def _imports_in_functions(module: types.ModuleType) -> Iterator[str]:
-    """Modules of aatri that the functions of a module import when they are called."""
-    file = getattr(module, "__file__", None)
-    if not file or not file.endswith(".py"):
-        return
-    waiting = [c for c in compile(Path(file).read_text(), file, "exec").co_consts if isinstance(c, types.CodeType)]
-    while waiting:
-        code = waiting.pop()
-        waiting += [constant for constant in code.co_consts if isinstance(constant, types.CodeType)]
-        steps = list(dis.get_instructions(code))
-        for k, step in enumerate(steps):
-            if step.opname != "IMPORT_NAME":
-                continue
-            level, names = steps[k - 2].argval, steps[k - 1].argval or ()
-            parents = module.__name__.split(".")[:-level] if level else []
-            base = ".".join([*parents, *filter(None, [step.argval])])
-            if base.split(".")[0] == "aatri":
-                yield base
-                yield from (f"{base}.{name}" for name in names if _is_module(base, name))
-
-
-def _is_module(base: str, name: str) -> bool:
-    spec = importlib.util.find_spec(base)
-    is_package = spec is not None and spec.submodule_search_locations is not None
-    return is_package and importlib.util.find_spec(f"{base}.{name}") is not None
 
 
 if __name__ == "__main__":

@@ -18,9 +18,7 @@ from aatri.camera.parameters.exterior_effects import (
     coincidences_with_exterior,
     exterior_effects,
     format_grid,
-    share_in_span,
 )
-from aatri.camera.parameters.orthogonal import GRUEN44
 from aatri.camera.parameters.parameter_set import (
     chosen,
     classical,
@@ -28,8 +26,7 @@ from aatri.camera.parameters.parameter_set import (
     measured_from_corrected,
     scale_of_format,
 )
-from aatri.camera.parameters.user import user_set
-from aatri.errors import ConvergenceError, PluginError, SpecError
+from aatri.errors import ConvergenceError, SpecError
 
 FILM = scale_of_format((115.0, 115.0), 153.84, base_mm=90.0)
 DIGITAL = scale_of_format((52.0, 34.0), 100.5)
@@ -142,61 +139,6 @@ def test_brown21_by_hand() -> None:
     dy += y / f * plate + y * radial + a[19] + a[20] * y / f
     found = correction(BROWN21, scale, a / BROWN21.classical_factors(scale), np.array([[x, y]]))
     assert found[0] == pytest.approx([dx, dy], rel=1e-14)
-
-
-def test_ebner_by_hand() -> None:
-    # b = 90, point (b, -b): u = v = b^2/3
-    found = EBNER12.basis(np.array([[90.0, -90.0]]), FILM)[0] * EBNER12.classical_factors(FILM) ** -1
-    b, u = 90.0, 2700.0
-    wanted_x = [b, -b, -2 * u, -b * b, u, 0, b * u, 0, -b * u, 0, u * u, 0]
-    wanted_y = [b, b, -b * b, -2 * u, 0, u, 0, -b * u, 0, b * u, 0, u * u]
-    assert found[0] == pytest.approx(wanted_x, rel=1e-14)
-    assert found[1] == pytest.approx(wanted_y, rel=1e-14)
-
-
-def test_ebner_is_orthogonal_on_the_gruber_positions_and_complete_with_the_orientation() -> None:
-    K = _flat(EBNER12.basis(_grid(3), FILM))
-    K = K / np.linalg.norm(K, axis=0)
-    E = _flat(exterior_effects(_grid(3), FILM.principal_distance_mm))
-    assert np.abs(K.T @ K - np.eye(12)).max() < 1e-15
-    assert np.abs(K.T @ (E / np.linalg.norm(E, axis=0))).max() < 1e-15
-    assert np.linalg.matrix_rank(np.hstack([K, E])) == 18
-
-
-@pytest.mark.parametrize("scale", [FILM, DIGITAL], ids=["film", "digital"])
-def test_gruen_is_orthonormal_on_its_grid_and_complete_with_the_orientation(scale: Any) -> None:
-    grid = _grid(5) / FILM.base_mm * scale.half_format_mm
-    K = _flat(GRUEN44.basis(grid, scale))
-    E = _flat(exterior_effects(grid, scale.principal_distance_mm))
-    assert np.abs(K.T @ K / 25 - np.eye(44)).max() < 1e-14
-    assert np.abs(K.T @ (E / np.linalg.norm(E, axis=0))).max() < 5e-14
-    assert np.linalg.matrix_rank(np.hstack([K, E])) == 50
-
-
-@pytest.mark.parametrize("scale", [FILM, DIGITAL], ids=["film", "digital"])
-def test_legendre_is_orthonormal_over_the_format_and_free_of_the_orientation(scale: Any) -> None:
-    t, w = np.polynomial.legendre.leggauss(9)
-    xy = np.stack([np.tile(t, 9), np.repeat(t, 9)], axis=1) * scale.half_format_mm
-    weight = np.sqrt(np.outer(w, w).ravel() / 4)[:, None, None]
-    K = _flat(weight * parameter_set("legendre", orders=(4, 4)).basis(xy, scale))
-    E = _flat(weight * exterior_effects(xy, scale.principal_distance_mm))
-    assert np.abs(K.T @ K - np.eye(44)).max() < 1e-14
-    assert np.abs(K.T @ E).max() < 1e-12 * scale.radius_mm
-
-
-def test_names_of_terms_tell_their_degrees_apart_from_the_tenth_on() -> None:
-    assert {"x31", "y24"} <= set(parameter_set("legendre", orders=(9, 9)).parameters)
-    assert {"x3_1", "x2_10", "y10_0"} <= set(parameter_set("legendre", orders=(10, 10)).parameters)
-
-
-def test_ebner_and_gruen_span_what_legendre_spans() -> None:
-    # Tang et al.: the Legendre sets generalise Ebner's and Gruen's; equal up to the exterior orientation
-    xy = format_grid(FILM)
-    E = exterior_effects(xy, FILM.principal_distance_mm)
-    for one, degree in ((EBNER12, 2), (GRUEN44, 4)):
-        other = parameter_set("legendre", orders=(degree, degree)).basis(xy, FILM)
-        share = share_in_span(one.basis(xy, FILM), np.concatenate([other, E], axis=2))
-        assert np.abs(share - 1).max() < 1e-12
 
 
 def test_brown21_loses_the_orientation_of_the_camera_on_flat_terrain() -> None:
@@ -333,48 +275,3 @@ def test_unknown_sets_and_orders_are_refused() -> None:
         parameter_set("legendre", orders=(1, 4))
     with pytest.raises(SpecError, match="half format is nan"):
         scale_of_format((np.nan, 115.0), 153.84)
-
-
-GOOD = """
-names = ["s", "t"]
-def basis(x_mm, y_mm):
-    K = np.zeros((len(x_mm), 2, 2))
-    K[:, 0, 0] = np.sin(x_mm / 50)
-    K[:, 1, 1] = y_mm / 115
-    return K
-"""
-
-
-def test_a_set_of_the_users_own() -> None:
-    s = user_set(GOOD, "my_set.py")
-    assert s.parameters == ("s", "t")
-    found = correction(s, FILM, np.array([0.01, 0.02]), POINTS)
-    assert found == pytest.approx(np.stack([0.01 * np.sin(POINTS[:, 0] / 50), 0.02 * POINTS[:, 1] / 115], axis=1))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("names = [", "my_set.py:1"),
-        ("import nothing_like_it", "ModuleNotFoundError"),
-        ("def basis(x, y): return 0", "names is None"),
-        (GOOD.replace('"t"', '"s"'), "'s' twice"),
-        (GOOD.replace("def basis", "def base"), "no function basis"),
-    ],
-)
-def test_a_faulty_set_of_the_users_own_is_refused(text: str, message: str) -> None:
-    with pytest.raises(PluginError, match=message):
-        user_set(text, "my_set.py")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("return K", "return K[:, :, :1]", r"shape \(40, 2, 1\), not \(40, 2, 2\)"),
-        ("np.sin(x_mm / 50)", "np.nan", "not finite"),
-        ("np.sin(x_mm / 50)", "z_mm", "NameError"),
-    ],
-)
-def test_a_faulty_basis_of_the_users_own_is_refused(old: str, new: str, message: str) -> None:
-    with pytest.raises(PluginError, match=message):
-        user_set(GOOD.replace(old, new), "my_set.py").basis(POINTS, FILM)

@@ -8,18 +8,16 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from aatri.errors import AatriError, ArtifactError, ConvergenceError, Errors, ResourceError, SpecError
 from aatri.pipeline.plan.plan import State
 from aatri.pipeline.plan.reasons import Why
-from aatri.pipeline.run.context import FileCheckpoint
 from aatri.pipeline.run.runner import How
 from aatri.pipeline.run.single import make_stage
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.accept import accept
-from aatri.pipeline.store.events import Events, read_events
+from aatri.pipeline.store.events import read_events
 from aatri.pipeline.store.gc import garbage, remove
 from aatri.pipeline.store.lock import locked
 from tests.made_up_stages import write_pipeline
@@ -257,52 +255,6 @@ def test_single_stages_run_side_by_side_but_not_beside_a_run(path: Path) -> None
     other, its_nodes = opened(path, sets=("a.count=2",))
     with pytest.raises(ArtifactError, match="s needs a"):
         make_stage(other, its_nodes, "s", Quiet(), how)
-
-
-def test_events_survive_a_line_that_was_not_finished(tmp_path: Path) -> None:
-    for k in range(2):
-        events = Events(tmp_path)
-        events.add("told", number=k)
-        events.close()
-        with (tmp_path / "events.jsonl").open("a") as file:
-            file.write('{"event": "cut o')
-    assert [event["number"] for event in read_events(tmp_path)] == [0, 1]
-
-
-def test_what_dead_processes_left_is_swept(path: Path) -> None:
-    run(path)
-    out = path.parent / "out"
-    child = subprocess.Popen([sys.executable, "-c", ""])
-    child.wait()
-    dead, living = out / "current" / f".tmp-x-{child.pid}-ab.json", out / "current" / f".tmp-x-{os.getppid()}-ab.json"
-    dead.touch()
-    living.touch()
-    run(path, sets=("s.offset=1",))
-    assert (dead.exists(), living.exists()) == (False, True)
-
-
-def test_a_checkpoint_is_whole_or_not_there(tmp_path: Path) -> None:
-    class Log:
-        lines: list[str]
-
-        def log(self, message: str) -> None:
-            self.lines.append(message)
-
-    log = Log()
-    log.lines = []
-    kept = FileCheckpoint(log, tmp_path, "c")  # type: ignore[arg-type]
-    assert kept.load("state") is None
-    kept.save("state", {"x": np.arange(3.0), "n": np.int64(2)})
-    found = kept.load("state")
-    assert found is not None
-    np.testing.assert_array_equal(found["x"], [0.0, 1.0, 2.0])
-    assert int(found["n"]) == 2
-    file = tmp_path / "c" / "state.npz"
-    file.write_bytes(file.read_bytes()[:-1])
-    assert kept.load("state") is None
-    assert "damaged" in log.lines[-1]
-    with pytest.raises(ValueError, match="name of a checkpoint"):
-        kept.save("../x", {})
 
 
 def test_a_read_only_folder_is_told(path: Path) -> None:

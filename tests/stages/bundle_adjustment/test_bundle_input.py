@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aatri.artifacts.solution import Solution
-from aatri.errors import GeometryError
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.hand_block import (
     ANGLES_RAD,
@@ -23,7 +22,6 @@ from tests.stages.hand_block import (
     projected,
     read,
     start,
-    suspected,
 )
 
 OF = hand()
@@ -128,51 +126,6 @@ def test_positions_are_not_used_where_they_are_not_wanted(tmp_path: Path) -> Non
     assert len(rows_of(found, "position")) == 0
 
 
-def test_images_with_a_position_only_are_turned_by_resection(tmp_path: Path) -> None:
-    angles = angles_deg(OF, "omega-phi-kappa")
-    rows = exterior_rows(OF, angles, tail=",0.1,0.1,0.1", head=",sX,sY,sZ").splitlines()
-    for k in (2, 5):
-        cells = rows[1 + k].split(",")
-        rows[1 + k] = ",".join([*cells[:4], "", "", "", *cells[7:]])
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior="\n".join(rows) + "\n")
-    assert_is_the_block(bundle(block, points), OF)
-
-
-def test_without_any_angles_there_is_no_start(tmp_path: Path) -> None:
-    exterior = exterior_rows(OF, None, tail=",0.1,0.1,0.1", head=",sX,sY,sZ")
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior)
-    with pytest.raises(GeometryError, match="no image has a starting orientation"):
-        bundle(block, points)
-    assert_is_the_block(bundle(block, points, start(OF, block)), OF)
-
-
-def test_an_image_that_is_not_oriented_takes_its_position_with_it(tmp_path: Path) -> None:
-    """Its two image points tell nothing; its observed position, wrong by a kilometre, must do no harm."""
-    kept = (OF.image != 3) | np.isin(OF.point, OF.point[OF.image == 3][:1])
-    of = replace(OF, image=OF.image[kept], point=OF.point[kept], xy_mm=OF.xy_mm[kept])
-    wrong = OF.position_m.copy()
-    wrong[3] += 1000.0
-    exterior = exterior_rows(of, angles_deg(OF, "omega-phi-kappa"), wrong, ",0.1,0.1,0.1", ",sX,sY,sZ")
-    block, points = read(tmp_path, of, ground=ground_rows(of, CORNERS), exterior=exterior)
-    heard = Heard()
-    found = bundle(block, points, context=heard)
-    assert found.images.oriented.tolist() == [True, True, True, False, True, True]
-    others = [k for k in range(6) if k != 3]
-    np.testing.assert_allclose(found.images.position_m[others], OF.position_m[others], rtol=0, atol=1e-6)
-    assert found.residuals.image[rows_of(found, "position")].tolist() == [f"i{k}" for k in others]
-    assert any("i3" in line for line in heard.warned)
-
-
-def test_two_image_points_and_a_position_orient_an_image(tmp_path: Path) -> None:
-    """Three observed coordinates and four image coordinates for six unknowns."""
-    mine = OF.point[OF.image == 3]
-    kept = (OF.image != 3) | np.isin(OF.point, mine[[0, -1]])
-    of = replace(OF, image=OF.image[kept], point=OF.point[kept], xy_mm=OF.xy_mm[kept])
-    exterior = exterior_rows(of, angles_deg(OF, "omega-phi-kappa"), None, ",0.1,0.1,0.1", ",sX,sY,sZ")
-    block, points = read(tmp_path, of, ground=ground_rows(of, CORNERS), exterior=exterior)
-    assert_is_the_block(bundle(block, points), of)
-
-
 def test_control_that_is_wrong_shows_its_error_with_its_sign_and_its_row(tmp_path: Path) -> None:
     strong = ground_rows(OF, CORNERS, **EXACT)
     weak = ground_rows(OF, (14,), ",40,50,60", off=[0.3, -0.2, 0.1]).splitlines()[1]
@@ -216,61 +169,6 @@ def test_each_coordinate_has_its_own_role(tmp_path: Path) -> None:
     assert np.isfinite(of["p14"]).tolist() == [False, False, True]
     assert "p15" not in of
     assert found.observations == 2 * len(OF.image) + 4 * 3 + 3
-
-
-def test_what_was_rejected_stays_out_and_what_was_not_does_not(tmp_path: Path) -> None:
-    measured = OF.xy_mm.copy()
-    row = int(np.flatnonzero((OF.image == 1) & (OF.point == 14))[0])
-    measured[row] += [0.2, -0.3]
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
-    found = bundle(block, points, start(OF, block, suspected("image_point", [row])))
-    assert_is_the_block(found, OF)
-    assert row not in found.residuals.row[rows_of(found, "image_point")]
-    assert found.suspects.verdict.tolist() == ["rejected"]
-    assert found.observations == 2 * (len(OF.image) - 1) + 12
-    for verdict in ("kept", "readmitted"):
-        taken = bundle(block, points, start(OF, block, suspected("image_point", [row], verdict)), options=NO_SEARCH)
-        assert row in taken.residuals.row[rows_of(taken, "image_point")]
-        assert taken.sigma0 > 2
-
-
-def test_a_right_observation_that_was_rejected_comes_back_alone(tmp_path: Path) -> None:
-    measured = OF.xy_mm.copy()
-    wrong, right = 7, 40
-    measured[wrong] += [0.0, 1.0]
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
-    heard = Heard()
-    found = bundle(block, points, start(OF, block, suspected("image_point", [wrong, right])), context=heard)
-    assert found.suspects.verdict.tolist() == ["rejected", "readmitted"]
-    used = found.residuals.row[rows_of(found, "image_point")]
-    assert right in used
-    assert wrong not in used
-    assert_is_the_block(found, OF)
-
-
-@pytest.mark.parametrize("kind", ["control", "position"])
-def test_control_and_positions_that_were_rejected_stay_out(tmp_path: Path, kind: str) -> None:
-    """Wrong by 20 m at full weight, where all the others are right."""
-    strong = ground_rows(OF, CORNERS)
-    wrong = ground_rows(OF, (14,), off=20.0 if kind == "control" else 0.0).splitlines()[1]
-    positions = OF.position_m.copy()
-    positions[4] += 20.0 if kind == "position" else 0.0
-    exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), positions, ",0.1,0.1,0.1", ",sX,sY,sZ")
-    block, points = read(tmp_path, OF, ground=strong + wrong + "\n", exterior=exterior)
-    row = 4 if kind == "position" else int(np.flatnonzero(block.points.id[block.ground_points.point] == "p14")[0])
-    found = bundle(block, points, start(OF, block, suspected(kind, [row])))
-    assert_is_the_block(found, OF)
-    assert found.suspects.verdict.tolist() == ["rejected"]
-    assert row not in found.residuals.row[rows_of(found, kind)]
-    assert len(rows_of(found, kind)) == (5 if kind == "position" else 4)
-
-
-def test_a_suspect_without_a_row_or_of_another_table_rejects_no_image_point(tmp_path: Path) -> None:
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS))
-    found = bundle(block, points, start(OF, block, suspected("image_point", [-1])))
-    assert len(rows_of(found, "image_point")) == len(OF.image)
-    found = bundle(block, points, start(OF, block, suspected("model_tie", [3])))
-    assert len(rows_of(found, "image_point")) == len(OF.image)
 
 
 def test_film_corrections_are_found_where_fiducials_leave_them_open(tmp_path: Path) -> None:

@@ -1,0 +1,81 @@
+"""What a stage before has rejected stays out of the bundle, of every kind, unless it fits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.stages.bundle_adjustment.bundle import bundle
+from tests.stages.bundle_adjustment.test_bundle_input import (
+    CORNERS,
+    NO_SEARCH,
+    OF,
+    assert_is_the_block,
+    exterior_rows,
+    rows_of,
+)
+from tests.stages.hand_block import (
+    Heard,
+    angles_deg,
+    ground_rows,
+    read,
+    start,
+    suspected,
+)
+
+
+def test_what_was_rejected_stays_out_and_what_was_not_does_not(tmp_path: Path) -> None:
+    measured = OF.xy_mm.copy()
+    row = int(np.flatnonzero((OF.image == 1) & (OF.point == 14))[0])
+    measured[row] += [0.2, -0.3]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    found = bundle(block, points, start(OF, block, suspected("image_point", [row])))
+    assert_is_the_block(found, OF)
+    assert row not in found.residuals.row[rows_of(found, "image_point")]
+    assert found.suspects.verdict.tolist() == ["rejected"]
+    assert found.observations == 2 * (len(OF.image) - 1) + 12
+    for verdict in ("kept", "readmitted"):
+        taken = bundle(block, points, start(OF, block, suspected("image_point", [row], verdict)), options=NO_SEARCH)
+        assert row in taken.residuals.row[rows_of(taken, "image_point")]
+        assert taken.sigma0 > 2
+
+
+def test_a_right_observation_that_was_rejected_comes_back_alone(tmp_path: Path) -> None:
+    measured = OF.xy_mm.copy()
+    wrong, right = 7, 40
+    measured[wrong] += [0.0, 1.0]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    heard = Heard()
+    found = bundle(block, points, start(OF, block, suspected("image_point", [wrong, right])), context=heard)
+    assert found.suspects.verdict.tolist() == ["rejected", "readmitted"]
+    used = found.residuals.row[rows_of(found, "image_point")]
+    assert right in used
+    assert wrong not in used
+    assert_is_the_block(found, OF)
+
+
+@pytest.mark.parametrize("kind", ["control", "position"])
+def test_control_and_positions_that_were_rejected_stay_out(tmp_path: Path, kind: str) -> None:
+    """Wrong by 20 m at full weight, where all the others are right."""
+    strong = ground_rows(OF, CORNERS)
+    wrong = ground_rows(OF, (14,), off=20.0 if kind == "control" else 0.0).splitlines()[1]
+    positions = OF.position_m.copy()
+    positions[4] += 20.0 if kind == "position" else 0.0
+    exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), positions, ",0.1,0.1,0.1", ",sX,sY,sZ")
+    block, points = read(tmp_path, OF, ground=strong + wrong + "\n", exterior=exterior)
+    row = 4 if kind == "position" else int(np.flatnonzero(block.points.id[block.ground_points.point] == "p14")[0])
+    found = bundle(block, points, start(OF, block, suspected(kind, [row])))
+    assert_is_the_block(found, OF)
+    assert found.suspects.verdict.tolist() == ["rejected"]
+    assert row not in found.residuals.row[rows_of(found, kind)]
+    assert len(rows_of(found, kind)) == (5 if kind == "position" else 4)
+
+
+def test_a_suspect_without_a_row_or_of_another_table_rejects_no_image_point(tmp_path: Path) -> None:
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS))
+    found = bundle(block, points, start(OF, block, suspected("image_point", [-1])))
+    assert len(rows_of(found, "image_point")) == len(OF.image)
+    found = bundle(block, points, start(OF, block, suspected("model_tie", [3])))
+    assert len(rows_of(found, "image_point")) == len(OF.image)
