@@ -1,4 +1,4 @@
-"""Modules of a copy of the tree: which a stage needs, by importing them in a process of its own; lines put into them."""
+"""Modules of a copy of the tree: which a stage needs, by importing them in another process; lines put into them."""
 
 from __future__ import annotations
 
