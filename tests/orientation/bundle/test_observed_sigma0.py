@@ -37,7 +37,9 @@ def test_loose_weights_give_the_sigma0_of_free_parameters() -> None:
     assert weighted.redundancy == free.redundancy + 3
 
 
-@pytest.mark.parametrize("of", [{}, {"self_calibration": {"set": "bauer3", "per": "image"}}])
+@pytest.mark.parametrize(
+    "of", [{}, pytest.param({"self_calibration": {"set": "bauer3", "per": "image"}}, marks=pytest.mark.slow)]
+)
 def test_sigma0_is_the_same_without_standard_deviations(of: dict[str, object]) -> None:
     """By a solve for the parameters of one camera; with as many units as images (here 4) too."""
     plain, full = adjusted(1, standard_deviations=False, **of), adjusted(1, **of)

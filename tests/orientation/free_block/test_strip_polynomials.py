@@ -138,7 +138,12 @@ def test_a_point_known_in_one_strip_only_is_corrected_with_its_strip():
 
 @pytest.mark.parametrize(
     ("form", "degree", "full"),
-    [("conformal", 2, False), ("conformal", 3, False), ("polynomial", 3, False), ("polynomial", 3, True)],
+    [
+        ("conformal", 2, False),
+        ("conformal", 3, False),
+        ("polynomial", 3, False),
+        pytest.param("polynomial", 3, True, marks=pytest.mark.slow),
+    ],
 )
 def test_a_deformation_of_every_form_is_recovered_with_enough_control(form, degree, full):
     basis = strip_basis(form, degree, full=full)

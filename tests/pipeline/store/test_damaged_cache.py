@@ -37,6 +37,7 @@ def test_an_odd_entry_on_a_file_is_not_believed(tmp_path: Path, value: Any) -> N
     assert of_file(tmp_path / "f", cache, lambda p: p.read_text()) == "x"
 
 
+@pytest.mark.slow
 def test_a_run_with_every_entry_of_every_cache_damaged_ends_as_ever(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -97,6 +97,7 @@ def test_no_more_than_the_share_of_a_kind_is_rejected_and_what_stays_is_told(cha
     )
 
 
+@pytest.mark.slow
 def test_exchanged_numbers_and_coordinates_are_recognised(chain: Chain) -> None:
     """Image points with each other's number in six images; two control points with each other's coordinates."""
     m, g, rng = chain.refined.measurements, chain.block.ground_points, np.random.default_rng(4)

@@ -61,6 +61,7 @@ def test_the_degree_falls_with_little_control_and_the_fall_is_reported():
     assert _rms(made, solution) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_degree_can_be_asked_for():
     made = MadeBlock(2, 6)
     made.control(range(0, len(made.truth), 5))
