@@ -2,7 +2,9 @@
 
 Every round adjusts once. In this order: the added standard deviation to 2 %, robust at first; the clearest rejections
 (`rejection`); then, with the added standard deviation from all residuals, the same again; last each rejected record
-that fits is taken back, once. It ends when nothing changes.
+that fits is taken back, once. It ends when nothing changes. A robust estimate jumps, and what it asks for
+may depend on the value in use so that the two alternate: what turns back twice is halved between values too small and
+too large (`Steps`).
 """
 
 from __future__ import annotations
@@ -66,6 +68,37 @@ class Searched(Generic[A]):
     above: Bool
 
 
+@dataclass(frozen=True)
+class Steps:
+    """Steps of the added standard deviation, with the same active records.
+
+    Attributes
+    ----------
+    low, high : float
+        Largest value that was too small, smallest that was too large.
+    up : bool or None
+        Direction of the step before.
+    turns : int
+        How often the direction has changed.
+    """
+
+    low: float = 0.0
+    high: float = float("inf")
+    up: bool | None = None
+    turns: int = 0
+
+    def after(self, tau: float, new: float) -> tuple[Steps, float]:
+        """The value to go on with, the same where it is settled; `new` is what the adjustment with `tau` asks for."""
+        if abs(new - tau) <= SETTLED * max(new, tau):
+            return self, tau
+        up = new > tau
+        low, high = (max(self.low, tau), self.high) if up else (self.low, min(self.high, tau))
+        steps = Steps(low, high, up, self.turns + (self.up is not None and up != self.up))
+        if steps.turns < 2 or high < low:
+            return steps, new
+        return steps, tau if high - low <= SETTLED * high else 0.5 * (low + high)
+
+
 def search(
     solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snooping, pool: Pool,
     found: Callable[[A, Bool], Bool] | None = None,
@@ -87,18 +120,19 @@ def search(
         found = partial(_clearest, rule, pool)
     use, readmitted = active.copy(), np.zeros(len(active), dtype=bool)
     tau, robust, rounds, settled = 0.0, True, 1, False
-    solved = solve(None, use, tau)
+    solved, steps = solve(None, use, tau), Steps()
     while rounds < ROUNDS:
         new = solved.added_sigma(robust=robust)
-        if abs(new - tau) > SETTLED * max(new, tau):
-            tau = new
+        steps, better = steps.after(tau, new)
+        if better != tau:
+            tau = better
         elif (wrong := found(solved, use)).any():
-            use = use & ~wrong
+            use, steps = use & ~wrong, Steps()
         elif robust and new > 0:
-            robust = False
+            robust, steps = False, Steps()
             continue
         elif (back := ~readmitted & (fitting(rule, solved.test, use) | stranded(pool, solved.test, use))).any():
-            use, readmitted = use | back, readmitted | back
+            use, readmitted, steps = use | back, readmitted | back, Steps()
         else:
             settled = True
             break
