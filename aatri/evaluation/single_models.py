@@ -84,6 +84,7 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> R
     mine = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
     image, point = block.image_points.image[r.row[mine]], block.image_points.point[r.row[mine]]
     known = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
+    known &= np.isfinite(r.residual[mine, :2]).all(axis=1)
     known &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
     mine, image, point = mine[known], image[known], point[known]
     if not len(mine):
@@ -238,7 +239,7 @@ def single_models(
 
 def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluation:
     """The evaluation with its models, their figures and a sentence."""
-    if models is None:
+    if models is None or not np.isfinite(models.parallax_max_um).any():
         return evaluation
 
     def pooled(values: Float, counts: Int) -> Float:

@@ -145,10 +145,13 @@ def largest_difference(one: Path, other: Path) -> float:
             if not np.array_equal(values, b[name]):
                 return float("inf")
             continue
-        if not np.array_equal(np.isnan(values), np.isnan(b[name])):
+        known = np.isfinite(values)  # a column may have no number at all
+        if not np.array_equal(known, np.isfinite(b[name])):
             return float("inf")
-        scale = np.nanmax(np.abs(values), initial=0.0)
-        gap = np.nanmax(np.abs(values - b[name]), initial=0.0)
+        if not np.array_equal(values[~known], b[name][~known], equal_nan=True):
+            return float("inf")
+        scale = np.abs(values[known]).max(initial=0.0)
+        gap = np.abs(values[known] - b[name][known]).max(initial=0.0)
         worst = max(worst, float(gap / scale) if scale > 0 else float("inf") if gap > 0 else 0.0)
     return worst
 

@@ -46,8 +46,10 @@ def test_conjugate_gradients_give_the_direct_solution(chain: Chain) -> None:
     assert np.nanmax(off / sigma) < 1e-6
     off = np.abs(found.parameters.value - reference.parameters.value) / reference.parameters.sigma
     assert np.nanmax(off) < 1e-6
-    # Without standard deviations sigma0 counts the weights of the parameters too.
-    assert found.sigma0 == pytest.approx(_adjusted(chain, standard_deviations=False).sigma0, rel=1e-9)
+    # Without a factor the redundancy of the parameters' weights is not known: they are counted, and it is said.
+    assert _adjusted(chain, standard_deviations=False).sigma0 == pytest.approx(reference.sigma0, rel=1e-9)
+    assert found.sigma0 == pytest.approx(reference.sigma0, rel=2e-3)
+    assert any("which conjugate gradients do not have" in line for line in (*told.lines, *told.warnings))
     assert np.isnan(found.points.covariance_m2).all()
     assert np.isnan(found.images.covariance).all()
     assert any("no standard deviations: exact covariances need the factor" in warning for warning in told.warnings)
