@@ -16,8 +16,8 @@ gain = 1 - truth RMSE with parameters / without, of all points, X, Y and Z apart
 
 The sizes of the deformations are an assumption, for the blocks of the report are not at hand: with half of them and a
 fifth changed the small sets gain 4 to 8 % in three blocks, nothing significant. The large sets are listed, and not
-asserted to gain: with 12 control points and no positions they lose where the smaller ones gain. The deformation is one of
-Brown's lens, which favours his set: over seeds 11 to 20 it is the best in 87 %, and the last sign does not come out.
+asserted to gain: with 12 control points and no positions they lose where the smaller ones gain. The deformation is
+one of Brown's lens, which favours his set: over seeds 11 to 20 it is the best in 87 %, and the last sign fails.
 """
 
 from __future__ import annotations
