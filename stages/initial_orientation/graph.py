@@ -4,13 +4,13 @@
     bases       log s_b - log s_a = log l_a - log l_b   median of the points that two pairs share in a common image
     positions   v = d (X - c), d >= 0                   directions of rays, robustly, from bases, GNSS or anywhere
     points      intersected, rays that do not fit trimmed; a robust bundle without datum; trimmed and adjusted again
-    ground      X = T + s R x                           one similarity from all control and observed positions;
-                                                        without these the scale from distances
+    ground      X = T + s R x                           one similarity from all control, observed positions and
+                                                        distances; attitudes where these leave something open
 
 Neither strips nor an order of the images nor any start value is used. Pairs are all images with at least `min_points`
 points in common; with `models` those are taken and no others. Components that share enough points are joined; what
-stays apart is listed by its ids. Without control and positions the datum is free; without distances too the first
-base is 1.
+stays apart is listed by its ids. Without control and positions the datum is free: attitudes turn it, distances scale
+it, and without these the first base is 1.
 
 Source: Chatterjee & Govindu 2018 (rotations); Zhuang, Cheong & Lee 2018, Pan et al. 2024 (positions); Kraus,
 Photogrammetry (absolute orientation).
@@ -23,15 +23,14 @@ from typing import Literal
 import numpy as np
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.ground.initial_observed import USES, ground_of
 from aatri.adapters.ground.initial_orientation import (
-    ground_of,
     initial_solution,
     not_oriented,
     rejected_note,
     shown_components,
     to_ground,
 )
-from aatri.adapters.ground.initial_scale import USES
 from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of
 from aatri.adapters.pairs.pair_graph import graph_of, strongest_pairs, turns_of
@@ -60,12 +59,14 @@ class GraphOptions(Options):
         "bases",
         description="start of the projection centres: bases with their lengths, observed positions, or anywhere",
     )
-    control_limit: float = Field(5.0, gt=0, description="test statistic of wrong control or positions, in sigma")
+    control_limit: float = Field(
+        5.0, gt=0, description="test statistic of wrong control, positions, distances and attitudes, in sigma"
+    )
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
 
 
 @stage(
-    version=3,
+    version=4,
     uses=(
         "ground_points.xyz_m",
         "ground_points.covariance_m2",
@@ -100,7 +101,7 @@ def graph(
         )
     given, inside = block, in_tangent_frame(block)
     block = inside.block
-    rays, ground = rays_of(block, image_points), ground_of(block, use_positions=options.use_positions)
+    rays, ground = rays_of(block, image_points), ground_of(block, given, use_positions=options.use_positions)
     observed = np.full((len(block.images), 3), np.nan)
     observed[ground.positions.image] = ground.positions.position_m
     free = orient_free(
@@ -109,7 +110,7 @@ def graph(
     )  # fmt: skip
 
     def on_the_ground(block: Block) -> tuple[Solution, list[Note]]:
-        ground = ground_of(block, use_positions=options.use_positions)
+        ground = ground_of(block, given, use_positions=options.use_positions)
         parts, notes = to_ground(block, ground, free.components, rays, options.control_limit)
         method = "initial_orientation/graph"
         return initial_solution(block, image_points, rays, ground, parts, method, image_points.suspects), list(notes)

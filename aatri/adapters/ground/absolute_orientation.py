@@ -23,8 +23,9 @@ from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.positions import positions_of
-from aatri.orientation.free_block.absolute import Datum, orient_component
+from aatri.orientation.free_block.absolute import orient_component
 from aatri.orientation.free_block.components import Component, FreeBlock, join_strips, strip_names
+from aatri.orientation.free_block.datum import Datum
 from aatri.orientation.free_block.deformation import search_notes, sigma0_notes
 
 EXTRAPOLATION_WARNED = 3.0

@@ -74,7 +74,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     R = rows.axes[usable] @ rows.observed[usable] @ exp_rotation(block.cameras.boresight_rad[camera])
     G = rows.axes[usable] @ rows.turning[usable]
     C_turn = G @ ((rows.sigma_rad[usable] ** 2)[:, :, None] * np.eye(3)) @ G.swapaxes(1, 2)
-    boresight = (_boresight_sigma(block)[camera] ** 2)[:, :, None] * np.eye(3)
+    boresight = (boresight_sigma(block)[camera] ** 2)[:, :, None] * np.eye(3)
     C_turn = C_turn + R @ boresight @ R.swapaxes(1, 2)
     arm = np.where((e.refers_to[row] == ANTENNA)[:, None], block.cameras.lever_arm_m[camera], 0.0)
     away = np.einsum("nij,nj->ni", R, arm)
@@ -85,7 +85,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     return DirectPoses(position, rotation, covariance)
 
 
-def _boresight_sigma(block: Block) -> Float:
+def boresight_sigma(block: Block) -> Float:
     """Standard deviations of the boresights, rad; of free ones, which nothing here determines, 0."""
     sigma = np.zeros((len(block.cameras), 3))
     p = block.camera_parameters

@@ -7,32 +7,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.control_fit import exchange_notes, height_notes
-from aatri.adapters.ground.initial_scale import compared, distance_ratios
-from aatri.adapters.solution import residuals, solved_cameras, stacked
+from aatri.adapters.ground.initial_datum import Known, datum_of, held_datum, known_of, precision
+from aatri.adapters.ground.initial_observed import Ground
+from aatri.adapters.ground.initial_tests import (
+    STAGE,
+    attitude_notes,
+    distances_above,
+    held_against,
+    left_out_note,
+    residual_table,
+    suspect_table,
+    two_that_differ,
+)
+from aatri.adapters.solution import solved_cameras, stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.notes import Level, Note
-from aatri.observations.control import Control, control_of
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
-from aatri.observations.positions import Positions, positions_of
-from aatri.orientation.free_block.absolute import Datum, OrientedComponent, orient_component
+from aatri.orientation.free_block.absolute import OrientedComponent, orient_component
 from aatri.orientation.graph.component import Component
 from aatri.orientation.graph.frame import first_base_one
 from aatri.orientation.graph.triangulation import residuals_mm
-
-STAGE = "initial_orientation"
-
-PRECISION = 3.0
-"""Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
 
 
 @dataclass(frozen=True)
@@ -43,36 +47,24 @@ class OnGround:
     ----------
     component : Component
         In the ground's frame, reduced to the origin.
-    control, position : (k,) int
-        Rows of the control and the positions held against it.
+    known : Known
+        What was held against it.
     oriented : OrientedComponent, optional
-        None without a datum.
+        None where nothing is known of the component.
     similarity : Similarity
         Ground from component.
+    attitudes : bool
+        Attitudes took part.
+    free : bool
+        Nothing tells where it lies.
     """
 
     component: Component
-    control: Int
-    position: Int
+    known: Known
     oriented: OrientedComponent | None
     similarity: Similarity
-
-
-@dataclass(frozen=True)
-class Ground:
-    """What is known of the ground, and where coordinates are reduced to."""
-
-    control: Control
-    positions: Positions
-    origin_m: Float
-
-
-def ground_of(block: Block, *, use_positions: bool) -> Ground:
-    """Control and positions of a block."""
-    control, positions = control_of(block), positions_of(block)
-    if not use_positions:
-        positions = replace(positions, **{n: getattr(positions, n)[:0] for n in positions.__dataclass_fields__})
-    return Ground(control, positions, pieces.origin_of(control, positions))
+    attitudes: bool
+    free: bool
 
 
 def to_ground(
@@ -85,43 +77,38 @@ def to_ground(
     GeometryError
         If there is control or there are positions, and no component can be oriented by them.
     """
-    done, notes, failed = [], [], []
-    held = [_holds(ground, c) for c in components]
-    if not any(len(a) + len(b) for a, b in held):
-        free = first_base_one(components[0])
-        ratio = distance_ratios(block, free[0])
-        text = "no control and no observed positions: the datum is free, the first base is 1"
-        if len(ratio):
-            scaled = Similarity(np.zeros(3), float(np.median(ratio)), np.eye(3))
-            free = moved(free[0], scaled), compose(scaled, free[1])
-            text = f"no control and no observed positions: the datum is free, its scale that of {len(ratio)} distances"
-        notes = [Note("warning", text), *(_apart(block, c, "no datum of their own") for c in components[1:])]
-        none = np.zeros(0, dtype=np.int64)
-        return [OnGround(free[0], none, none, None, free[1])], notes
-    for number, (component, (control, position)) in enumerate(zip(components, held), 1):
+    done: list[OnGround] = []
+    notes, failed = [*ground.notes], []
+    known = [known_of(ground, c) for c in components]
+    if not any(of.placed for of in known):
+        part, told = _free(block, ground, components[0], rays, known[0], limit)
+        notes += [*told, *(_apart(block, c, "no datum of their own") for c in components[1:])]
+        return [part], notes
+    for number, (component, of) in enumerate(zip(components, known), 1):
         what = f"component {number} ({int(component.images.sum())} images)"
         try:
-            part = _oriented(block, ground, component, rays, control, position, what, limit)
-            done.append(part)
-            notes += _control_notes(block, ground, part, what)
-        except GeometryError as error:
+            part, told = _oriented(block, ground, component, rays, of, what, limit)
+        except (ConvergenceError, GeometryError) as error:
             failed.append(error)
             notes.append(_apart(block, component, error.what))
+            continue
+        done.append(part)
+        notes += [*told, *_control_notes(block, ground, part, what)]
     if not done:
         raise failed[0]
-    for number, part in enumerate(done, 1):
-        notes += compared(block, number, part.component)
     return done, notes
 
 
 def _control_notes(block: Block, ground: Ground, part: OnGround, what: str) -> list[Note]:
-    """Heights of control in another unit, numbers of control exchanged."""
+    """Heights of control in another unit, numbers of control exchanged, attitudes that do not agree."""
     assert part.oriented is not None
-    n, c = len(part.control), ground.control
-    model = ground.origin_m + part.component.xyz[c.point[part.control]]
+    control, c = part.known.control, ground.control
+    n = len(control)
+    model = ground.origin_m + part.component.xyz[c.point[control]]
     return [
-        *height_notes(block, c, part.control, model, what),
-        *exchange_notes(block, c, part.control, part.oriented.residual_m[:n], part.oriented.active[:n]),
+        *height_notes(block, c, control, model, what),
+        *exchange_notes(block, c, control, part.oriented.residual_m[:n], part.oriented.active[:n]),
+        *attitude_notes(block, ground, part.known.attitude, part.component.poses, what, took_part=part.attitudes),
     ]
 
 
@@ -130,46 +117,64 @@ def _apart(block: Block, component: Component, why: str) -> Note:
     return Note("warning", f"a component of {len(ids)} images stays apart: {why}", ids)
 
 
-def _holds(ground: Ground, component: Component) -> tuple[Int, Int]:
-    """Rows of the control and the positions that a component holds."""
-    known = finite_rows(component.xyz)
-    return (np.flatnonzero(known[ground.control.point]), np.flatnonzero(component.images[ground.positions.image]))
+def _free(
+    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, limit: float
+) -> tuple[OnGround, list[Note]]:
+    """A component without control and positions: its scale by distances, its rotation by attitudes, else held."""
+    own, similarity = first_base_one(component)
+    datum, known = held_datum(block, ground, own, rays, known)
+    scaled, turned = sum(len(rows) for _, rows in known.lengths), len(known.attitude)
+    told = [f"its scale that of {scaled} distances" if scaled else "the first base is 1"]
+    if turned:
+        told.append(f"its rotation that of {turned} attitudes")
+    note = Note("warning", f"no control and no observed positions: the datum is free, {', '.join(told)}")
+    if not scaled and not turned:
+        return OnGround(own, known, None, similarity, False, True), [note]
+    body, up = _body(own)
+    oriented = orient_component(datum, body, up, what="the block", limit=limit, weakest=0.0, stiff=True)
+    to = oriented.ground_from_component
+    own = moved(own, to)
+    differ = two_that_differ(known, own, precision(own, rays), limit)
+    return OnGround(own, known, oriented, compose(to, similarity), turned > 0, True), [note, *differ]
 
 
 def _oriented(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, control: Int, position: Int, what: str,
-    limit: float,
-) -> OnGround:  # fmt: skip
-    c, p, poses = ground.control, ground.positions, component.poses
-    image = p.image[position]
-    datum = Datum(
-        name=tuple(f"point {i}" for i in block.points.id[c.point[control]])
-        + tuple(f"image {i}" for i in block.images.id[image]),
-        x=np.concatenate([component.xyz[c.point[control]], poses.position_m[image]]),
-        covariance=np.tile(_precision(component, rays) ** 2 * np.eye(3), (len(control) + len(position), 1, 1)),
-        offset_m=np.concatenate(
-            [np.zeros((len(control), 3)),
-             np.einsum("nij,nj->ni", poses.ground_from_image[image], p.lever_arm_m[position])]
-        ),
-        xyz_m=np.concatenate([c.xyz_m[control], p.position_m[position]]) - ground.origin_m,
-        covariance_m2=np.concatenate([c.covariance_m2[control], p.covariance_m2[position]]),
-        given=np.concatenate([c.given[control], np.ones((len(position), 3), dtype=bool)]),
-        n_control=len(control),
-    )  # fmt: skip
-    images = component.images
-    body = np.concatenate([component.xyz[finite_rows(component.xyz)], poses.position_m[images]])
-    up = poses.ground_from_image[images][:, :, 2].mean(axis=0)
-    result = orient_component(datum, body, up, what=what, limit=limit)
+    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, what: str, limit: float
+) -> tuple[OnGround, list[Note]]:
+    """By control, positions and distances; by attitudes as well where these leave something open."""
+    body, up = _body(component)
+
+    def by(known: Known, *, attitudes: bool) -> OrientedComponent:
+        datum = datum_of(block, ground, component, rays, known, attitudes=attitudes)
+        return orient_component(datum, body, up, what=what, limit=limit, stiff=True)
+
+    notes: list[Note] = []
+    attitudes = False
+    try:
+        result = by(known, attitudes=False)
+    except GeometryError as error:
+        if not len(known.attitude):
+            raise
+        result, attitudes = by(known, attitudes=True), True
+        text = f"{what}: attitudes of {len(known.attitude)} images take part, as control and positions leave it open: "
+        notes.append(Note("note", text + error.what))
+    if not attitudes and distances_above(known, result, limit).any():
+        try:
+            result = by(replace(known, lengths=()), attitudes=False)
+        except GeometryError:
+            pass  # it is not determined without them
+        else:
+            notes.append(left_out_note(known, moved(component, result.ground_from_component), what))
+            known = replace(known, lengths=())
     to = result.ground_from_component
-    return OnGround(moved(component, to), control, position, result, to)
+    return OnGround(moved(component, to), known, result, to, attitudes, False), notes
 
 
-def _precision(component: Component, rays: ImagePointRows) -> float:
-    """Standard deviation of points and centres of a component, in its unit: that of a ray at its typical length."""
-    rows = np.flatnonzero(component.kept)
-    away = component.xyz[rays.point[rows]] - component.poses.position_m[rays.image[rows]]
-    per_mm = np.linalg.norm(away, axis=1) / rays.c_mm[rows]
-    return PRECISION * max(component.spread, 0.1) * float(np.median(per_mm * rays.sigma_mm[rows].mean(axis=1)))
+def _body(component: Component) -> tuple[Float, Float]:
+    """All points of a component, and the direction against the mean viewing direction of its images."""
+    images = component.images
+    body = np.concatenate([component.xyz[finite_rows(component.xyz)], component.poses.position_m[images]])
+    return body, component.poses.ground_from_image[images][:, :, 2].mean(axis=0)
 
 
 def moved(component: Component, to: Similarity) -> Component:
@@ -188,7 +193,7 @@ def initial_solution(
     tables, moves = [Residuals.empty()], [StripTransformations.empty()]
     found = [suspects]
     kept = np.zeros(len(rays.image), dtype=bool)
-    free = parts[0].oriented is None
+    free = parts[0].free
     origin = np.zeros(3) if free else ground.origin_m
     for number, part in enumerate(parts, 1):
         c = part.component
@@ -197,8 +202,11 @@ def initial_solution(
         xyz[points] = c.xyz[points] + origin
         kept |= c.kept & new[rays.image] & points[rays.point]
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
-        tables += _residuals(block, ground, part)
-        found += _suspects(block, ground, part)
+        if part.oriented is not None:
+            held = held_against(block, ground, part.known, part.oriented, c, attitudes=part.attitudes)
+            for one in held:
+                tables.append(residual_table(one, part.oriented))
+                found.append(suspect_table(one, part.oriented))
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     found.append(_trimmed(block, rays, Poses(position, rotation), xyz, np.flatnonzero(reached & ~kept)))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
@@ -212,42 +220,6 @@ def initial_solution(
     if free:
         return replace(solution, datum=DatumCarriers(kind=np.array(["held"]), id=np.array([""])))
     return solution
-
-
-def _residuals(block: Block, ground: Ground, part: OnGround) -> list[Residuals]:
-    if part.oriented is None:
-        return []
-    first, tables = len(part.control), []
-    for kind, of, rows in (("control", slice(0, first), part.control), ("position", slice(first, None), part.position)):
-        if not len(rows):
-            continue
-        source = ground.control if kind == "control" else ground.positions
-        names = block.points.id[ground.control.point[rows]] if kind == "control" else np.full(len(rows), "")
-        images = block.images.id[ground.positions.image[rows]] if kind == "position" else np.full(len(rows), "")
-        sigma = np.sqrt(np.einsum("nii->ni", source.covariance_m2[rows]))
-        value = part.oriented.residual_m[of]
-        tables.append(residuals(kind, source.row[rows], images, names, value,
-                                np.where(np.isfinite(value), sigma, np.nan), part.oriented.active[of]))  # fmt: skip
-    return tables
-
-
-def _suspects(block: Block, ground: Ground, part: OnGround) -> list[Suspects]:
-    """Control and positions that do not fit the similarity."""
-    if part.oriented is None:
-        return []
-    first, tables = len(part.control), []
-    test = part.oriented.tied.test[-len(part.oriented.active) :]
-    for kind, of, rows in (("control", slice(0, first), part.control), ("position", slice(first, None), part.position)):
-        source = ground.control if kind == "control" else ground.positions
-        names = block.points.id[ground.control.point[rows]] if kind == "control" else np.full(len(rows), "")
-        images = block.images.id[ground.positions.image[rows]] if kind == "position" else np.full(len(rows), "")
-        everything = np.ones(len(rows), dtype=bool)
-        tables.append(pieces.tested(
-            kind=kind, row=source.row[rows], image=images, point=names, stage=STAGE,
-            size_m=part.oriented.residual_m[of], test=test[of], began=everything, active=part.oriented.active[of],
-            above=~everything,
-        ))  # fmt: skip
-    return tables
 
 
 def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int) -> Suspects:

@@ -101,7 +101,7 @@ class Steps:
 
 def search(
     solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snooping, pool: Pool,
-    found: Callable[[A, Bool], Bool] | None = None,
+    found: Callable[[A, Bool], Bool] | None = None, *, added: bool = True,
 ) -> Searched[A]:  # fmt: skip
     """Search for gross errors.
 
@@ -115,6 +115,8 @@ def search(
         See `rejection`.
     found : callable, optional
         (adjustment, active records) -> what is to be rejected next; default: `rejection.clearest`.
+    added : bool
+        Estimate the added standard deviation; else it is zero.
     """
     if found is None:
         found = partial(_clearest, rule, pool)
@@ -122,7 +124,7 @@ def search(
     tau, robust, rounds, settled = 0.0, True, 1, False
     solved, steps = solve(None, use, tau), Steps()
     while rounds < ROUNDS:
-        new = solved.added_sigma(robust=robust)
+        new = solved.added_sigma(robust=robust) if added else 0.0
         steps, better = steps.after(tau, new)
         if better != tau:
             tau = better

@@ -7,6 +7,8 @@ Source: docs/formulas.md 5.5.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from aatri.ids import rows_of
@@ -15,6 +17,9 @@ from aatri.observations.geodetic.sights import Sights, observed_sights
 from aatri.observations.level import PLANE
 from aatri.observations.observed import Given, Observed
 
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
 KIND = "relative_distance"
 
 USES = ("relative_control:distance",)
@@ -22,14 +27,18 @@ USES = ("relative_control:distance",)
 
 def relative_distances(given: Given) -> tuple[Observed, ...]:
     """Distances of the relative control."""
-    control, members = given.block.relative_control, given.block.relative_control_members
+    return tuple(observed_sights(KIND, relative_sights(given.block), PLANE, slope, "m"))
+
+
+def relative_sights(block: Block) -> Sights:
+    """Distances of the relative control as sights."""
+    control, members = block.relative_control, block.relative_control_members
     row = np.flatnonzero(control.type == "distance")
     first = np.searchsorted(members.condition, row)
     image = members.part[first] == "images"
     ends = [members.id[first + k] for k in range(2)]
-    at, to = (np.where(image, rows_of(ids, given.block.images.id), rows_of(ids, given.block.points.id)) for ids in ends)
+    at, to = (np.where(image, rows_of(ids, block.images.id), rows_of(ids, block.points.id)) for ids in ends)
     zero, empty = np.zeros(len(row)), np.full(len(row), "")
     names = np.array([f"{a}-{b}" for a, b in zip(*ends)], dtype=np.str_)
-    sights = Sights(row, at, to, image, image, zero, zero, control.value[row], control.sigma[row], names, empty, empty,
-                    empty)  # fmt: skip
-    return tuple(observed_sights(KIND, sights, PLANE, slope, "m"))
+    return Sights(row, at, to, image, image, zero, zero, control.value[row], control.sigma[row], names, empty, empty,
+                  empty)  # fmt: skip

@@ -8,10 +8,9 @@ the deformation tau added to the standard deviation of their points is estimated
 control of 2 cm and positions of 10 cm work together (tied_adjustment: each control point is an unknown ground
 point, observed in the component and in the control). Wrong control is found by data snooping.
 
-Start: closed form of at least three full points that are not on a line; otherwise, or where asked for (`two_points`),
-the component is levelled by the mean viewing direction of its images and fitted in plan: to all points known in plan,
-or to the two that lie farthest apart (the frame tp, geometry.two_point). What control leaves open is found beforehand
-and named (datum_analysis).
+Distances between points of the component and attitudes of its images take part with their weights (given_relations).
+
+Start: see `datum_start`. What control leaves open is found beforehand and named (datum_analysis).
 """
 
 from __future__ import annotations
@@ -24,49 +23,26 @@ from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import Similarity, compose, robust_closed_form, transform
-from aatri.geometry.two_point import two_point_frame
 from aatri.ids import shown
-from aatri.orientation.free_block.datum_analysis import DatumAnalysis, analyse_datum
+from aatri.orientation.free_block.datum import Datum
+from aatri.orientation.free_block.datum_analysis import UNDETERMINED, DatumAnalysis, analyse_datum
+from aatri.orientation.free_block.datum_start import attitude_of, levelled_start, levelling, turned_start
 from aatri.orientation.free_block.similarity_ties import Similarities, similarities_of, similarity_ties
-from aatri.orientation.free_block.tie_records import GivenPoints
+from aatri.orientation.free_block.tie_records import Given, GivenPoints
 from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_tied
 
 CONTROL_LIMIT = 5.0
 """Test statistic of wrong control; larger than for pure noise, as a component is deformed smoothly."""
 
-COLLINEAR = 0.01
-"""Full points count as lying on a line if the ratio of the eigenvalues of their scatter is below this."""
 
+UPWARDS, STEEPLY = 0.17, 0.7
+"""Sines of the elevations, 10 and 45 degrees, above which the images look upwards, and steeply so, in the mean."""
 
-@dataclass(frozen=True)
-class Datum:
-    """What is known of a component on the ground: control points and observed positions, one row each.
+STIFF, LEFT = 2.0, 6
+"""Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
 
-    Attributes
-    ----------
-    name : (n,) tuple of str
-    x : (n, 3) float64, unit of the component
-    covariance : (n, 3, 3) float64, unit of the component squared
-    offset_m : (n, 3) float64, m
-        Lever arm along the component's axes; zero for points.
-    xyz_m : (n, 3) float64, m
-        On the ground; reduced to an origin near the block.
-    covariance_m2 : (n, 3, 3) float64, m^2
-        Zero where exact.
-    given : (n, 3) bool
-        Coordinates that are known.
-    n_control : int, optional
-        The first rows are control points, the others positions; default: all are control points.
-    """
-
-    name: tuple[str, ...]
-    x: Float
-    covariance: Float
-    offset_m: Float
-    xyz_m: Float
-    covariance_m2: Float
-    given: Bool
-    n_control: int | None = None
+FEWEST_MIRRORED = 5
+"""Fewer full points say nothing of whether mirrored ones fit better."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +53,12 @@ class OrientedComponent:
     ----------
     ground_from_component : Similarity
     residual_m : (n, 3) float64, m
-        Component on the ground minus given; NaN where not given.
+        Component on the ground minus given, of control and positions; NaN where not given.
     active : (n,) bool
-        Rows of the datum not rejected.
+        Control and positions that are not rejected.
     analysis : DatumAnalysis
     tied : TiedResult
-        The adjustment; its last n observations are the rows of the datum.
+        The adjustment: first the points of the component, then control and positions, then distances and attitudes.
     """
 
     ground_from_component: Similarity
@@ -101,6 +77,8 @@ def orient_component(
     active: Bool | None = None,
     limit: float = CONTROL_LIMIT,
     two_points: bool = False,
+    weakest: float = UNDETERMINED,
+    stiff: bool = False,
 ) -> OrientedComponent:
     """Orient one component.
 
@@ -119,6 +97,11 @@ def orient_component(
         Test statistic of wrong control.
     two_points : bool
         Start from two points.
+    weakest : float
+        Motions known less well count as not determined; see `datum_analysis`.
+    stiff : bool
+        The component comes from an adjustment of all its images: where all else fits without some gross errors, they
+        are told from a deformation, which a few wrong points would otherwise be taken for.
 
     Raises
     ------
@@ -128,119 +111,98 @@ def orient_component(
     use: Bool = np.asarray(datum.given.any(1))
     if active is not None:
         use = use & active
-    rotation, closed = (_levelling(up), None) if two_points else _attitude(datum, up, use)
-    _analysed(datum, use, rotation, body, what)
-    start = closed if closed is not None else _levelled_start(datum, rotation, use, what, two_points=two_points)
-    tied, centre = _adjust(datum, start, use, limit, what)
-    n = len(datum.x)
-    kept = tied.active[n:] & datum.given.any(1)
+    rotation, closed = (levelling(up), None) if two_points else attitude_of(datum, up, use)
+    _analysed(datum, use, None, rotation, body, what, weakest)
+    if closed is not None:
+        start = closed
+    elif datum.attitudes is not None and not two_points:
+        start = turned_start(datum, rotation, use, what)
+    else:
+        start = levelled_start(datum, rotation, use, what, two_points=two_points)
+    tied, centre = _adjust(datum, start, use, limit, what, stiff=stiff)
+    n, m = len(datum.x), datum.coordinates
+    kept = np.zeros(n, dtype=bool)
+    kept[:m] = tied.active[n : n + m] & datum.given[:m].any(1)
     similarity = compose(tied.state[0], Similarity(-centre, 1.0, np.eye(3)))
-    if float((similarity.rotation @ up)[2]) < 0:
+    if datum.attitudes is None and _mirrored(datum, kept, similarity, up):
         raise GeometryError(
             f"{what}: oriented by its control the images look upwards, so the control is mirrored",
             remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]",
         )
     # What remains must still determine the component: rejected control does not count.
-    analysis = _analysed(datum, kept, similarity.rotation, body, what)
-    residual = transform(similarity, datum.x, datum.offset_m) - datum.xyz_m
-    return OrientedComponent(similarity, np.where(datum.given, residual, np.nan), tied.active[n:], analysis, tied)
+    analysis = _analysed(datum, kept, tied.active[n + m :], similarity.rotation, body, what, weakest)
+    residual = np.where(datum.given, transform(similarity, datum.x, datum.offset_m) - datum.xyz_m, np.nan)
+    return OrientedComponent(similarity, residual[:m], tied.active[n : n + m], analysis, tied)
 
 
-def _analysed(datum: Datum, use: Bool, rotation: Float, body: Float, what: str) -> DatumAnalysis:
-    """What the used rows determine, in a levelled frame; an error if that is not all."""
+def _mirrored(datum: Datum, kept: Bool, similarity: Similarity, up: Float) -> bool:
+    """Whether control is mirrored: the images look upwards, and mirrored it would fit better.
+
+    Images of facades, or of what stands above them, may look upwards rightly. Points in a plane fit as well when they
+    are mirrored; of these it counts how steeply the images look upwards.
+    """
+    steep = -float((similarity.rotation @ up)[2]) / float(np.linalg.norm(up))
+    if steep < UPWARDS:
+        return False
+    full = np.flatnonzero(datum.given.all(1) & kept)
+    if len(full) >= FEWEST_MIRRORED:
+        x, X = transform(similarity, datum.x[full], datum.offset_m[full]), datum.xyz_m[full]
+        as_it_is, other = (np.median(robust_closed_form(x, X * [1.0, 1.0, sign])[1]) for sign in (1.0, -1.0))
+        if max(as_it_is, other) > 2.0 * min(as_it_is, other):
+            return bool(other < as_it_is)
+    return steep > STEEPLY
+
+
+def _analysed(
+    datum: Datum, use: Bool, others: Bool | None, rotation: Float, body: Float, what: str, weakest: float
+) -> DatumAnalysis:
+    """What the used rows determine, in a levelled frame; an error if that is not all.
+
+    `others` are the distances and attitudes that count; None: all.
+    """
     names = [datum.name[k] for k in np.flatnonzero(use)]
-    analysis = analyse_datum(datum.x[use] @ rotation.T, datum.given[use], names, body @ rotation.T)
+    lines = [datum.x[d.end] - datum.x[d.start] for d in datum.distances]
+    length = np.linalg.norm(np.concatenate([np.zeros((0, 3)), *lines]), axis=1)
+    turned = 0 if datum.attitudes is None else len(datum.attitudes.strip)
+    if others is not None:
+        length, turned = length[others[: len(length)]], int(others[len(length) :].sum())
+    analysis = analyse_datum(datum.x[use] @ rotation.T, datum.given[use], names, body @ rotation.T,
+                             length=length, turned=turned, weakest=weakest)  # fmt: skip
     if analysis.open or analysis.defect:
         raise GeometryError(_undetermined(datum, use, analysis, what), remedy=_remedy(analysis))
     return analysis
 
 
-def _attitude(datum: Datum, up: Float, use: Bool) -> tuple[Float, Similarity | None]:
-    """Rotation to a levelled frame, and the closed form where full points allow it."""
-    full = np.flatnonzero(datum.given.all(1) & use)
-    if len(full) >= 3:
-        x, X = datum.x[full], datum.xyz_m[full]
-        spread = np.linalg.svd(x - x.mean(0), compute_uv=False)
-        if spread[1] ** 2 > COLLINEAR * spread[0] ** 2:
-            similarity, _ = robust_closed_form(x, X)
-            if datum.offset_m[full].any():
-                similarity, _ = robust_closed_form(x, X - datum.offset_m[full] @ similarity.rotation.T)
-            return similarity.rotation, similarity
-    return _levelling(up), None
-
-
-def _levelling(up: Float) -> Float:
-    """The smallest rotation that turns `up` to Z."""
-    u = up / np.linalg.norm(up)
-    # For u opposite to Z any half turn about a horizontal axis does.
-    if u[2] < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    v = np.array([u[0], u[1], u[2] + 1.0])
-    return np.asarray(np.diag([-1.0, -1.0, 1.0]) @ (2 * np.outer(v, v) / (v @ v) - np.eye(3)))
-
-
-def _levelled_start(datum: Datum, rotation: Float, use: Bool, what: str, *, two_points: bool) -> Similarity:
-    """Plan similarity of a levelled component by all points or by two, and a mean height."""
-    level = datum.x @ rotation.T
-    plan = np.flatnonzero(datum.given[:, :2].all(1) & use)
-    heights = np.flatnonzero(datum.given[:, 2] & use)
-    if len(plan) < 2 or not len(heights):
-        raise GeometryError(
-            f"{what}: no initial values from {len(plan)} points known in plan and {len(heights)} in height",
-            remedy="give two points with X and Y and one with Z",
-        )
-    if two_points:
-        turn, scale, shift = _by_two_points(level[plan], datum.xyz_m[plan])
-    else:
-        z = level[plan, 0] + 1j * level[plan, 1]
-        Z = datum.xyz_m[plan, 0] + 1j * datum.xyz_m[plan, 1]
-        dz, dZ = z - z.mean(), Z - Z.mean()
-        a = (dZ * dz.conj()).sum() / (abs(dz) ** 2).sum()
-        scale, cos, sin = abs(a), a.real / abs(a), a.imag / abs(a)
-        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        shift = Z.mean() - a * z.mean()
-    height = float(np.mean(datum.xyz_m[heights, 2] - scale * level[heights, 2]))
-    return Similarity(np.array([shift.real, shift.imag, height]), float(scale), turn @ rotation)
-
-
-def _by_two_points(level: Float, xyz_m: Float) -> tuple[Float, float, complex]:
-    """Rotation about Z, scale and shift in plan from a levelled component to the ground, by its two farthest points.
-
-    By way of tp, which is the levelled component: the ground goes to tp, and back.
-    """
-    first = int(np.argmax(np.linalg.norm((xyz_m - xyz_m.mean(axis=0))[:, :2], axis=1)))
-    second = int(np.argmax(np.linalg.norm((xyz_m - xyz_m[first])[:, :2], axis=1)))
-    ends = [first, second]
-    north_east = np.column_stack([xyz_m[ends, 1], xyz_m[ends, 0], np.zeros(2)])
-    tp = two_point_frame(level[ends] * np.array([1.0, 1.0, 0.0]), north_east)
-    corner = tp.to_ground(np.array([[0.0, 0, 0], [1.0, 0, 0]]))[:, [1, 0]]  # east, north of the origin and of X
-    along = corner[1] - corner[0]
-    scale = float(np.hypot(*along))
-    cos, sin = along / scale
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return turn, scale, complex(*corner[0])
-
-
 def _adjust(
-    datum: Datum, start: Similarity, use: Bool, limit: float, what: str
+    datum: Datum, start: Similarity, use: Bool, limit: float, what: str, *, stiff: bool
 ) -> tuple[TiedResult[Similarities], Float]:
-    n = len(datum.x)
+    n, m = len(datum.x), datum.coordinates
     centre = datum.x[use].mean(0)
     ties = similarity_ties(
         np.zeros(n, dtype=np.int32), np.arange(n), datum.x - centre, datum.covariance, names=[what], n_points=n,
         offset_m=datum.offset_m,
     )  # fmt: skip
-    first = n if datum.n_control is None else datum.n_control
-    kinds = {"control": np.arange(first), "position": np.arange(first, n)}
-    given = [
+    first = m if datum.n_control is None else datum.n_control
+    kinds = {"control": np.arange(first), "position": np.arange(first, m)}
+    given: list[Given] = [
         GivenPoints(kind, of, datum.xyz_m[of], datum.covariance_m2[of], datum.given[of])
         for kind, of in kinds.items()
         if len(of)
     ]
+    given += datum.distances
+    if datum.attitudes is not None:
+        given.append(datum.attitudes)
     begin = similarities_of([compose(start, Similarity(centre, 1.0, np.eye(3)))])
-    active = np.concatenate([np.ones(n, dtype=bool), use])
+    more = sum(len(g.given) for g in given) - m
+    active = np.concatenate([np.ones(n, dtype=bool), use[:m], np.ones(more, dtype=bool)])
     what = f"absolute orientation of {what}"
-    return adjust_tied(ties, given, begin, Snooping(limit), what=what, active=active), centre
+    rule = Snooping(limit)
+    if stiff:
+        tied = adjust_tied(ties, given, begin, rule, what=what, active=active, deformed=False)
+        fits = tied.settled and not tied.above.any() and tied.sigma0 <= STIFF
+        if fits and tied.observations - tied.unknowns >= (LEFT if m > 1 else 1):  # of one point: nothing bends a scale
+            return tied, centre
+    return adjust_tied(ties, given, begin, rule, what=what, active=active), centre
 
 
 def _counts(datum: Datum, use: Bool) -> str:

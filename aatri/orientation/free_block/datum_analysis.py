@@ -46,7 +46,10 @@ class DatumAnalysis:
     extrapolation: float
 
 
-def analyse_datum(observed: Float, given: Bool, names: Sequence[str], body: Float) -> DatumAnalysis:
+def analyse_datum(
+    observed: Float, given: Bool, names: Sequence[str], body: Float, *, length: Float | None = None, turned: int = 0,
+    weakest: float = UNDETERMINED,
+) -> DatumAnalysis:  # fmt: skip
     """Find what control leaves open.
 
     Parameters
@@ -58,6 +61,12 @@ def analyse_datum(observed: Float, given: Bool, names: Sequence[str], body: Floa
     names : (n,) sequence of str
     body : (m, 3) float64
         Points of the body in the same frame.
+    length : (k,) float64, optional
+        Of observed distances in the body: they see the scale.
+    turned : int
+        How many attitudes are observed: they see the rotation, each like a point at the edge of the body.
+    weakest : float
+        Motions with a smaller lambda count as not determined.
     """
     # Where heights are known is what the body can still turn about.
     some: Bool = given[:, 2] if given[:, 2].any() else np.asarray(given.any(1))
@@ -65,11 +74,12 @@ def analyse_datum(observed: Float, given: Bool, names: Sequence[str], body: Floa
     extent = float(np.sqrt(((body - body.mean(0)) ** 2).sum(1).mean()))
     axes, line = _axes(observed[some] - centre, extent)
     J = _design((observed - centre) / extent, axes)[given]
+    J = np.concatenate([J, *_relations(np.zeros(0) if length is None else length / extent, turned, axes)])
     J_body = _design((body - centre) / extent, axes).reshape(-1, 7)
     M = J_body.T @ J_body / len(body)
     M += 1e-9 * np.trace(M) * np.eye(7)
     values, vectors = eigh(J.T @ J, M)
-    missing = vectors[:, values < UNDETERMINED]
+    missing = vectors[:, values < weakest]
     smallest = max(float(values[0]), 0.0)
     # Parameters refer to the centre of control, so that a rotation about the line of control is one of them.
     share = np.linalg.norm(np.linalg.qr(missing)[0], axis=1)
@@ -95,6 +105,13 @@ def _design(x: Float, axes: Float) -> Float:
     J = jacobian(Similarity(np.zeros(3), 1.0, np.eye(3)), x)
     J[:, :, 3:6] = J[:, :, 3:6] @ axes
     return J
+
+
+def _relations(length: Float, turned: int, axes: Float) -> tuple[Float, Float]:
+    """Rows of distances and of attitudes."""
+    scale, turns = np.zeros((len(length), 7)), np.zeros((turned, 3, 7))
+    scale[:, 6], turns[:, :, 3:6] = length, axes
+    return scale, turns.reshape(-1, 7)
 
 
 def _labels(line: bool, reduced: Float, axes: Float, some: Bool, names: Sequence[str]) -> list[str]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -77,6 +77,28 @@ class Ties(Generic[S]):
         return np.arange(len(self.strip))
 
 
+class Given(Protocol):
+    """What is given of the ground, of one kind: coordinates here, other things in `given_relations`."""
+
+    @property
+    def kind(self) -> str:
+        """Name of its records."""
+
+    @property
+    def given(self) -> Bool:
+        """Components that are given, (n, 3)."""
+
+    @property
+    def variance(self) -> Float:
+        """Trace of the covariance of each, (n,)."""
+
+    def records(self, base_m: Float) -> Records:
+        """Records of ground points reduced to `base_m`, (n_points, 3); not yet weighted."""
+
+    def whitener(self, typical_m2: float) -> Float:
+        """T with T'T = C^-1, where a coordinate of a strip's point typically has the variance `typical_m2`."""
+
+
 @dataclass(frozen=True)
 class GivenPoints:
     """Given ground coordinates of one kind.
@@ -98,6 +120,19 @@ class GivenPoints:
     xyz_m: Float
     covariance_m2: Float
     given: Bool
+
+    @property
+    def variance(self) -> Float:
+        """Trace of each covariance, m^2."""
+        return np.asarray(np.einsum("nii->n", np.nan_to_num(self.covariance_m2)))
+
+    def records(self, base_m: Float) -> Records:
+        """Records of coordinates."""
+        return given_records(self, base_m)
+
+    def whitener(self, typical_m2: float) -> Float:
+        """See `given_whitener`."""
+        return given_whitener(self, typical_m2)
 
 
 def tie_records(ties: Ties[S], base_m: Float) -> Records:

@@ -20,15 +20,15 @@ from aatri.arrays import Bool, Float
 from aatri.orientation.free_block.tie_records import (
     POINT,
     STRIP,
-    GivenPoints,
+    Given,
     Ties,
-    given_whitener,
     tie_whitener,
     typical_variance,
 )
 from aatri.orientation.free_block.tied_solution import (
     TiedProblem,
     TiedSolution,
+    in_three,
     solve_tied,
     tied_problem,
     weighted_means,
@@ -101,15 +101,15 @@ class TiedResult(Generic[S]):
 
 
 def adjust_tied(
-    ties: Ties[S], given: Sequence[GivenPoints], start: S, rule: Snooping, *, what: str, active: Bool | None = None,
-    points: bool = False,
+    ties: Ties[S], given: Sequence[Given], start: S, rule: Snooping, *, what: str, active: Bool | None = None,
+    points: bool = False, deformed: bool = True,
 ) -> TiedResult[S]:  # fmt: skip
     """Adjust all strips together, with data snooping and an estimate of the strips' deformation.
 
     Parameters
     ----------
     ties : Ties
-    given : sequence of GivenPoints
+    given : sequence of Given
     start : S
         Unknowns of the strips.
     rule : Snooping
@@ -119,6 +119,8 @@ def adjust_tied(
         Observations to begin with; the others are tested for re-admission.
     points : bool
         With the covariances of the adjusted ground points.
+    deformed : bool
+        Estimate the strips' deformation; else there is none.
 
     Raises
     ------
@@ -127,47 +129,47 @@ def adjust_tied(
     ConvergenceError
         If the iteration does not converge.
     """
-    return adjust_indexed(tied_problem(ties, given, start, what), start, rule, active=active, points=points)
+    return adjust_indexed(tied_problem(ties, given, start, what), start, rule, active=active, points=points,
+                          deformed=deformed)  # fmt: skip
 
 
 def adjust_indexed(
-    problem: TiedProblem[S], start: S, rule: Snooping, *, active: Bool | None = None, points: bool = False
-) -> TiedResult[S]:
+    problem: TiedProblem[S], start: S, rule: Snooping, *, active: Bool | None = None, points: bool = False,
+    deformed: bool = True,
+) -> TiedResult[S]:  # fmt: skip
     """The same of a problem whose index is made."""
     values, _ = problem.ties.spectrum(start)
-    given = [np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in problem.given]
-    variances = [values.sum(axis=1), *given]
+    variances = [values.sum(axis=1), *(g.variance for g in problem.given)]
     n = sum(len(v) for v in variances)
     pool = pool_of(rule, problem.records, variances)
 
     def solve(before: TiedSolution[S] | None, use: Bool, tau_m: float) -> TiedSolution[S]:
         return solve_tied(problem, start if before is None else before.state, use, tau_m, before)
 
-    found = search(solve, np.ones(n, dtype=bool) if active is None else active, rule, pool)
+    found = search(solve, np.ones(n, dtype=bool) if active is None else active, rule, pool, added=deformed)
     return _result(problem, found, points)
 
 
 def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]], points: bool) -> TiedResult[S]:
     solved, ties, use = found.solved, problem.ties, found.active
     n = len(ties.strip)
-    point = np.concatenate([ties.point, *(g.point for g in problem.given)])
     observed = np.concatenate([np.ones((n, 3), dtype=bool), *(g.given for g in problem.given)])
     xyz = ties.on_ground(solved.state, ties.rows) - problem.base_m[ties.point]
     mean, covariance = weighted_means(ties, xyz, solved.whiteners[0], use[:n])
     reduced = np.where(np.isfinite(mean), solved.solved.state[POINT], np.nan)
     used = use & solved.held
-    counted = used & (np.bincount(point[used], minlength=ties.n_points)[point] > 1)
+    counted, points_counted = _counted(problem, used)
     prior = 0 if ties.prior is None else ties.prior.whitener.shape[0] * ties.prior.whitener.shape[1]
     observations = int(observed[counted].sum()) + prior
     of_prior = 0.0
     if ties.prior is not None:
         of_prior = float((ties.prior.evaluate(solved.solved.state, np.arange(len(ties.prior.active)))[0] ** 2).sum())
-    unknowns = int(ties.unknowns.free.sum()) + 3 * len(np.unique(point[counted]))
+    unknowns = int(ties.unknowns.free.sum()) + 3 * points_counted
     redundancy = observations - unknowns
     residual = np.where(observed, np.nan_to_num(solved.residual_m), 0.0)
     apriori = _squares(_apriori(problem, solved), residual)
     squares = _squares(solved.whiteners, residual)
-    of_given = used & (np.arange(len(point)) >= n)
+    of_given = used & (np.arange(len(used)) >= n)
     of_strips = solved.solved.covariances().groups[STRIP]
     of_points, held = None, np.asarray(np.isfinite(mean[:, 0]))
     if points:
@@ -197,16 +199,29 @@ def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]], points: b
     )
 
 
+def _counted(problem: TiedProblem[S], used: Bool) -> tuple[Bool, int]:
+    """Observations in use that more than themselves determine, and how many points they touch."""
+    edges = np.cumsum([0, *(len(r.active) for r in problem.records)])
+    touched = [(first, b) for r, first in zip(problem.records, edges) for group, b in r.touches if group == POINT]
+    n = problem.ties.n_points
+    often = np.bincount(np.concatenate([b[used[first : first + len(b)]] for first, b in touched]), minlength=n)
+    counted = used.copy()
+    for first, b in touched:
+        counted[first : first + len(b)] &= often[b] > 1
+    met = [b[counted[first : first + len(b)]] for first, b in touched]
+    return counted, len(np.unique(np.concatenate(met)))
+
+
 def _apriori(problem: TiedProblem[S], solved: TiedSolution[S]) -> Sequence[Float]:
     """Whiteners without the added standard deviation."""
     typical = typical_variance(solved.eigenvalues, 0.0)
     own = tie_whitener(solved.eigenvalues, solved.eigenvectors, 0.0)
-    return (own, *(given_whitener(g, typical) for g in problem.given))
+    return (own, *(g.whitener(typical) for g in problem.given))
 
 
 def _squares(whiteners: Sequence[Float], residual_m: Float) -> Float:
     """Sum of squares of each observation's whitened residuals."""
-    return np.asarray((np.einsum("nij,nj->ni", np.concatenate(whiteners), residual_m) ** 2).sum(axis=1))
+    return np.asarray((np.einsum("nij,nj->ni", in_three(whiteners), residual_m) ** 2).sum(axis=1))
 
 
 def _ratio(squares: float, redundancy: float) -> float:

@@ -31,10 +31,8 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.free_block.tie_records import (
     POINT,
     STRIP,
-    GivenPoints,
+    Given,
     Ties,
-    given_records,
-    given_whitener,
     tie_records,
     tie_whitener,
     typical_variance,
@@ -55,7 +53,7 @@ class TiedProblem(Generic[S]):
     """Ties and given coordinates with the index of their adjustment; ground points are reduced to `base_m`."""
 
     ties: Ties[S]
-    given: Sequence[GivenPoints]
+    given: Sequence[Given]
     index: IndexedProblem
     base_m: Float
     what: str
@@ -109,7 +107,7 @@ class TiedSolution(Generic[S]):
 
     def _all(self, column: str) -> Float:
         """A column of the tests of all observations; NaN where no tie holds the point."""
-        found: Float = np.concatenate([getattr(self.tests[r.name], column) for r in self.problem.records])
+        found = in_three([getattr(self.tests[r.name], column) for r in self.problem.records])
         if not self.held.all():
             found[~self.held] = np.nan
         return found
@@ -135,8 +133,8 @@ class TiedSolution(Generic[S]):
         size = self._all("size")
         n = len(self.problem.ties.strip)
         ties = np.einsum("nij,nj->ni", self.eigenvectors, size[:n] * np.sqrt(self._variances()))
-        others = [np.linalg.pinv(T) for T in self.whiteners[1:]]
-        given = np.einsum("nij,nj->ni", np.concatenate(others), size[n:]) if others else np.zeros((0, 3))
+        others: list[Float] = [np.asarray(np.linalg.pinv(T), dtype=np.float64) for T in self.whiteners[1:]]
+        given = np.einsum("nij,nj->ni", in_three(others), size[n:]) if others else np.zeros((0, 3))
         return np.concatenate([ties, given])
 
     def _variances(self) -> Float:
@@ -146,8 +144,7 @@ class TiedSolution(Generic[S]):
     @property
     def controlled(self) -> Bool:
         """Observations whose gross error would be known well enough to reject them."""
-        own = [self._variances().sum(axis=1)]
-        own += [np.einsum("nii->n", np.nan_to_num(g.covariance_m2)) for g in self.problem.given]
+        own = [self._variances().sum(axis=1), *(g.variance for g in self.problem.given)]
         sigma = np.sqrt(np.concatenate(own) + 3 * typical_variance(self.eigenvalues, self.tau_m))
         with np.errstate(invalid="ignore"):
             return np.asarray(np.linalg.norm(self.size_m, axis=1) < WEAK * sigma * self.test)
@@ -162,14 +159,14 @@ class TiedSolution(Generic[S]):
         return common_sigma(of_ties.whitened**2 * self._variances(), self.eigenvalues, share, robust=robust)
 
 
-def tied_problem(ties: Ties[S], given: Sequence[GivenPoints], start: S, what: str) -> TiedProblem[S]:
+def tied_problem(ties: Ties[S], given: Sequence[Given], start: S, what: str) -> TiedProblem[S]:
     """Index a problem; `what` is for messages."""
     base = np.zeros((ties.n_points, 3))
     base[ties.point[::-1]] = ties.on_ground(start, ties.rows)[::-1]
     tied = np.bincount(ties.point, minlength=ties.n_points) > 0
     points = Unknowns(POINT, np.repeat(tied[:, None], 3, axis=1), ("X", "Y", "Z"), np.arange(ties.n_points).astype(str),
                       add_step, eliminated=True)  # fmt: skip
-    records = (tie_records(ties, base), *(given_records(g, base) for g in given))
+    records = (tie_records(ties, base), *(g.records(base) for g in given))
     every = records if ties.prior is None else (*records, ties.prior)
     return TiedProblem(ties, given, prepare([ties.unknowns, points], every), base, what)
 
@@ -189,7 +186,7 @@ def solve_tied(
     ties = problem.ties
     values, vectors = ties.spectrum(state)
     typical = typical_variance(values, tau_m) if problem.given else 1.0
-    whiteners = (tie_whitener(values, vectors, tau_m), *(given_whitener(g, typical) for g in problem.given))
+    whiteners = (tie_whitener(values, vectors, tau_m), *(g.whitener(typical) for g in problem.given))
     held = _held(problem, use)
     weights = _weights(problem, use & held, whiteners)
     # The ground points are linear: where they start makes no difference.
@@ -225,15 +222,28 @@ def reduced_matrix(problem: TiedProblem[S], state: S, use: Bool, whiteners: Sequ
 
 
 def _held(problem: TiedProblem[S], use: Bool) -> Bool:
-    """Observations whose point some active tie holds."""
+    """Observations whose points, if they have any, some active tie holds."""
     ties = problem.ties
     points = np.bincount(ties.point[use[: len(ties.strip)]], minlength=ties.n_points) > 0
-    return np.asarray(points[np.concatenate([dict(r.touches)[POINT] for r in problem.records])])
+    found = []
+    for r in problem.records:
+        tied = [points[block] for group, block in r.touches if group == POINT]
+        found.append(np.logical_and.reduce([np.ones(len(r.active), dtype=bool), *tied]))
+    return np.concatenate(found)
 
 
 def _weights(problem: TiedProblem[S], use: Bool, whiteners: Sequence[Float]) -> dict[str, Weights]:
     parts = np.split(use, np.cumsum([len(T) for T in whiteners])[:-1])
     return {r.name: Weights(mine, T) for r, T, mine in zip(problem.records, whiteners, parts)}
+
+
+def in_three(parts: Sequence[Float]) -> Float:
+    """Columns (n,), residuals (n, k) or matrices (n, k, k) of all observations, k filled up to three with zeros."""
+    filled = []
+    for part in parts:
+        lacking = 0 if part.ndim == 1 else 3 - part.shape[-1]
+        filled.append(np.pad(part, [(0, 0), *[(0, lacking)] * (part.ndim - 1)]) if lacking else part)
+    return np.concatenate(filled)
 
 
 def weighted_means(ties: Ties[S], xyz: Float, T: Float, use: Bool) -> tuple[Float, Float]:

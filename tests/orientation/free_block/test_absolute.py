@@ -8,7 +8,8 @@ import pytest
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, inverse, transform
-from aatri.orientation.free_block.absolute import Datum, orient_component
+from aatri.orientation.free_block.absolute import orient_component
+from aatri.orientation.free_block.datum import Datum
 
 RNG = np.random.default_rng(9)
 TRUE = Similarity(np.array([500.0, 400.0, 100.0]), 220.0, exp_rotation(np.array([0.02, -0.03, 2.0])))

@@ -7,24 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from aatri.artifacts.block import Block, Geodetic
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Solution
 from aatri.formats.tables.reader import read_block
 from aatri.stages.accuracy.evaluation import evaluation
-from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.essential import essential
 from tests.made_uav_3strips import block_folder
-
-
-def measured(block: Block) -> ImagePoints:
-    return systematic(block, calibrated(block), options=SystematicOptions(refraction=False))
+from tests.stages.initial_orientation.unordered import (
+    SMALL_UAV,
+    Told,
+    far_off,
+    initial_of,
+    measured,
+    simulated,
+    without_strips,
+)
 
 
 @pytest.mark.slow
@@ -50,37 +50,6 @@ def test_without_control_the_datum_is_free_and_the_first_base_is_one(shared_data
     centre = initial.images.position_m
     assert np.linalg.norm(centre[1] - centre[0]) == pytest.approx(1.0, rel=1e-12)
     assert initial.images.oriented.all()
-
-
-def simulated(seed: int = 1, **given: object) -> Block:
-    return simulate(options=SimulateOptions.model_validate(given), rng=np.random.default_rng(seed))
-
-
-def without_strips(block: Block) -> Block:
-    """The same block as unordered images."""
-    n = len(block.images)
-    images = replace(block.images, strip=np.full(n, -1, dtype=np.int32), sequence=np.full(n, np.nan))
-    return replace(block, images=images, strips=block.strips.take(np.zeros(0, dtype=np.intp)))
-
-
-def initial_of(block: Block, **options: object) -> Solution:
-    points = systematic(block, calibrated(block), options=SystematicOptions(refraction=False, earth_curvature=False))
-    return graph(block, points, options=GraphOptions.model_validate(options), rng=np.random.default_rng(1))
-
-
-def far_off(block: Block, solution: Solution) -> tuple[float, float]:
-    """Largest error of the projection centres in m and of the rotations in rad."""
-    true, oriented = block.true_images, solution.images.oriented
-    assert true is not None
-    centre = np.linalg.norm(solution.images.position_m - true.position_m, axis=1)[oriented]
-    turned = solution.images.ground_from_image[oriented] @ true.ground_from_image[oriented].swapaxes(1, 2)
-    return float(centre.max()), float(Rotation.from_matrix(turned).magnitude().max())
-
-
-SMALL_UAV = {
-    "preset": "uav", "earth": "flat", "refraction": "none", "flight": {"strips": 4, "images_per_strip": 6},
-    "ties": {"random_per_image": 120.0},
-}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -145,18 +114,6 @@ def test_three_percent_of_wrong_image_names_are_rejected_and_all_images_oriented
     assert (rejected & ~wrong[order]).sum() < 0.005 * len(m)
 
 
-def test_positions_of_wrong_images_are_rejected_by_name() -> None:
-    block = without_strips(simulated(**SMALL_UAV))
-    exterior = block.exterior
-    image = exterior.image.copy()
-    image[[2, 20]] = image[[20, 2]]
-    order = np.argsort(image)
-    found = initial_of(replace(block, exterior=replace(exterior, image=image).take(order)), pairs_per_image=6)
-    wrong = found.suspects.image[(found.suspects.kind == "position") & (found.suspects.verdict == "rejected")]
-    assert sorted(wrong.tolist()) == sorted(block.images.id[[2, 20]].tolist())
-    assert far_off(block, found)[0] < 0.2
-
-
 def test_an_image_that_shares_no_points_is_named_and_the_rest_is_oriented() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     m = block.image_points
@@ -167,45 +124,6 @@ def test_an_image_that_shares_no_points_is_named_and_the_rest_is_oriented() -> N
     found = graph(block, points, options=GraphOptions(pairs_per_image=6), context=told, rng=np.random.default_rng(1))
     assert found.images.oriented.sum() == len(block.images) - 1
     assert any("not oriented" in text and str(block.images.id[7]) in text for text in told.warnings)
-
-
-class Told:
-    """A context that keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)
-
-    def log(self, message: str) -> None:
-        pass
-
-    def progress(self, done: int, total: int, what: str = "") -> None:
-        pass
-
-
-def test_without_control_and_positions_distances_give_the_scale() -> None:
-    block = without_strips(simulated(**SMALL_UAV))
-    none = np.zeros(0, dtype=np.intp)
-    true = block.true_points
-    assert true is not None
-    a, b = block.ground_points.point[:2]
-    value = float(np.linalg.norm(true.xyz_m[a] - true.xyz_m[b]))
-    ends = {"start": np.array([block.points.id[a]]), "end": np.array([block.points.id[b]])}
-    distance = Geodetic(
-        type=np.array(["distance"]), **ends, via=np.array([""]), start_kind=np.array(["point"]),
-        end_kind=np.array(["point"]), value=np.array([value]), sigma=np.array([0.01]), set=np.array([""]),
-        group=np.array([""]), start_height_m=np.array([np.nan]), end_height_m=np.array([np.nan]),
-        active=np.array([True]), reduced=np.array(["no"]), file=np.array([-1]), line=np.array([-1]),
-    )  # fmt: skip
-    bare = replace(
-        block, ground_points=block.ground_points.take(none), exterior=block.exterior.take(none), geodetic=distance
-    )
-    found = initial_of(bare, pairs_per_image=6)
-    assert found.datum is not None
-    xyz = found.points.xyz_m
-    assert np.linalg.norm(xyz[a] - xyz[b]) == pytest.approx(value, rel=1e-9)
 
 
 def test_models_that_are_given_are_used_and_no_others() -> None:

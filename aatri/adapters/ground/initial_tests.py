@@ -1,0 +1,182 @@
+"""What of control, positions, distances and attitudes fits an initial orientation: residuals, suspects and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adapters.ground.initial_datum import Known
+from aatri.adapters.ground.initial_observed import Ground, Lengths
+from aatri.adapters.solution import residuals
+from aatri.adapters.strips import strips as pieces
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Residuals
+from aatri.artifacts.suspects import Suspects
+from aatri.geometry.carrier import log_vector
+from aatri.notes import Note
+from aatri.observations.poses import Poses
+from aatri.orientation.free_block.absolute import OrientedComponent
+from aatri.orientation.graph.component import Component
+
+STAGE = "initial_orientation"
+
+OFF_SIGMAS = 5.0
+"""Attitudes that are off by more than this from the common offset of their camera are told."""
+
+SCATTER = 1.4826
+"""Standard deviation of a normal variable over the median of its deviations."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """Observations of one kind, held against a component.
+
+    Attributes
+    ----------
+    kind : str
+    row : (n,) int
+        In its table of the Block.
+    image, point : (n,) str
+    residual, sigma : (n, k) float64
+        Component on the ground minus given.
+    unit : str
+    of : slice
+        Among the observations of the adjustment.
+    """
+
+    kind: str
+    row: Int
+    image: Text
+    point: Text
+    residual: Float
+    sigma: Float
+    unit: str
+    of: slice
+
+
+def held_against(
+    block: Block, ground: Ground, known: Known, oriented: OrientedComponent, component: Component, *, attitudes: bool
+) -> Iterator[Held]:
+    """All that took part in orienting a component, kind by kind; the component is on the ground."""
+    first = len(oriented.tied.point_m)  # behind the points of the component
+    c, p, done = ground.control, ground.positions, 0
+    for kind, rows, row, covariance, image, point in (
+        ("control", known.control, c.row, c.covariance_m2, None, block.points.id[c.point[known.control]]),
+        ("position", known.position, p.row, p.covariance_m2, block.images.id[p.image[known.position]], None),
+    ):
+        n, none = len(rows), np.full(len(rows), "")
+        value = oriented.residual_m[done : done + n]
+        sigma = np.where(np.isfinite(value), np.sqrt(np.einsum("nii->ni", covariance[rows])), np.nan)
+        if n:
+            yield Held(kind, row[rows], none if image is None else image, none if point is None else point, value,
+                       sigma, "m", slice(first, first + n))  # fmt: skip
+        done, first = done + n, first + n
+    first += len(oriented.active) - done  # what is held of a free datum
+    for part, rows in known.lengths:
+        s = part.sights.take(rows)
+        off = (lengths_in(component, part, rows) - s.value)[:, None]
+        yield Held(part.kind, s.row, np.full(len(s), ""), s.names, off, s.sigma[:, None], "m",
+                   slice(first, first + len(s)))  # fmt: skip
+        first += len(s)
+    if attitudes:
+        a, rows = ground.attitudes, known.attitude
+        R = component.poses.ground_from_image[a.image[rows]] @ a.ground_from_image[rows].swapaxes(1, 2)
+        w = np.einsum("nij,nj->ni", np.linalg.inv(a.turning[rows]), log_vector(R))
+        sigma = np.sqrt(np.einsum("nii->ni", a.covariance_rad2[rows]))
+        yield Held("attitude", a.row[rows], block.images.id[a.image[rows]], np.full(len(rows), ""), w, sigma, "rad",
+                   slice(first, first + len(rows)))  # fmt: skip
+
+
+def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
+    """Distances as they are in a component, of its unit."""
+    s = part.sights.take(rows)
+    ends = [np.where(is_image[:, None], component.poses.position_m[np.where(is_image, row, 0)],
+                     component.xyz[np.where(is_image, 0, row)])
+            for row, is_image in ((s.station, s.station_is_image), (s.target, s.target_is_image))]  # fmt: skip
+    line = ends[1] - ends[0]
+    line[:, 2] += s.target_height_m - s.station_height_m
+    line[part.plan[rows], 2] = 0.0
+    return np.asarray(np.linalg.norm(line, axis=1))
+
+
+def residual_table(held: Held, oriented: OrientedComponent) -> Residuals:
+    """Residuals of one kind."""
+    return residuals(held.kind, held.row, held.image, held.point, held.residual, held.sigma,
+                     oriented.tied.active[held.of], unit=held.unit)  # fmt: skip
+
+
+def suspect_table(held: Held, oriented: OrientedComponent) -> Suspects:
+    """What of one kind does not fit."""
+    everything = np.ones(len(held.row), dtype=bool)
+    found = pieces.tested(
+        kind=held.kind, row=held.row, image=held.image, point=held.point, stage=STAGE, size_m=held.residual,
+        test=oriented.tied.test[held.of], began=everything, active=oriented.tied.active[held.of], above=~everything,
+    )  # fmt: skip
+    return replace(found, unit=np.full(len(found), held.unit))
+
+
+def distances_above(known: Known, oriented: OrientedComponent, limit: float) -> Bool:
+    """Distances above the limit that the rules do not let reject: too many of them do not fit, (n,)."""
+    n = sum(len(rows) for _, rows in known.lengths)
+    first = len(oriented.tied.point_m) + len(oriented.active)
+    rows = slice(first, first + n)
+    return np.asarray(oriented.tied.active[rows] & (np.nan_to_num(oriented.tied.test[rows]) > limit))
+
+
+def left_out_note(known: Known, component: Component, what: str) -> Note:
+    """Distances that contradict all else; the component is on the ground without them."""
+    names = np.concatenate([part.sights.names[rows] for part, rows in known.lengths])
+    value = np.concatenate([part.sights.value[rows] for part, rows in known.lengths])
+    ratio = value / np.concatenate([lengths_in(component, part, rows) for part, rows in known.lengths])
+    off = float(np.median(ratio)) - 1.0
+    text = (f"{what}: {len(names)} distances contradict control and positions, longer by {1e6 * off:.0f} ppm in the "
+            "median: they are left out here")  # fmt: skip
+    return Note("warning", text, tuple(names.tolist()))
+
+
+def two_that_differ(known: Known, component: Component, precision_m: float, limit: float) -> list[Note]:
+    """Where two distances alone tell the scale and differ, nobody can tell which one is wrong.
+
+    `component` is scaled by them, its points are known to `precision_m`.
+    """
+    if sum(len(rows) for _, rows in known.lengths) != 2:
+        return []
+    sights = [part.sights.take(rows) for part, rows in known.lengths]
+    value, sigma = (np.concatenate([getattr(s, name) for s in sights]) for name in ("value", "sigma"))
+    ratio = value / np.concatenate([lengths_in(component, part, rows) for part, rows in known.lengths])
+    error = np.hypot(sigma, np.sqrt(2.0) * precision_m) / value
+    if abs(ratio[1] - ratio[0]) <= limit * float(np.hypot(*error)):
+        return []
+    names = np.concatenate([s.names for s in sights])
+    text = (
+        f"two distances alone tell the scale; they differ by {abs(ratio[1] / ratio[0] - 1):.2%}, one of them is wrong"
+    )
+    return [Note("warning", text, tuple(names.tolist()))]
+
+
+def attitude_notes(block: Block, ground: Ground, rows: Int, poses: Poses, what: str, *, took_part: bool) -> list[Note]:
+    """How attitudes agree with an orientation they took no part in: their common offset, camera by camera."""
+    if took_part or not len(rows):
+        return []
+    a, notes = ground.attitudes, []
+    image = a.image[rows]
+    lacking = log_vector(a.ground_from_image[rows].swapaxes(1, 2) @ poses.ground_from_image[image])
+    camera = block.images.camera[image]
+    for k in np.unique(camera).tolist():
+        mine = np.flatnonzero(camera == k)
+        offset = np.median(lacking[mine], axis=0)
+        off = np.linalg.norm(lacking[mine] - offset, axis=1)
+        sigma = np.sqrt(np.einsum("nii->n", a.covariance_rad2[rows[mine]]) / 3 + (SCATTER * np.median(off)) ** 2 / 3)
+        wrong = block.images.id[image[mine[off > OFF_SIGMAS * sigma]]]
+        text = (f"{what}: {len(mine)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
+                f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
+                "(median) beyond that")  # fmt: skip
+        notes.append(Note("note", text))
+        if len(wrong):
+            notes.append(
+                Note("warning", f"{what}: {len(wrong)} attitudes are far off the others", tuple(wrong.tolist()))
+            )
+    return notes

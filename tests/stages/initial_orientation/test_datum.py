@@ -1,0 +1,133 @@
+"""Control, positions, distances and attitudes of images of any arrangement, right and wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from aatri.artifacts.block import CONTROL, Block, Geodetic
+from aatri.artifacts.solution import Solution
+from tests.stages.initial_orientation.unordered import SMALL_UAV, far_off, initial_of, simulated, without_strips
+
+
+def with_distances(block: Block, ends: np.ndarray, wrong_m: float = 0.0) -> Block:
+    """True distances between points, of 5 mm; the second one wrong."""
+    true = block.true_points
+    assert true is not None
+    value = np.linalg.norm(true.xyz_m[ends[:, 1]] - true.xyz_m[ends[:, 0]], axis=1)
+    value[1] += wrong_m
+    n, ids = len(ends), block.points.id
+    text, nan = np.full(n, ""), np.full(n, np.nan)
+    geodetic = Geodetic(
+        type=np.full(n, "distance"), start=ids[ends[:, 0]], end=ids[ends[:, 1]], via=text,
+        start_kind=np.full(n, "point"), end_kind=np.full(n, "point"), value=value, sigma=np.full(n, 0.005), set=text,
+        group=text, start_height_m=nan, end_height_m=nan, active=np.ones(n, dtype=bool), reduced=np.full(n, "no"),
+        file=np.full(n, -1), line=np.full(n, -1),
+    )  # fmt: skip
+    return replace(block, geodetic=geodetic)
+
+
+def some_ends(block: Block, n: int) -> np.ndarray:
+    """Pairs of points that many images see, far apart."""
+    m = block.image_points
+    seen = np.flatnonzero(np.bincount(m.point, minlength=len(block.points)) >= 6)
+    seen = seen[~np.isin(seen, block.ground_points.point)]
+    chosen = seen[np.linspace(0, len(seen) - 1, 2 * n).astype(int)]
+    return np.column_stack([chosen[:n], chosen[n:]])
+
+
+def rejected_of(found: Solution, kind: str) -> list[str]:
+    s = found.suspects
+    of = (s.kind == kind) & (s.verdict == "rejected") & (s.stage == "initial_orientation")
+    return [a or b for a, b in zip(s.point[of].tolist(), s.image[of].tolist())]
+
+
+def test_positions_of_wrong_images_are_rejected_by_name() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    exterior = block.exterior
+    image = exterior.image.copy()
+    image[[2, 20]] = image[[20, 2]]
+    order = np.argsort(image)
+    found = initial_of(replace(block, exterior=replace(exterior, image=image).take(order)), pairs_per_image=6)
+    wrong = found.suspects.image[(found.suspects.kind == "position") & (found.suspects.verdict == "rejected")]
+    assert sorted(wrong.tolist()) == sorted(block.images.id[[2, 20]].tolist())
+    assert far_off(block, found)[0] < 0.2
+
+
+def test_without_control_and_positions_distances_give_the_scale() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    none = np.zeros(0, dtype=np.intp)
+    true = block.true_points
+    assert true is not None
+    a, b = block.ground_points.point[:2]
+    value = float(np.linalg.norm(true.xyz_m[a] - true.xyz_m[b]))
+    ends = {"start": np.array([block.points.id[a]]), "end": np.array([block.points.id[b]])}
+    distance = Geodetic(
+        type=np.array(["distance"]), **ends, via=np.array([""]), start_kind=np.array(["point"]),
+        end_kind=np.array(["point"]), value=np.array([value]), sigma=np.array([0.01]), set=np.array([""]),
+        group=np.array([""]), start_height_m=np.array([np.nan]), end_height_m=np.array([np.nan]),
+        active=np.array([True]), reduced=np.array(["no"]), file=np.array([-1]), line=np.array([-1]),
+    )  # fmt: skip
+    bare = replace(
+        block, ground_points=block.ground_points.take(none), exterior=block.exterior.take(none), geodetic=distance
+    )
+    found = initial_of(bare, pairs_per_image=6)
+    assert found.datum is not None
+    xyz = found.points.xyz_m
+    assert np.linalg.norm(xyz[a] - xyz[b]) == pytest.approx(value, rel=1e-9)
+
+
+def test_a_wrong_distance_is_named_and_does_not_spoil_the_datum() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    block = with_distances(block, some_ends(block, 4), wrong_m=0.5)
+    found = initial_of(block, pairs_per_image=6)
+    g = block.geodetic
+    assert rejected_of(found, "distance") == [f"{g.start[1]}-{g.end[1]}"]
+    assert far_off(block, found)[0] < 0.2
+    assert (found.residuals.kind == "distance").sum() == 4
+
+
+def test_a_wrong_distance_is_named_where_distances_alone_give_the_scale() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    none = np.zeros(0, dtype=np.intp)
+    bare = replace(block, ground_points=block.ground_points.take(none), exterior=block.exterior.take(none))
+    bare = with_distances(bare, some_ends(block, 4), wrong_m=5.0)
+    found = initial_of(bare, pairs_per_image=6)
+    g = bare.geodetic
+    assert rejected_of(found, "distance") == [f"{g.start[1]}-{g.end[1]}"]
+    true, xyz, (a, b) = block.true_points, found.points.xyz_m, some_ends(block, 4)[3]
+    assert true is not None
+    ratio = np.linalg.norm(xyz[a] - xyz[b]) / np.linalg.norm(true.xyz_m[a] - true.xyz_m[b])
+    assert ratio == pytest.approx(1.0, abs=1e-3)  # the points are known to a few centimetres in 19 m
+
+
+def test_a_wrong_control_point_is_named_and_does_not_spoil_the_datum() -> None:
+    block = without_strips(simulated(**SMALL_UAV, gnss={"observed": False, "approximate_positions": False}))
+    row, wrong = int(np.flatnonzero(block.ground_points.role[:, 0] == CONTROL)[2]), block.ground_points.xyz_m.copy()
+    wrong[row, 0] += 3.0
+    block = replace(block, ground_points=replace(block.ground_points, xyz_m=wrong))
+    found = initial_of(block, pairs_per_image=6)
+    assert rejected_of(found, "control") == [str(block.points.id[block.ground_points.point[row]])]
+    assert far_off(block, found)[0] < 0.3
+
+
+def test_attitudes_turn_a_free_datum_and_bring_what_positions_of_one_strip_leave_open() -> None:
+    one = {**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 8}, "imu": {"observed": True}}
+    block = without_strips(simulated(**one))
+    block = replace(block, ground_points=block.ground_points.take(np.zeros(0, dtype=np.intp)))
+    found = initial_of(block)
+    assert found.datum is None
+    assert found.images.oriented.all()
+    metres, radians = far_off(block, found)
+    assert metres < 0.3
+    assert radians < 1e-3
+    angles = replace(block.exterior, position_m=np.full_like(block.exterior.position_m, np.nan))
+    free = initial_of(replace(block, exterior=angles))
+    assert free.datum is not None
+    true = block.true_images
+    assert true is not None
+    turned = free.images.ground_from_image @ true.ground_from_image.swapaxes(1, 2)
+    assert Rotation.from_matrix(turned).magnitude().max() < 2e-3
