@@ -74,12 +74,14 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
         in_memory = _size(artifact) <= IN_MEMORY_BYTES
         how = {"driver": "core", "backing_store": False} if in_memory else {}
         with h5py.File(path, "w-", libver=_LIBVER, **how) as file:
-            file.attrs["aatri_kind"] = artifact.kind
+            file.attrs["aatri_kind"] = _fixed(artifact.kind)
             file.attrs["schema_version"] = artifact.schema_version
-            file.attrs["content_digest"] = digest
+            file.attrs["content_digest"] = _fixed(digest)
             for name, declared in attributes_of(type(artifact)).items():
-                file.attrs[name] = getattr(artifact, name)
-                file.attrs[f"{name}.description"] = declared.doc + (f" [{declared.unit}]" if declared.unit else "")
+                value = getattr(artifact, name)
+                file.attrs[name] = _fixed(value) if isinstance(value, str) else value
+                about = declared.doc + (f" [{declared.unit}]" if declared.unit else "")
+                file.attrs[f"{name}.description"] = _fixed(about)
             for name in tables_of(type(artifact)):
                 rows = getattr(artifact, name)
                 if rows is not None:
@@ -178,16 +180,22 @@ def _describe(group: h5py.Group) -> dict[str, Any]:
 
 
 def _write_table(group: h5py.Group, rows: Table) -> None:
-    group.attrs["description"] = (type(rows).__doc__ or "").strip().splitlines()[0]
+    group.attrs["description"] = _fixed((type(rows).__doc__ or "").strip().splitlines()[0])
     for name, declared in columns_of(type(rows)).items():
         values = getattr(rows, name)
         data = _encoded(values) if declared.dtype == "str" else values
         chunked = {"fletcher32": True, "chunks": True} if data.size else {}
         dataset = group.create_dataset(name, data=data, **chunked)
-        dataset.attrs["units"] = declared.unit
-        dataset.attrs["description"] = declared.doc
+        dataset.attrs["units"] = _fixed(declared.unit)
+        dataset.attrs["description"] = _fixed(declared.doc)
         if declared.refers:
-            dataset.attrs["refers"] = declared.refers
+            dataset.attrs["refers"] = _fixed(declared.refers)
+
+
+def _fixed(text: str) -> npt.NDArray[Any]:
+    """A text as HDF5 holds it within an attribute: of fixed length, see `hdf5_guard`."""
+    data = text.encode()
+    return np.array(data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
 
 
 def _encodable(text: str) -> str:

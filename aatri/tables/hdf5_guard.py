@@ -7,7 +7,8 @@ circles, and declare terabytes in a few kilobytes. An artifact does none of it, 
 - datasets stored within the file, of integers, 8-byte floats, truth values or texts of fixed length, at least one-
   dimensional, unfiltered or through `FILTERS`, each at most once;
 - columns that declare in total at most `RATIO` times the size of the file, and 1 MiB;
-- attributes that are one number, truth value or text.
+- attributes that are one number, truth value or text of fixed length, of at most `LONGEST` bytes. Texts of variable
+  length lie in heaps without a checksum, and a wrong byte there has the library read for ever, or ask for gigabytes.
 
 Whatever the library itself fails at, on a damaged file, ends as ArtifactError too. Stages, `show`, `compare`, `export`
 and the report all read artifacts through it.
@@ -31,6 +32,7 @@ FILTERS = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLE
 """Byte shuffling, zlib, checksum. Any other filter may be code that the library loads from elsewhere."""
 MAX_DEPTH, MAX_OBJECTS, MAX_ATTRIBUTES = 2, 10_000, 1000
 RATIO, FREE_BYTES = 100, 1 << 20
+LONGEST = 1 << 16
 
 _LAYOUTS = {h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED}
 
@@ -132,6 +134,11 @@ def _attributes(owner: Any, where: str) -> None:
             raise ArtifactError(f"attribute {_name(attribute)} is not one value", where=where)
         if kind.get_class() != h5py.h5t.STRING:
             _dtype(kind, f"{where}, attribute {_name(attribute)}")
+        elif kind.is_variable_str():
+            raise ArtifactError(f"attribute {_name(attribute)} is a text of variable length", where=where,
+                                remedy="run it again: older versions wrote such")  # fmt: skip
+        elif kind.get_size() > LONGEST:
+            raise ArtifactError(f"attribute {_name(attribute)} is a text of {kind.get_size()} bytes", where=where)
 
 
 def _name(attribute: h5py.h5a.AttrID) -> str:

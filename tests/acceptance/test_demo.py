@@ -28,7 +28,7 @@ def _digests(folder: Path) -> dict[str, str]:
     digests = {}
     for path in sorted((folder / "run" / "current").glob("*.h5")):
         with h5py.File(path) as file:
-            digests[path.stem] = str(file.attrs["content_digest"])
+            digests[path.stem] = file.attrs["content_digest"].decode()
     return digests
 
 

@@ -98,7 +98,10 @@ def _attribute(file: h5py.File, column: str, chance: random.Random) -> None:
     if chance.random() < 0.2:
         del owner.attrs[chance.choice(names[:-1])]
     else:
-        owner.attrs[chance.choice(names)] = chance.choice(VALUES)
+        value = chance.choice(VALUES)
+        if isinstance(value, str) and chance.random() < 0.9:  # texts of any length are refused as such
+            value = np.array(value.encode("utf-8", "surrogatepass") or b"\0")
+        owner.attrs[chance.choice(names)] = value
 
 
 def _structure(file: h5py.File, column: str, chance: random.Random) -> None:

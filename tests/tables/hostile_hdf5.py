@@ -127,20 +127,29 @@ def list_as_attribute(file: h5py.File, column: str) -> None:
     file[column].attrs["units"] = ["m", "mm"]
 
 
+def text_of_any_length(file: h5py.File, column: str) -> None:
+    """Lies in a heap without a checksum: a wrong byte there has the library read for ever."""
+    file[column].attrs["units"] = "m"
+
+
+def long_text(file: h5py.File, column: str) -> None:
+    file[column].attrs["units"] = np.array(b"m", dtype="S65537")
+
+
 def number_as_kind(file: h5py.File, column: str) -> None:
     file.attrs["aatri_kind"] = 3.5
 
 
 def text_as_version(file: h5py.File, column: str) -> None:
-    file.attrs["schema_version"] = "one"
+    file.attrs["schema_version"] = np.array(b"one", dtype="S3")
 
 
 CHANGES: dict[str, Change] = {
     change.__name__: change
     for change in (external_link, external_table, soft_link, second_name, circle, external_storage, virtual, terabytes,
                    giant_chunk, bomb, deflated_twice, foreign_filter, texts_of_any_length, references, compound, lists,
-                   scalar, null, dataset_at_the_top, group_as_column, named_type, list_as_attribute, number_as_kind,
-                   text_as_version)
+                   scalar, null, dataset_at_the_top, group_as_column, named_type, list_as_attribute,
+                   text_of_any_length, long_text, number_as_kind, text_as_version)
 }  # fmt: skip
 NOT_OF_THE_HEADER = {"number_as_kind", "text_as_version"}
 """What `show` can tell, and only a stage cannot use."""

@@ -82,10 +82,10 @@ def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, ids: list[s
 def test_the_file_reads_without_aatri_and_says_its_units(tmp_path: Path) -> None:
     write(_network(), tmp_path / "n.h5")
     with h5py.File(tmp_path / "n.h5") as file:
-        assert file.attrs["aatri_kind"] == "Network"
-        assert file["stations/xyz_m"].attrs["units"] == "m"
-        assert file["stations/xyz_m"].attrs["description"] == "coordinates"
-        assert file["stations/next"].attrs["refers"] == "stations"
+        assert file.attrs["aatri_kind"].decode() == "Network"
+        assert file["stations/xyz_m"].attrs["units"].decode() == "m"
+        assert file["stations/xyz_m"].attrs["description"].decode() == "coordinates"
+        assert file["stations/next"].attrs["refers"].decode() == "stations"
         assert file["stations/id"].asstr()[:].tolist() == ["A", "点1"]
 
 
