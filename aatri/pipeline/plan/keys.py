@@ -17,7 +17,9 @@ from typing import Any
 
 from aatri.pipeline.plan.graph import Node
 
-KEY_SCHEMA = 2
+KEY_SCHEMA = 3
+"""Grows with what a key is made of, and with the form of the files: results of another form are made again."""
+
 ABSENT = "absent"
 """Stands for the content of a file that is not there: the stage will say so."""
 
