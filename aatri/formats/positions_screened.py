@@ -1,4 +1,8 @@
-"""Positions of images that cannot be right are set aside by name; more of them than the share are an error."""
+"""Positions of images that cannot be right are set aside by name; more of them than the share are an error.
+
+One may always go, however few there are: a single record of zero must not stop a block, nor switch off the others. All
+go where they are all the same: a receiver without a fix repeats its last, and says nothing of any image.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from aatri.adapters.sanity_as_given import impossible, place_of_position
 from aatri.artifacts.block import Block, Rejects
 from aatri.errors import InputError
 from aatri.ids import printable
+from aatri.orientation.plausibility.positions import THE_SAME
 
 MOST_LISTED = 20
 
@@ -21,7 +26,7 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     ----------
     block : Block
     max_share : float
-        Largest share of the positions that may be set aside.
+        Largest share of the positions that may be set aside; one may always.
     """
     found = impossible(block)
     if not found:
@@ -30,7 +35,8 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     exterior = block.exterior
     total = int(np.isfinite(exterior.position_m).all(axis=1).sum())
     places = [place_of_position(block, int(row)) for row in rows]
-    if len(rows) > max_share * total:
+    same = len(rows) == total and all(why.startswith(THE_SAME) for why in found.values())
+    if len(rows) > max(1.0, max_share * total) and not same:
         reasons = list(dict.fromkeys(found.values()))
         told = [f"{printable(image)}{f' ({where})' if where else ''}{f': {why}' if len(reasons) > 1 else ''}"
                 for (image, where), why in zip(places, found.values())]  # fmt: skip

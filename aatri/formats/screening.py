@@ -29,7 +29,7 @@ from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
 from aatri.formats.positions_screened import without_impossible_positions
 from aatri.ids import printable
-from aatri.notes import tell
+from aatri.notes import Note, tell
 from aatri.progress import SILENT, Reporter
 
 MAX_REJECT_SHARE = 0.05
@@ -48,6 +48,8 @@ SAME_POINT_SIGMAS = 6.0
 """Two measurements of one point in one image agree if they differ by at most this many sigmas of the difference."""
 
 MOST_LISTED = 20
+MANY = 5
+"""More rejects of one kind for one reason than this are told in one line."""
 
 OUTSIDE = "outside the image format"
 SEEN_ONCE = "seen in one image only"
@@ -100,14 +102,27 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     tell([*figures, *notes], reporter)
     raise_all(contradictions)
     rejects = _rejects(block, images, points)
-    for kind, name, reason in zip(rejects.kind, rejects.id, rejects.reason):
-        reporter.warn(f"rejected: {kind} {printable(str(name))}: {reason}")
+    tell(_told(rejects), reporter)
     return dataclasses.replace(
         block,
         images=dataclasses.replace(block.images, active=images.active),
         image_points=dataclasses.replace(block.image_points, active=points.active),
         rejects=rejects,
     )
+
+
+def _told(rejects: Rejects) -> list[Note]:
+    """A warning each; many of one kind for one reason in one line."""
+    same: dict[tuple[str, str], list[str]] = {}
+    for kind, name, reason in zip(rejects.kind.tolist(), rejects.id.tolist(), rejects.reason.tolist()):
+        same.setdefault((kind, reason), []).append(printable(str(name)))
+    notes = []
+    for (kind, reason), names in same.items():
+        if len(names) > MANY:
+            notes.append(Note("warning", f"rejected: {len(names)} of kind {kind}: {reason}", tuple(names)))
+        else:
+            notes += [Note("warning", f"rejected: {kind} {name}: {reason}") for name in names]
+    return notes
 
 
 def repeated_measurements(block: Block) -> list[InputError]:

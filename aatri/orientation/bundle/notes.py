@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test, refuse_misfit, sigma0_note
@@ -10,6 +12,9 @@ from aatri.notes import Note
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+
+WHICH = "`variance_components: {groups: [kind]}` estimates those of each kind of observation"
+"""Told where sigma0 does not fit."""
 
 
 def left_out(given: BundleInput, result: BundleResult) -> list[Note]:
@@ -78,7 +83,7 @@ def down_weighted(result: BundleResult, weighting: str, bound: float) -> list[No
 
 
 def misfit(result: BundleResult, max_sigma0: float) -> list[Note]:
-    """sigma0 with its interval.
+    """sigma0 with its interval, and what finds the standard deviations where it does not fit.
 
     Raises
     ------
@@ -90,4 +95,7 @@ def misfit(result: BundleResult, max_sigma0: float) -> list[Note]:
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
     test = global_test(result.adjusted.sigma0, counted)
     refuse_misfit(test, max_sigma0)
-    return [sigma0_note(test)]
+    note = sigma0_note(test)
+    if note.level == "warning":
+        note = replace(note, text=f"{note.text}; {WHICH}")
+    return [note]

@@ -19,6 +19,9 @@ from aatri.orientation.plausibility.control import length
 
 FAR, LOW, LEVEL = 50.0, 0.1, 5.0
 SAME_M = 1e-6
+THE_SAME = "position is that of all"
+"""How the reason begins where all are the same."""
+
 FEWEST = 4
 """Fewer positions have no middle to be far from."""
 
@@ -43,7 +46,7 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
     xyz = position_m[known]
     found: dict[int, str] = {}
     if (np.ptp(xyz, axis=0) <= SAME_M).all():
-        return {int(row): f"position is that of all {len(known)} images" for row in known}
+        return {int(row): f"{THE_SAME} {len(known)} images" for row in known}
     middle = np.median(xyz, axis=0)
     spread = 1.4826 * np.median(np.abs(xyz - middle), axis=0)
     height = float(middle[2]) - control_height_m

@@ -1,0 +1,104 @@
+"""Radial distortion that a bundle does not carry: found in its residuals, with the bend of the heights it makes.
+
+    dr = p (r / r_0)^3,     r_0 half the diagonal of the format, p in mm
+
+Images that look straight down on nearly flat ground take a radial distortion up into their orientations: the model
+bends into a bowl, control at its edges fits, and the residuals stay small (a thousandth of the squares of the
+distortion is left in them). They are not without a pattern, though: the score test of p (`adjustment.covariance.score`)
+weighs it with the covariance of the whole block, and says what an adjustment with p would change, the heights first of
+all. Told is what is significant and bends heights by more than their standard deviation; where nothing is found, what
+could be there unseen.
+
+Source: James and Robson 2014 (doming of vertical blocks); docs/methods/self_calibration.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adapters.bundle.camera_parameters import additional_parameters
+from aatri.adjustment.covariance.score import Score, score
+from aatri.camera.parameters.brown import BROWN_CONRADY
+from aatri.camera.parameters.parameter_set import chosen
+from aatri.notes import Note
+from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.poses import FILM, POINT
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+
+TO_DO = (
+    "estimate it (`self_calibration: {set: brown_conrady, per: {camera: [k1]}}`) or calibrate the lens; height control "
+    "inside the block, observed positions or oblique images hold the bend"
+)
+
+RADIAL = chosen(BROWN_CONRADY, ("k1",))
+
+SIGNIFICANT = 4.0
+"""Standard deviations, a posteriori where sigma0 is above 1."""
+
+UNSEEN = 10.0
+"""A bend that could go unseen is worth a note from so many standard deviations of the heights on."""
+
+MOST_POINTS = 20_000
+"""Beyond, only where observations are tested too: it takes another factor of the normal equations."""
+
+
+def distortion_notes(given: BundleInput, result: BundleResult, *, tests: bool) -> list[Note]:
+    """What the image points of each camera say of a radial distortion that would bend the block.
+
+    Parameters
+    ----------
+    given : BundleInput
+    result : BundleResult
+        With covariances. Nothing is said where parameters of cameras are estimated.
+    tests : bool
+        Observations are tested too.
+    """
+    found = next((o for o in result.observations if o.observed.kind == IMAGE_POINT), None)
+    if found is None or given.given is None or given.given.image_points is None or not _asked(result, tests):
+        return []
+    block, rows = given.given.block, np.flatnonzero(found.used)
+    held = additional_parameters(block, given.given.image_points, RADIAL, "camera", None)
+    assert held.basis is not None
+    derivative = np.zeros((len(rows), 2, len(held.ids)))
+    derivative[np.arange(len(rows)), :, held.block[rows]] = -held.basis[rows, :, 0]
+    tried = score(result.adjusted, found.observed.records, rows, derivative)
+    sigma2 = result.point_covariance_m2[:, 2, 2]
+    height_m = float(np.sqrt(np.median(sigma2[np.isfinite(sigma2) & (sigma2 > 0)])))
+    return [
+        note
+        for k in range(len(held.ids))
+        if np.isfinite(tried.sigma[k])
+        for note in _of_camera(tried, k, f"camera {held.ids[k]}", max(1.0, result.adjusted.sigma0), height_m)
+    ]
+
+
+def _asked(result: BundleResult, tests: bool) -> bool:
+    adjusted = result.adjusted
+    if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1 or result.free is not None:
+        return False
+    if len(result.xyz_m) > MOST_POINTS and not tests:
+        return False
+    sigma2 = result.point_covariance_m2[:, 2, 2]
+    carried = any(p.given.group != FILM and p.given.free.any() for p in result.parameters)
+    return bool((np.isfinite(sigma2) & (sigma2 > 0)).any()) and not carried
+
+
+def _of_camera(tried: Score, k: int, camera: str, sigma0: float, height_m: float) -> list[Note]:
+    value, sigma = float(tried.value[k]), float(tried.sigma[k]) * sigma0
+    per_mm = float(np.abs(tried.by_value[POINT][:, 2, k]).max())  # largest change of a height per mm at the corner
+    bend, unseen = per_mm * abs(value), per_mm * SIGNIFICANT * sigma
+    if abs(value) > SIGNIFICANT * sigma and bend > height_m:
+        text = (
+            f"{camera}: the residuals ask for a radial distortion of {1e3 * value:.3g} um (+- {1e3 * sigma:.2g} um) at "
+            f"the corner of the format, which bends heights by up to {bend:.3g} m (+- {per_mm * sigma:.2g} m); "
+            f"{TO_DO}"
+        )
+        return [Note("warning", text)]
+    if unseen > UNSEEN * height_m:
+        text = (
+            f"{camera}: a radial distortion of {SIGNIFICANT * 1e3 * sigma:.2g} um at the corner of the format would go "
+            f"unseen, and bend heights by {unseen:.2g} m; their standard deviations hold if the lens is calibrated"
+        )
+        return [Note("note", text)]
+    return []

@@ -1,0 +1,50 @@
+"""The score test against the bordered normal equations, solved densely."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.covariance.score import score
+from aatri.adjustment.records import whitened
+from aatri.adjustment.reference import dense_jacobian, free_columns
+from tests.adjustment.block_problem import made_problem
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_value_and_standard_deviation_are_those_of_an_adjustment_that_carries_the_parameter(seed: int) -> None:
+    unknowns, records, start = made_problem(seed, n_kept=8, n_points=20)
+    result = adjust_large(unknowns, records, start)
+    rays, rows = records[0], np.arange(len(records[0].active))
+    effect = np.random.default_rng(seed).normal(size=(len(rows), rays.rows, 2))
+    found = score(result, rays, rows, effect)
+    J, v = dense_jacobian(unknowns, records, result.state)
+    H = np.where(rays.active[:, None, None], rays.whitener @ effect, 0.0).reshape(-1, 2)
+    whole = np.zeros((len(J), 2))
+    whole[: len(H)] = H
+    assert np.allclose(v[: len(H)], whitened(rays, result.state, rows)[0].ravel())  # the rays come first
+    columns = free_columns(unknowns)
+    for k in range(2):
+        A = np.column_stack([J, whole[:, k]])
+        Q = np.linalg.inv(A.T @ A)
+        x = -Q @ A.T @ v
+        assert found.value[k] == pytest.approx(x[-1], rel=1e-5)
+        assert found.sigma[k] == pytest.approx(np.sqrt(Q[-1, -1]), rel=1e-9)
+        assert found.seen[k] == pytest.approx(1 / (Q[-1, -1] * (whole[:, k] @ whole[:, k])), rel=1e-9)
+        for group in ("a", "p"):
+            expected = np.append(Q[:-1, -1] / Q[-1, -1], 0.0)[columns[group]]
+            assert np.allclose(found.by_value[group][:, :, k], expected, atol=1e-9)
+
+
+def test_what_the_unknowns_take_up_wholly_is_not_seen() -> None:
+    unknowns, records, start = made_problem(3)
+    result = adjust_large(unknowns, records, start)
+    rays, rows = records[0], np.arange(len(records[0].active))
+    of_point = rays.evaluate(result.state, rows)[1][-1]  # a shift of all points by one amount
+    fitted = np.array(next(u.free for u in unknowns if u.name == "p"), dtype=np.float64)
+    effect = np.einsum("nmk,nk->nm", of_point, fitted[rays.touches[-1][1]])[:, :, None]
+    found = score(result, rays, rows, effect)
+    assert found.seen[0] == 0.0
+    assert np.isinf(found.sigma[0])
+    assert found.value[0] == 0.0
