@@ -17,7 +17,7 @@ from aatri.orientation.plausibility.control import length
 from aatri.orientation.plausibility.control_rays import ControlRays
 from aatri.orientation.plausibility.distances import scale_notes
 from aatri.orientation.plausibility.face_angles import contradiction
-from aatri.orientation.plausibility.positions import impossible_positions
+from aatri.orientation.plausibility.positions import THE_SAME, impossible_positions
 
 LARGE_M = 10e3
 """Larger blocks do not lie in a plane: 2 m over 5 km."""
@@ -169,6 +169,11 @@ def impossible(block: Block) -> dict[int, str]:
     heights: Float = control.xyz_m[control.given[:, 2], 2]
     ground = float(np.median(heights)) if len(heights) else block.terrain_height_m
     return impossible_positions(block.exterior.position_m, ground)
+
+
+def all_the_same(reasons: dict[int, str]) -> bool:
+    """Whether positions cannot be because all images have the same one."""
+    return all(why.startswith(THE_SAME) for why in reasons.values())
 
 
 def place_of_position(block: Block, row: int) -> tuple[str, str]:

@@ -10,11 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.sanity_as_given import impossible, place_of_position
+from aatri.adapters.sanity_as_given import all_the_same, impossible, place_of_position
 from aatri.artifacts.block import Block, Rejects
 from aatri.errors import InputError
 from aatri.ids import printable
-from aatri.orientation.plausibility.positions import THE_SAME
 
 MOST_LISTED = 20
 
@@ -35,8 +34,7 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     exterior = block.exterior
     total = int(np.isfinite(exterior.position_m).all(axis=1).sum())
     places = [place_of_position(block, int(row)) for row in rows]
-    same = len(rows) == total and all(why.startswith(THE_SAME) for why in found.values())
-    if len(rows) > max(1.0, max_share * total) and not same:
+    if len(rows) > max(1.0, max_share * total) and not all_the_same(found):
         reasons = list(dict.fromkeys(found.values()))
         told = [f"{printable(image)}{f' ({where})' if where else ''}{f': {why}' if len(reasons) > 1 else ''}"
                 for (image, where), why in zip(places, found.values())]  # fmt: skip
