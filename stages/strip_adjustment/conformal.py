@@ -36,7 +36,7 @@ class ConformalOptions(Options):
     )
 
 
-@stage(version=1, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
+@stage(version=2, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
                        "earth_curvature:frame", "undulation"))  # fmt: skip
 def conformal(
     block: Block,

@@ -48,7 +48,7 @@ class PolynomialOptions(Options):
     )
 
 
-@stage(version=3, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
+@stage(version=4, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
                        "earth_curvature:frame", "undulation"))  # fmt: skip
 def polynomial(
     block: Block,

@@ -27,6 +27,11 @@ from aatri.observations.control import control_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.deformation import given_note, search_notes, sigma0_notes
+from aatri.orientation.free_block.deformed_covariances import (
+    DeformedCovariances,
+    covariance_notes,
+    deformed_covariances,
+)
 from aatri.orientation.free_block.strip_polynomials import (
     StripPolynomials,
     adjust_strip_polynomials,
@@ -42,6 +47,7 @@ class AdjustedStrips:
     ground: StripsOnGround
     began: Bool
     result: StripPolynomials
+    covariances: DeformedCovariances
     notes: tuple[Note, ...]
 
 
@@ -147,7 +153,9 @@ def adjust_strips(
     notes += sigma0_notes(
         [tied], ["strip block"], tied.sigma0, pieces.most_models(strips), max_sigma0, "strip block adjustment"
     )
-    return AdjustedStrips(ground, began, result, (*notes, given_note(tied)))
+    models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
+    deformed = deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
+    return AdjustedStrips(ground, began, result, deformed, (*notes, given_note(tied), *covariance_notes(deformed)))
 
 
 def strip_block_solution(
@@ -165,10 +173,11 @@ def strip_block_solution(
         counts=(result.tied.observations, result.tied.unknowns),
         sigma0=result.tied.sigma0,
         iterations=result.tied.iterations,
-        transformations=tables.transformation_tables(result, ground, strips),
+        transformations=tables.transformation_tables(result, ground, strips, adjusted.covariances.coefficient_sigma_m),
         parameters=pieces.precision_row("all strips", result.tied.tau_m),
         residuals=tables.residual_tables(block, strips, ground, result),
         suspects=tables.suspect_tables(block, strips, initial.suspects, ground, result, adjusted.began),
+        point_covariance_m2=adjusted.covariances.point_covariance_m2,
     )
     return solution, notes
 

@@ -41,7 +41,9 @@ def tie_names(block: Block, strips: Strips, ground: StripsOnGround) -> tuple[Tex
     return strips.strips.id[ground.strips[ground.points.strip]], block.points.id[ground.points.point]
 
 
-def transformation_tables(result: StripPolynomials, ground: StripsOnGround, strips: Strips) -> StripTransformations:
+def transformation_tables(
+    result: StripPolynomials, ground: StripsOnGround, strips: Strips, sigma_m: Float
+) -> StripTransformations:
     """Per strip: the similarity, the axes, and the coefficients a of dU, b of dV, c of dW in metres."""
     tables = [StripTransformations.empty()]
     for k, strip in enumerate(ground.strips):
@@ -63,7 +65,7 @@ def transformation_tables(result: StripPolynomials, ground: StripsOnGround, stri
         for part, degree in enumerate((plan, height)):
             mine = np.flatnonzero((result.basis.part == part) & (result.basis.degree <= degree))
             names = tuple(result.basis.labels[c] for c in mine)
-            values, sigma = result.coefficients_m[k, mine], result.sigma_m[k, mine]
+            values, sigma = result.coefficients_m[k, mine], sigma_m[k, mine]
             tables.append(pieces.transformation_rows(name, result.basis.model(degree), names, values, sigma))
     return assemble.stacked(tables)
 

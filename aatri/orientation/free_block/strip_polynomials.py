@@ -42,8 +42,8 @@ class StripPolynomials:
         Of plan and height; -1 without correction.
     falls : tuple of Fall
     basis : StripBasis
-    coefficients_m, sigma_m : (n_strips, K) float64, m
-        In the order of the basis; sigma NaN where not estimated.
+    coefficients_m : (n_strips, K) float64, m
+        In the order of the basis.
     corrected_m : (n, 3) float64, m
         Strip points with their corrections.
     point_m : (n_points, 3) float64, m
@@ -56,7 +56,6 @@ class StripPolynomials:
     falls: tuple[Fall, ...]
     basis: StripBasis
     coefficients_m: Float
-    sigma_m: Float
     corrected_m: Float
     point_m: Float
     tied: TiedResult[Float]
@@ -118,7 +117,6 @@ def adjust_strip_polynomials(
         falls=tuple(falls),
         basis=basis,
         coefficients_m=tied.state,
-        sigma_m=np.where(free, tied.sigma, np.nan),
         corrected_m=ties.on_ground(tied.state, ties.rows),
         point_m=tied.mean_m,
         tied=tied,
