@@ -12,6 +12,7 @@ from typing import ClassVar
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.tables.schema import Artifact, Table, column, table
 
 
@@ -48,7 +49,10 @@ class ModelPoints(Table):
 
 @dataclass(frozen=True, eq=False)
 class Elements(Table):
-    """Elements of the orientations as the method has them: phi, omega, kappa of the Chinese system, base, scale."""
+    """Elements of the orientations as the method has them: phi, omega, kappa of the Chinese system, base, scale.
+
+    Those of the dependent method are in axes with X nearest to the base, quarters of a turn about z from the image's.
+    """
 
     model: Int = column("i4", doc="row in orientations", refers="orientations")
     name: Text = column(
@@ -104,6 +108,9 @@ class Models(Artifact):
     elements: Elements | None = table(default=None, doc="elements of the method, where it tells them")
     second_orientations: SecondOrientations | None = table(default=None)
     turns: Turns | None = table(default=None)
+    uncontrolled: Uncontrolled | None = table(
+        default=None, doc="along the base, of points in one model; across it, where the y-parallax is not controlled"
+    )
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, pooled sigma0 and the RMS y-parallax."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
@@ -138,18 +139,6 @@ class Tests(Table):
         "f8", 3, unit="m", doc="the same of the projection centre of its image", optional=True
     )
     image_turned_rad: Float = column("f8", 3, unit="rad", doc="the same of its rotation", optional=True)
-
-
-@dataclass(frozen=True, eq=False)
-class Uncontrolled(Table):
-    """Observations with a direction that nothing controls: a gross error along it shows in no residual."""
-
-    kind: Text = column("str", doc="image_point, control, position, distance ...")
-    row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
-    image: Text = column("str", doc="id of the image or strip, empty if none")
-    point: Text = column("str", doc="id of the point, name of the parameter, empty if none")
-    redundancy: Float = column("f8", doc="redundancy number in that direction, below 0.01")
-    direction: Float = column("f8", 3, doc="the direction, of length 1, along the axes of residual", optional=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from typing import ClassVar
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.tables.schema import Artifact, Table, column, table
 
 
@@ -91,6 +92,9 @@ class Strips(Artifact):
     discrepancies: Discrepancies = table()
     gaps: Gaps = table()
     suspects: Suspects = table()
+    uncontrolled: Uncontrolled | None = table(
+        default=None, doc="along the base, of points in one model of their strip; connection points that nothing checks"
+    )
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, and the RMS of the scale discrepancies."""

@@ -17,6 +17,8 @@ Source: docs/formulas.md 3.5, errata E08; see aatri.orientation.strips.connected
 
 from __future__ import annotations
 
+from typing import Literal
+
 from aatri.adapters.pairs.pair_connection import connected_pairs
 from aatri.adapters.pairs.pair_methods import PairRules
 from aatri.adapters.solution import check_same_block
@@ -38,6 +40,11 @@ class ConnectedOptions(Options):
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
+    coordinates: Literal["intersection", "coefficients"] = Field(
+        "intersection",
+        description="of the model points: rigorous intersection; or by the point projection coefficients, connection "
+        "points from the right image with the height of the model before",
+    )
 
 
 @stage(version=1, uses=("images.strip",))
@@ -50,7 +57,10 @@ def connected(
 ) -> Models:
     """Orient the consecutive images of every strip, each model connected with the one before."""
     check_same_block(block, image_points.images.id, "image_points")
-    rules = PairRules(options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0)
+    rules = PairRules(
+        options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0,
+        coordinates=options.coordinates,
+    )  # fmt: skip
     images, found = strip_pairs(block, image_points)
     tell(found, context)
     models, notes = connected_pairs(block, image_points, images, rules, context)

@@ -8,7 +8,7 @@ from aatri.adapters.bundle.adjusted_observations import WIDTH
 from aatri.adapters.solution import stacked
 from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
 from aatri.arrays import Float, Int
-from aatri.artifacts.solution import Uncontrolled
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.notes import Note
 from aatri.observations.image_points import KIND
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult

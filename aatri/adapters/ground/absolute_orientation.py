@@ -13,6 +13,7 @@ from aatri.adapters.ground.control_fit import exchange_notes, height_notes
 from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -251,6 +252,7 @@ def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, metho
         residuals += tables.residual_tables(ground, part)
         suspects += tables.suspect_tables(ground, part)
     counts, sigma0 = tables.pooled(parts)
+    uncontrolled = tables.uncontrolled_tables(ground, parts)
     solution = pieces.solution_of(
         block,
         image_points,
@@ -263,5 +265,6 @@ def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, metho
         parameters=stacked(parameters),
         residuals=stacked(residuals),
         suspects=stacked(suspects),
+        uncontrolled=uncontrolled,
     )
-    return solution, pieces.left_out(block, np.isfinite(position).all(1))
+    return solution, [*pieces.left_out(block, np.isfinite(position).all(1)), *notes_of(uncontrolled, NOT_SEEN)]

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters import solution as assemble
+from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.uncontrolled_before import not_seen_since, of_observations
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Parameters, Residuals
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.observations.control import Control
 from aatri.observations.positions import Positions
 from aatri.orientation.free_block.absolute import OrientedComponent
@@ -177,3 +180,32 @@ def suspect_tables(ground: Ground, part: OrientedPart) -> list[Suspects]:
             began=pieces.usable_ties(ground.strips)[rows], active=ties.active, above=ties.above,
         ))  # fmt: skip
     return tables
+
+
+def uncontrolled_tables(ground: Ground, parts: Sequence[OrientedPart]) -> Uncontrolled:
+    """Image points that no second model, strip or control has seen; control, positions and ties nothing controls."""
+    block, table = ground.block, ground.strips.strip_points
+    held, tables = np.zeros(len(block.points), dtype=bool), list[Uncontrolled]()
+    for part in parts:
+        result, n, control = part.result, len(part.control), ground.control
+        rows, ties = part.component.rows, part.component.tied
+        active = np.ones(len(rows), dtype=bool) if ties is None else ties.active
+        held |= np.bincount(table.point[rows[active]], minlength=len(block.points)) > 1
+        held[control.point[part.control[result.active[:n]]]] = True
+        if ties is not None:
+            names = ground.strips.strips.id[table.strip[rows]], block.points.id[table.point[rows]]
+            few, least, direction = ties.uncontrolled
+            on_ground = direction @ result.ground_from_component.rotation.T
+            tables.append(of_observations((few, least, on_ground), np.full(len(rows), "strip_tie"),
+                                          np.full(len(rows), -1), *names))  # fmt: skip
+        total, image = len(result.active), ground.positions.image[part.positions]
+        few, least, direction = result.tied.uncontrolled
+        given = few >= total  # the component's points are no observations of their own
+        tables.append(of_observations(
+            (few[given] - total, least[given], direction[given]),
+            np.repeat(["control", "position"], [n, len(image)]),
+            np.concatenate([control.row[part.control], ground.positions.row[part.positions]]),
+            np.concatenate([np.full(n, ""), block.images.id[image]]),
+            np.concatenate([block.points.id[control.point[part.control]], np.full(len(image), "")]),
+        ))  # fmt: skip
+    return stacked([not_seen_since(ground.strips.uncontrolled, block, held), *tables])

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array, triu
 
 from aatri.adapters.pairs.film_in_orientations import film_in_orientations
 from aatri.adapters.solution import stacked
-from aatri.arrays import Int, Text
+from aatri.adapters.uncontrolled_before import seen_by_one
+from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import ModelPoints, Models, Orientations, Unformed
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation.relative.pair_loops import RelativeOrientations
@@ -161,7 +164,8 @@ def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: Rela
     model = np.repeat(model_of, np.diff(pairs.start))
     film = film_in_orientations(block, image_points, pairs.rays, pairs.start, (pairs.left, pairs.left_row),
                                 (pairs.right, pairs.right_row), found)  # fmt: skip
-    return Models(
+    points, parallax = _model_points(pairs, model, found)
+    made = Models(
         images=image_points.images,
         points=image_points.points,
         orientations=Orientations(
@@ -175,7 +179,7 @@ def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: Rela
             redundancy=found.redundancy[formed].astype(np.int32),
             iterations=found.iterations[formed].astype(np.int32),
         ),
-        model_points=_model_points(pairs, model, found),
+        model_points=points,
         unformed=Unformed(
             left=pairs.left[unformed],
             right=pairs.right[unformed],
@@ -184,12 +188,27 @@ def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: Rela
         ),
         suspects=stacked([image_points.suspects, _suspects(block, pairs, model, found)]),
     )
+    return replace(made, uncontrolled=_uncontrolled(block, made, parallax))
 
 
-def _model_points(pairs: Pairs, model: Int, found: RelativeOrientations) -> ModelPoints:
-    """Points that have an intersection; the others are among the suspects."""
+def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontrolled:
+    """Along the base the points of one model only; across it those whose y-parallax is not controlled."""
+    p = models.model_points
+    single = np.bincount(p.point[p.active], minlength=len(block.points))[p.point] == 1
+    weak = redundancy < BELOW
+    across = seen_by_one(block, models, np.flatnonzero(p.active & weak), redundancy[p.active & weak])
+    return stacked([across, seen_by_one(block, models, np.flatnonzero(p.active & single))])
+
+
+def _model_points(pairs: Pairs, model: Int, found: RelativeOrientations) -> tuple[ModelPoints, Float]:
+    """Points that have an intersection, and the redundancy numbers of their y-parallaxes; the others are suspects."""
     rows = np.flatnonzero((model >= 0) & finite_rows(found.point_covariance))
-    return ModelPoints(
+    error = np.abs(found.error_mm[rows])
+    # The estimated error of a parallax is the parallax over its redundancy number.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        redundancy = np.where(error > 0, np.abs(found.parallax_mm[rows]) / error, 1.0)
+    redundancy = np.where(np.isnan(found.test[rows]), 0.0, redundancy)
+    points = ModelPoints(
         model=model[rows],
         point=pairs.point[rows],
         xyz=found.xyz[rows],
@@ -197,6 +216,7 @@ def _model_points(pairs: Pairs, model: Int, found: RelativeOrientations) -> Mode
         parallax_mm=found.parallax_mm[rows],
         active=found.active[rows],
     )
+    return points, redundancy
 
 
 def _suspects(block: Block, pairs: Pairs, model: Int, found: RelativeOrientations) -> Suspects:

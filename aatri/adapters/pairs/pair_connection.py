@@ -16,6 +16,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Elements, Models
 from aatri.artifacts.suspects import Suspects
 from aatri.notes import Note
+from aatri.orientation.relative.classical_points import classical_points, connection_points
 from aatri.orientation.relative.pair_loops import RelativeOrientations
 from aatri.orientation.strips.connected import Before, Connected, connected_orientation
 from aatri.progress import Reporter
@@ -42,6 +43,8 @@ def connected_pairs(
             loose.append(pair)
         else:
             joints[pair] = joint
+    if rules.coordinates == "coefficients":
+        _by_the_rules(pairs, found, joints, ends_at)
     names = pairs.names(block)
     told = list(notes)
     if loose:
@@ -79,6 +82,27 @@ def _joined(
     found.redundancy[pair], found.iterations[pair] = one.redundancy, found.iterations[pair] + one.iterations
     refresh_points(pairs, found, pair)
     return one, common
+
+
+def _by_the_rules(
+    pairs: Pairs, found: RelativeOrientations, joints: dict[int, tuple[Connected, Int]], ends_at: dict[int, int]
+) -> None:
+    """Model points by projection coefficients; connection points keep the height of the model before, pair by pair."""
+    for pair in np.flatnonzero(found.formed).tolist():
+        mine = np.arange(pairs.start[pair], pairs.start[pair + 1])
+        R, base, rays = found.left_from_right[pair], found.base[pair], pairs.rays.take(mine)
+        found.xyz[mine] = classical_points(R, base, rays)
+        if pair not in joints:
+            continue
+        one, common = joints[pair]
+        before = ends_at[int(pairs.left[pair])]
+        used = common[one.connects]
+        there = int(pairs.start[before]) + np.searchsorted(
+            pairs.point[pairs.start[before] : pairs.start[before + 1]], used
+        )
+        seen = (found.xyz[there] - found.base[before]) @ found.left_from_right[before]
+        here = np.searchsorted(pairs.point[mine], used)
+        found.xyz[mine[here]] = connection_points(R, base, rays.take(here), seen[:, 2] / one.scale)
 
 
 def _with_scales(models: Models, found: RelativeOrientations, joints: dict[int, tuple[Connected, Int]]) -> Models:

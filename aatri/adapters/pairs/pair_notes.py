@@ -8,6 +8,7 @@ import numpy as np
 
 from aatri.adapters.pairs.image_pairs import Pairs, doubtful_sequences
 from aatri.adapters.rejection_notes import rejection_notes
+from aatri.adapters.uncontrolled_before import notes_of
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -37,7 +38,9 @@ def notes_of_pairs(
 ) -> tuple[Note, ...]:
     """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts, rejections."""
     rejected = rejection_notes(models.suspects, "relative_orientation")
-    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *_of_models(models), *rejected)
+    loose = notes_of(models.uncontrolled, "one model alone sees") if models.uncontrolled is not None else []
+    of_models = (*_of_models(models), *_of_axes(models), *rejected, *loose)
+    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *of_models)
 
 
 def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
@@ -54,6 +57,15 @@ def _of_pairs(block: Block, pairs: Pairs, found: RelativeOrientations) -> Iterat
             yield Note("warning", f"no model {names[pair]}: {found.reasons[pair]}")
         for text in found.warnings.get(pair, ()):
             yield Note("warning", f"model {names[pair]}: {text}")
+
+
+def _of_axes(models: Models) -> Iterator[Note]:
+    """Models whose elements of the dependent method are told in turned axes."""
+    base = models.orientations.base
+    across = int((np.abs(base[:, 1]) > np.abs(base[:, 0])).sum())
+    if across and models.elements is not None and "by/bx" in models.elements.name:
+        text = f"the base of {across} of {len(base)} models runs along y of the left image: their elements "
+        yield Note("note", text + "phi2 ... bz/bx have their axes turned by a quarter, X along the flight")
 
 
 def _of_models(models: Models) -> Iterator[Note]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from aatri.adapters.strips.model_chains import (
     strips_of,
     unbroken_runs,
 )
+from aatri.adapters.strips.strip_uncontrolled import uncontrolled_in_strips
+from aatri.adapters.uncontrolled_before import notes_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
@@ -78,9 +80,12 @@ def joined_models(block: Block, models: Models, rules: JointRules) -> tuple[Stri
     gaps += breaks
     gaps += images_left_alone(block, chains)
     strips = strips_of(block, models, table, joints, chains, gaps)
+    strips = replace(strips, uncontrolled=uncontrolled_in_strips(block, models, strips.strip_points, joints, chains))
     notes += [Note("warning", f"{_place(block, gap)}: {gap.reason}") for gap in gaps]
     notes += reversals(block, models, joints, chains)
     notes.append(Note("note", f"{len(chains)} free strips", tuple(strips.strips.id.tolist())))
+    assert strips.uncontrolled is not None
+    notes += notes_of(strips.uncontrolled, "are in one model of their strip")
     return strips, tuple(notes)
 
 

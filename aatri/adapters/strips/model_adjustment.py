@@ -9,6 +9,7 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips.strip_adjustment import resected_on
+from aatri.adapters.uncontrolled_before import NOT_SEEN, not_seen_since, notes_of, of_observations
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
@@ -16,6 +17,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Residuals, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows, tangents
 from aatri.notes import Note
@@ -97,6 +99,8 @@ def adjusted_models(
     if found.rounds:
         notes.append(Note("note", f"plan and height in turn: {found.rounds} rounds"))
     notes += search_notes(tied, called, "independent models")
+    uncontrolled = _uncontrolled(block, models, bodies, found, model_names, points)
+    notes += notes_of(uncontrolled, NOT_SEEN)
     point_m = tied.point_m[:n_ground] + bodies.origin
     position, rotation, resected = resected_on(block, image_points, initial, point_m)
     assert tied.point_covariance_m2 is not None  # asked for by adjust_models
@@ -107,7 +111,7 @@ def adjusted_models(
         parameters=pieces.precision_row("all models", tied.tau_m),
         residuals=_residuals(block, bodies, found, model_names, points),
         suspects=_suspects(block, models, initial, bodies, found, began, model_names, points),
-        point_covariance_m2=tied.point_covariance_m2[:n_ground],
+        point_covariance_m2=tied.point_covariance_m2[:n_ground], uncontrolled=uncontrolled,
     )  # fmt: skip
     return solution, [*notes, *resected]
 
@@ -188,6 +192,25 @@ def _residuals(block: Block, bodies: _Bodies, found: AdjustedModels, model: Text
         ),
         of("model_tie", np.flatnonzero(shared & ~centre)),
         of("perspective_centre", np.flatnonzero(shared & centre)),
+    ])  # fmt: skip
+
+
+def _uncontrolled(
+    block: Block, models: Models, bodies: _Bodies, found: AdjustedModels, model: Text, point: Text
+) -> Uncontrolled:
+    """Image points that no second model and no control has seen; ties and control that the others do not control."""
+    tied, control, n, n_points = found.tied, bodies.control, len(bodies.rows.point), len(block.points)
+    own = bodies.rows.point[: bodies.n_model_points][tied.active[: bodies.n_model_points]]
+    held = np.bincount(own, minlength=n_points) > 1
+    held[control.point[tied.active[n:]]] = True
+    counts = [bodies.n_model_points, n - bodies.n_model_points, len(control.row)]
+    return assemble.stacked([
+        not_seen_since(models.uncontrolled, block, held),
+        of_observations(
+            tied.uncontrolled, np.repeat(["model_tie", "perspective_centre", "control"], counts),
+            np.concatenate([np.full(n, -1), control.row]), np.concatenate([model, np.full(len(control.row), "")]),
+            np.concatenate([point, block.points.id[control.point]]),
+        ),
     ])  # fmt: skip
 
 

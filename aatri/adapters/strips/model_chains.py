@@ -54,12 +54,18 @@ class Chain:
 def model_table(models: Models) -> ModelTable:
     """Every model with its active points, as the methods want it."""
     o, p = models.orientations, models.model_points
-    rows = np.flatnonzero(p.active)
-    rows = rows[np.lexsort((p.point[rows], p.model[rows]))]
+    rows = active_rows(models)
     start = np.searchsorted(p.model[rows], np.arange(len(o) + 1))
     return ModelTable(
         o.left_from_right, o.base, o.covariance, start, p.point[rows].astype(np.int64), p.xyz[rows], p.covariance[rows]
     )
+
+
+def active_rows(models: Models) -> Int:
+    """Rows of the active model points, by model and point."""
+    p = models.model_points
+    rows = np.flatnonzero(p.active)
+    return rows[np.lexsort((p.point[rows], p.model[rows]))]
 
 
 def unbroken_runs(block: Block, models: Models) -> tuple[list[Chain], list[Gap]]:

@@ -11,6 +11,7 @@ from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
+from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -165,6 +166,8 @@ def strip_block_solution(
     ground, result = adjusted.ground, adjusted.result
     point_m = result.point_m + ground.origin
     position, rotation, notes = resected_on(block, image_points, initial, point_m)
+    uncontrolled = tables.uncontrolled_tables(block, strips, ground, result)
+    notes += notes_of(uncontrolled, NOT_SEEN)
     solution = pieces.solution_of(
         block,
         image_points,
@@ -178,6 +181,7 @@ def strip_block_solution(
         residuals=tables.residual_tables(block, strips, ground, result),
         suspects=tables.suspect_tables(block, strips, initial.suspects, ground, result, adjusted.began),
         point_covariance_m2=adjusted.covariances.point_covariance_m2,
+        uncontrolled=uncontrolled,
     )
     return solution, notes
 

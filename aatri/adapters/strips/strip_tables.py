@@ -8,11 +8,13 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.uncontrolled_before import not_seen_since, of_observations
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.polynomials import StripAxes
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
@@ -115,4 +117,21 @@ def suspect_tables(
         pieces.tested(kind="control", row=control.row, image=np.full(m, ""), point=block.points.id[control.point],
                       stage=ROLE_NAME, size_m=tied.size_m[n:], test=tied.test[n:], began=began[n:],
                       active=tied.active[n:], above=tied.above[n:]),
+    ])  # fmt: skip
+
+
+def uncontrolled_tables(block: Block, strips: Strips, ground: StripsOnGround, result: StripPolynomials) -> Uncontrolled:
+    """Image points that no second model, strip or control has seen; ties and control that the others do not control."""
+    n, control, active = len(ground.rows), ground.control, result.tied.active
+    strip, point = tie_names(block, strips, ground)
+    held = np.bincount(ground.points.point[active[:n]], minlength=len(block.points)) > 1
+    held[control.point[active[n:]]] = True
+    m = len(control.row)
+    return assemble.stacked([
+        not_seen_since(strips.uncontrolled, block, held),
+        of_observations(
+            result.tied.uncontrolled, np.repeat(["strip_tie", "control"], [n, m]),
+            np.concatenate([np.full(n, -1), control.row]), np.concatenate([strip, np.full(m, "")]),
+            np.concatenate([point, block.points.id[control.point]]),
+        ),
     ])  # fmt: skip

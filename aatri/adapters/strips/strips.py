@@ -14,6 +14,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.vectors import finite_rows
@@ -174,6 +175,7 @@ def solution_of(
     residuals: Residuals,
     suspects: Suspects,
     point_covariance_m2: Float | None = None,
+    uncontrolled: Uncontrolled | None = None,
 ) -> Solution:
     """A Solution without covariances of its orientations.
 
@@ -182,6 +184,7 @@ def solution_of(
     counts : (int, int)
         Observations and unknowns.
     point_covariance_m2 : (n_points, 3, 3) float64, m^2, optional
+    uncontrolled : Uncontrolled, optional
     """
     oriented, solved = finite_rows(placed.position_m), finite_rows(placed.point_m)
     measured = image_points.measurements
@@ -209,4 +212,5 @@ def solution_of(
         residuals=residuals,
         history=Iterations.empty(),
         suspects=suspects,
+        uncontrolled=uncontrolled,
     )

@@ -16,7 +16,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.rejection import Snooping, pool_of
 from aatri.adjustment.statistics.search import Searched, search
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.orientation.free_block.tie_records import (
     POINT,
     STRIP,
@@ -33,6 +33,7 @@ from aatri.orientation.free_block.tied_solution import (
     tied_problem,
     weighted_means,
 )
+from aatri.orientation.free_block.uncontrolled_ties import uncontrolled_observations
 
 S = TypeVar("S")
 
@@ -74,6 +75,8 @@ class TiedResult(Generic[S]):
     iterations : int
     settled : bool
         False if the search for gross errors was broken off.
+    uncontrolled : (k,) int64, (k,) float64, (k, 3) float64
+        Active observations that others at their point should control, and do not: rows, redundancy number, direction.
     point_covariance_m2 : (n_points, 3, 3) float64, m^2, or None
         Of the adjusted ground points, where asked for; NaN where no strip holds the point.
     """
@@ -97,6 +100,7 @@ class TiedResult(Generic[S]):
     given_redundancy: float
     iterations: int
     settled: bool
+    uncontrolled: tuple[Int, Float, Float]
     point_covariance_m2: Float | None = None
 
 
@@ -195,6 +199,7 @@ def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]], points: b
         given_redundancy=float(solved.redundancy[of_given].sum()),
         iterations=solved.iterations,
         settled=found.settled,
+        uncontrolled=uncontrolled_observations(solved, counted),
         point_covariance_m2=of_points,
     )
 

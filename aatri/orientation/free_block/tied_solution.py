@@ -142,10 +142,15 @@ class TiedSolution(Generic[S]):
         return values if values.any() else np.ones_like(values)
 
     @property
+    def variance_with_strip_m2(self) -> Float:
+        """Variances of all observations and a strip's point together, summed over the axes, (n,), m^2."""
+        own = [self._variances().sum(axis=1), *(g.variance for g in self.problem.given)]
+        return np.asarray(np.concatenate(own) + 3 * typical_variance(self.eigenvalues, self.tau_m))
+
+    @property
     def controlled(self) -> Bool:
         """Observations whose gross error would be known well enough to reject them."""
-        own = [self._variances().sum(axis=1), *(g.variance for g in self.problem.given)]
-        sigma = np.sqrt(np.concatenate(own) + 3 * typical_variance(self.eigenvalues, self.tau_m))
+        sigma = np.sqrt(self.variance_with_strip_m2)
         with np.errstate(invalid="ignore"):
             return np.asarray(np.linalg.norm(self.size_m, axis=1) < WEAK * sigma * self.test)
 

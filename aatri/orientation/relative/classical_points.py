@@ -8,6 +8,11 @@ the base (turned by a multiple of 90 degrees about its Z axis, where the camera 
 measured: what remains of the y-parallax is halved, X and Z rest on x alone. The rigorous intersection
 (geometry.intersection) shares the correction among all four coordinates.
 
+A connection point, which the model before has too, keeps the height Z that it has there, counted from the common
+projection centre and in the unit of this model; the right image gives the rest (By and Bz are those of the base B):
+
+    N2 = (Z - Bz) / Z2,    X = Bx + N2 X2,   Y = By + N2 Y2        Z = N2a Z2a of the model before, over the scale
+
 Source: lecture notes A401, A403.
 """
 
@@ -41,3 +46,22 @@ def classical_points(left_from_right: Float, base: Float, rays: RayPairs) -> Flo
     D = X1 * Z2 - X2 * Z1
     N1, N2 = (Bx * Z2 - Bz * X2) / D, (Bx * Z1 - Bz * X1) / D
     return np.asarray(np.column_stack([N1 * X1, 0.5 * (N1 * Y1 + By + N2 * Y2), N1 * Z1]) @ along)
+
+
+def connection_points(left_from_right: Float, base: Float, rays: RayPairs, height: Float) -> Float:
+    """Points of a model that keep the height of the model before.
+
+    Parameters
+    ----------
+    left_from_right : (3, 3) float64
+    base : (3,) float64
+    rays : RayPairs
+    height : (n,) float64, unit of the base
+        Z in the frame of the left image.
+
+    Returns
+    -------
+    (n, 3) float64, unit of the base, frame of the left image
+    """
+    ray = rays.right @ left_from_right.T
+    return np.asarray(base + ((height - base[2]) / ray[:, 2])[:, None] * ray)

@@ -8,6 +8,10 @@ Chinese system phi-omega-kappa has phi first, about -Y.
 
         phi1 = asin(-bz),  kappa1 = atan2(-by, bx);  phi2, omega2, kappa2 of R2
 
+The notes have x along the flight. Where the camera is mounted across, |by| > |bx|, by / bx would say nothing: the axes
+of both images are then turned by a quarter about z, X = y, Y = -x for by > 0 and the other way round for by < 0
+(`along_track`), and the elements of the dependent method are those of these axes.
+
 Both are parameters of the same orientation: least squares finds the same model with either, and the standard deviations
 of one follow from those of the other by their derivatives. With the increments d and t of the adjustment
 (R <- exp([d]x) R, b <- b + T t) the left image turns by w = W t and the right one by w + R1 d.
@@ -42,14 +46,24 @@ def dependent_elements(left_from_right: Float, base: Float, covariance: Float) -
     -------
     values, sigma : (m, 5) float64, rad and 1
     """
-    angles = angles_from_rotation(left_from_right, "phi-omega-kappa")
-    of_angles = angle_covariance(left_from_right, covariance[:, :3, :3], "phi-omega-kappa")
-    T = tangents(base)
+    Q = along_track(base)
+    R, T, base = Q @ left_from_right @ Q.swapaxes(1, 2), Q @ tangents(base), (Q @ base[:, :, None])[:, :, 0]
+    angles = angles_from_rotation(R, "phi-omega-kappa")
+    of_angles = angle_covariance(R, Q @ covariance[:, :3, :3] @ Q.swapaxes(1, 2), "phi-omega-kappa")
     slopes = base[:, 1:] / base[:, :1]
     by_t = (T[:, 1:] - slopes[:, :, None] * T[:, :1]) / base[:, :1, None]
     of_slopes = by_t @ covariance[:, 3:, 3:] @ by_t.swapaxes(1, 2)
     variances = np.concatenate([_diagonal(of_angles), _diagonal(of_slopes)], axis=1)
     return np.concatenate([angles, slopes], axis=1), np.sqrt(variances)
+
+
+def along_track(base: Float) -> Float:
+    """Turns (m, 3, 3) about z by a quarter, or none, after which the base is nearer to the X axis than to Y."""
+    turned = np.where(np.abs(base[:, 1]) > np.abs(base[:, 0]), np.sign(base[:, 1]), 0.0)
+    found = np.zeros((len(base), 3, 3))
+    found[:, 0, 0] = found[:, 1, 1] = 1.0 - np.abs(turned)
+    found[:, 0, 1], found[:, 1, 0], found[:, 2, 2] = turned, -turned, 1.0
+    return found
 
 
 def independent_elements(left_from_right: Float, base: Float, covariance: Float) -> tuple[Float, Float]:

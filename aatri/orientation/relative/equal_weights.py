@@ -3,7 +3,8 @@
     q            Q = N1 Y1 - By - N2 Y2 = B . (r1 x r2) / D,   D = X1 Z2 - X2 Z1     the y-parallax of the model point
     determinant  F = B . (r1 x r2)                                                    the triple product itself
 
-r1 and r2 are the rays in the frame of the method, B the base with Bx = 1: dependent, the frame of the left image;
+r1 and r2 are the rays in the frame of the method, B the base with Bx = 1: dependent, the frame of the left image,
+turned by a quarter about z where the camera is mounted across (`elements.along_track`: without it D is near zero);
 independent, the frame with its X axis along the base (B = (1, 0, 0)). sum Q^2 or sum F^2 over the points is least.
 Both are zero where the rays meet; as observations they differ from the rigorous condition by their weights: Q has
 the standard deviation s_F / D, the same for all points only in near-vertical images of flat ground. The a-priori
@@ -24,7 +25,7 @@ from aatri.arrays import Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
-from aatri.orientation.relative.elements import left_rotation, turn_of_left
+from aatri.orientation.relative.elements import along_track, left_rotation, turn_of_left
 
 Equation = Literal["rigorous", "q", "determinant"]
 Frame = Literal["dependent", "independent"]
@@ -35,7 +36,7 @@ SETTLED_RAD = 1e-11
 
 
 def equation_rows(
-    equation: str, frame: str, R: Float, base: Float, T: Float, rays: RayPairs
+    equation: str, frame: str, R: Float, base: Float, T: Float, rays: RayPairs, axes: Float | None = None
 ) -> tuple[Float, Float, Float]:
     """Values of the equations, their derivatives to d and t, and standard deviations.
 
@@ -47,6 +48,8 @@ def equation_rows(
         Orientation of each point's pair, and the tangents of its base.
     rays : RayPairs
         n points.
+    axes : (n, 3, 3) float64, optional
+        Of the dependent frame, from the left image; default `along_track` of the base.
 
     Returns
     -------
@@ -55,7 +58,9 @@ def equation_rows(
     sigma : (n,) float64
         Of v, from the image coordinates.
     """
-    G = left_rotation(base) if frame == "independent" else np.broadcast_to(np.eye(3), R.shape)
+    if axes is None or frame == "independent":
+        axes = left_rotation(base) if frame == "independent" else along_track(base)
+    G = axes
     by_t = turn_of_left(base) @ T if frame == "independent" else np.zeros_like(T)
     r1 = _times(G, rays.left)
     r2 = _times(G, _times(R, rays.right))
@@ -107,9 +112,10 @@ def adjusted_with_equal_weights(
     """
     m, first = len(base), np.searchsorted(pair, np.arange(len(base)))
     iterations = np.zeros(m, dtype=np.int64)
+    axes = along_track(base)[pair]  # of the start: a base near 45 degrees must not change them from step to step
     for iteration in range(1, ITERATIONS + 1):
         T = np.array([tangents(b) for b in base])
-        v, J, sigma = equation_rows(equation, frame, R[pair], base[pair], T[pair], rays)
+        v, J, sigma = equation_rows(equation, frame, R[pair], base[pair], T[pair], rays, axes)
         N = np.add.reduceat(J[:, :, None] * J[:, None, :], first)
         step = -np.linalg.solve(N, np.add.reduceat(J * v[:, None], first)[:, :, None])[:, :, 0]
         open_ = iterations == 0
@@ -120,7 +126,7 @@ def adjusted_with_equal_weights(
         if (iterations > 0).all():
             break
     T = np.array([tangents(b) for b in base])
-    v, J, sigma = equation_rows(equation, frame, R[pair], base[pair], T[pair], rays)
+    v, J, sigma = equation_rows(equation, frame, R[pair], base[pair], T[pair], rays, axes)
     inverse = np.linalg.inv(np.add.reduceat(J[:, :, None] * J[:, None, :], first))
     middle = np.add.reduceat((sigma**2)[:, None, None] * J[:, :, None] * J[:, None, :], first)
     redundancy = np.bincount(pair, minlength=m) - 5

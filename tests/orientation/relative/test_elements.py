@@ -180,6 +180,29 @@ def test_error_free_pairs_come_back_by_every_equation(equation: str, frame: str)
     assert found[1][0] == pytest.approx(b, abs=1e-12)
 
 
+@pytest.mark.parametrize("quarter", [1, -1])
+def test_a_camera_mounted_across_gives_the_elements_and_equations_of_one_along_the_flight(quarter: int) -> None:
+    rays, R, b = made()
+    across = np.array([[0.0, -quarter, 0.0], [quarter, 0.0, 0.0], [0.0, 0.0, 1.0]])  # base near +y or -y
+    turned = RayPairs(rays.left @ across.T, rays.right @ across.T, rays.left_sigma, rays.right_sigma)
+    R_, b_ = across @ R @ across.T, across @ b
+    rng = np.random.default_rng(5)
+    of_d, of_t = (a @ a.T * 1e-6 for a in (rng.normal(size=(3, 3)), rng.normal(size=(2, 2))))
+    C, C_ = np.zeros((5, 5)), np.zeros((5, 5))
+    C[:3, :3], C[3:, 3:] = of_d, of_t
+    T = tangents(b_).T @ across @ tangents(b)  # the tangents of either base span the same turns
+    C_[:3, :3], C_[3:, 3:] = across @ of_d @ across.T, T @ of_t @ T.T
+    along = dependent_elements(R[None], b[None], C[None])
+    for one, other in zip(dependent_elements(R_[None], b_[None], C_[None]), along):
+        assert one == pytest.approx(other, rel=1e-9)
+    pair = np.zeros(len(rays.left), dtype=int)
+    found = adjusted_with_equal_weights("q", "dependent", R_[None], b_[None], turned, pair)
+    wanted = adjusted_with_equal_weights("q", "dependent", R[None], b[None], rays, pair)
+    assert found[0][0] == pytest.approx(across @ wanted[0][0] @ across.T, abs=1e-12)
+    assert found[1][0] == pytest.approx(across @ wanted[1][0], abs=1e-12)
+    assert found[3] == pytest.approx(wanted[3], rel=1e-9)
+
+
 def test_redundancy_numbers_of_gruber_positions() -> None:
     """C.7: 1/3 and 1/12 at six points, 2/3 and 13/24 at twelve, vertical images of flat ground, y-parallaxes."""
     for count, middle, corner in ((1, 1 / 3, 1 / 12), (2, 2 / 3, 13 / 24)):

@@ -10,7 +10,7 @@ import pytest
 
 from aatri.artifacts.models import Models
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.stages.relative_orientation.connected import connected
+from aatri.stages.relative_orientation.connected import ConnectedOptions, connected
 from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
 from aatri.stages.relative_orientation.independent import IndependentOptions, independent
 from tests.stages.film_blocks import Told
@@ -73,6 +73,32 @@ def test_connected_models_carry_the_true_scales(made: Any) -> None:
         else:
             assert e["scale"][0] == pytest.approx(length[model] / length[model - 1], rel=1e-8)
             assert e["scale"][1] > 0
+
+
+def test_connection_points_by_the_notes_rule_keep_the_height_of_the_model_before(made: Any) -> None:
+    """A403: heights of the model before, counted from the common centre, in units of the model; the others by means."""
+    m = made.image_points.measurements
+    xy = m.xy_mm + np.random.default_rng(3).normal(0.0, 0.005, m.xy_mm.shape)
+    points = replace(made.image_points, measurements=replace(m, xy_mm=xy))
+    models = connected(made.block, points, options=ConnectedOptions(coordinates="coefficients"))
+    rigorous = connected(made.block, points)
+    o, p = models.orientations, models.model_points
+    assert p.xyz == pytest.approx(rigorous.model_points.xyz, abs=2e-2)
+    checked = 0
+    for b in range(1, len(o)):
+        a = b - 1
+        if o.right[a] != o.left[b]:
+            continue
+        scale = elements_of(models, b)["scale"][0]
+        wrong = set(models.suspects.point[models.suspects.image == o.id[b]].tolist())
+        of_a, of_b = (np.flatnonzero((p.model == k) & p.active) for k in (a, b))
+        _, i, j = np.intersect1d(p.point[of_a], p.point[of_b], return_indices=True)
+        good = [str(made.block.points.id[q]) not in wrong for q in p.point[of_b[j]]]
+        seen = (p.xyz[of_a[i]] - o.base[a]) @ o.left_from_right[a]
+        assert (seen[:, 2] / scale)[good] == pytest.approx(p.xyz[of_b[j], 2][good], abs=1e-12)
+        assert (rigorous.model_points.xyz[of_b[j], 2] != p.xyz[of_b[j], 2]).any()
+        checked += sum(good)
+    assert checked > 10
 
 
 def test_without_common_points_of_two_models_the_connection_is_told_as_missing(made: Any) -> None:

@@ -1,0 +1,144 @@
+"""What the stages before the bundle do not control: image points along the base, ties and control that nothing checks.
+
+Two rays of a point meet wherever its error along the epipolar line puts them: the y-parallax does not see it. Only a
+second model of the point does, then its scale there differs, or another strip, or control. In the image the epipolar
+line has the direction in which the base carries the point X along its ray,
+
+    d = (b_x Z - X b_z, b_y Z - Y b_z),     b and X in the frame of that image.
+
+An error across it has the redundancy number r of its condition, shared by both image points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.artifacts.block import Block
+from aatri.artifacts.models import Models
+from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.notes import Note
+
+IMAGE_POINT = "image_point"
+
+NOT_SEEN = "no second model or strip and no control has seen"
+""""...image points of n points that": what the adjustments of strips and models tell."""
+
+
+def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | None = None) -> Uncontrolled:
+    """Both image points of model points, in the direction of the base, or across it.
+
+    Parameters
+    ----------
+    rows : (n,) int
+        In the model points.
+    redundancy : (n,) float64, optional
+        Redundancy numbers of their y-parallaxes: the direction is then across the base.
+    """
+    p, o = models.model_points, models.orientations
+    model, point = p.model[rows], p.point[rows].astype(np.int64)
+    R, b, X = o.left_from_right[model], o.base[model], p.xyz[rows]
+    left = _along(b, X)
+    right = _along(_times(R.swapaxes(1, 2), b), _times(R.swapaxes(1, 2), X - b))
+    image = np.concatenate([o.left[model], o.right[model]]).astype(np.int64)
+    direction = np.full((2 * len(rows), 3), np.nan)
+    d = np.concatenate([left, right])
+    direction[:, :2] = d if redundancy is None else np.stack([-d[:, 1], d[:, 0]], axis=1)
+    largest = np.take_along_axis(direction, np.abs(direction[:, :2]).argmax(axis=1)[:, None], axis=1) if len(d) else 1.0
+    both = np.tile(point, 2)
+    found = Uncontrolled(
+        kind=np.full(len(image), IMAGE_POINT),
+        row=_rows_in_block(block, image, both),
+        image=block.images.id[image],
+        point=block.points.id[both],
+        redundancy=np.zeros(len(image)) if redundancy is None else np.tile(0.5 * redundancy, 2),
+        direction=direction * np.where(largest < 0, -1.0, 1.0),
+    )
+    return found.take(np.lexsort((image, both)))
+
+
+def unchecked(kind: str, image: Text, point: Text) -> Uncontrolled:
+    """Observations that nothing at all checks: no direction of their own."""
+    n = len(point)
+    nothing = np.full((n, 3), np.nan)
+    return Uncontrolled(np.full(n, kind), np.full(n, -1, dtype=np.int32), image, point, np.zeros(n), nothing)
+
+
+def of_observations(found: tuple[Int, Float, Float], kind: Text, row: Int, image: Text, point: Text) -> Uncontrolled:
+    """What a tied adjustment found.
+
+    Parameters
+    ----------
+    found : (k,) int, (k,) float64, (k, 3) float64
+        See `TiedResult.uncontrolled`.
+    kind, row, image, point : (n,)
+        Of all its observations.
+    """
+    k, redundancy, direction = found
+    return Uncontrolled(kind[k], row[k].astype(np.int32), image[k], point[k], redundancy, direction)
+
+
+def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Uncontrolled:
+    """What an earlier stage listed of image points whose ground point nothing has seen since.
+
+    Parameters
+    ----------
+    before : Uncontrolled or None
+    seen : (n_points,) bool
+        Points of several strips, or with control.
+    """
+    if before is None:
+        return Uncontrolled.empty()
+    mine = before.take(before.kind == IMAGE_POINT)
+    return mine.take(~np.isin(mine.point, block.points.id[seen]))
+
+
+def notes_of(table: Uncontrolled, of_image_points: str) -> list[Note]:
+    """How many of each kind, and which.
+
+    Parameters
+    ----------
+    table : Uncontrolled
+    of_image_points : str
+        What has not seen them.
+    """
+    notes = []
+    for kind in np.unique(table.kind).tolist():
+        mine = table.take(table.kind == kind)
+        if kind == IMAGE_POINT:
+            points = np.unique(mine.point)
+            what = f"{len(mine)} image points of {len(points)} points that {of_image_points}"
+            ids = tuple(points.tolist())
+        else:
+            what = f"{len(mine)} of kind {kind}"
+            ids = tuple("/".join(x for x in pair if x) for pair in zip(mine.image.tolist(), mine.point.tolist()))
+        text = f"not controlled: {what} (redundancy number below {BELOW:g}); a gross error there shows nowhere"
+        notes.append(Note("note", f"{text} (table `uncontrolled`)", ids))
+    return notes
+
+
+def _along(b: Float, X: Float) -> Float:
+    """Unit directions (n, 2) of the epipolar lines in the image."""
+    d = b[:, :2] * X[:, 2:] - X[:, :2] * b[:, 2:]
+    length = np.linalg.norm(d, axis=1, keepdims=True)
+    return np.asarray(d / np.where(length > 0, length, np.nan))
+
+
+def _times(matrices: Float, vectors: Float) -> Float:
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _rows_in_block(block: Block, image: Int, point: Int) -> Int:
+    """Rows of image points in the Block; of a point measured twice in an image the first in use."""
+    m, n = block.image_points, len(block.points)
+    wanted = np.zeros(n, dtype=bool)
+    wanted[point] = True
+    rows = np.flatnonzero(wanted[m.point] & m.active)
+    if not len(rows):
+        return np.full(len(image), -1, dtype=np.int32)
+    key = m.image[rows].astype(np.int64) * n + m.point[rows]
+    order = np.argsort(key, kind="stable")
+    place = np.minimum(np.searchsorted(key[order], image * n + point), len(key) - 1)
+    there = key[order][place] == image * n + point
+    return np.where(there, rows[order][place], -1).astype(np.int32)
