@@ -40,21 +40,28 @@ def uncontrolled_observations(solved: TiedSolution[Any], among: Bool) -> tuple[I
         Of length 1; zero where not given.
     """
     problem = solved.problem
-    coordinates = [np.ones((len(problem.ties.strip), 3), dtype=bool), *(g.given for g in problem.given)]
-    relations = [np.full(len(g.given), not isinstance(g, GivenPoints)) for g in problem.given]
-    among = among & ~np.concatenate([np.zeros(len(problem.ties.strip), dtype=bool), *relations])
-    given = np.concatenate(coordinates)[among]
-    R = np.concatenate([solved.tests[r.name].redundancy for r in problem.records])[among]
-    T = np.concatenate(solved.whiteners)[among]
-    M = solved.variance_with_strip_m2[among][:, None, None] / 3 * (T.swapaxes(1, 2) @ R @ T)
+    ties = np.ones((len(problem.ties.strip), 3), dtype=bool)
+    begin, R, T, given, rows = 0, list[Float](), list[Float](), list[Bool](), list[Int]()
+    for k, of in enumerate([ties, *(g.given for g in problem.given)]):
+        mine = np.flatnonzero(among[begin : begin + len(of)])
+        if k == 0 or isinstance(problem.given[k - 1], GivenPoints):
+            R.append(solved.tests[problem.records[k].name].redundancy[mine])
+            T.append(solved.whiteners[k][mine])
+            given.append(of[mine])
+            rows.append(begin + mine)
+        begin += len(of)
+    return _smallest(np.concatenate(rows), solved, np.concatenate(R), np.concatenate(T), np.concatenate(given))
+
+
+def _smallest(rows: Int, solved: TiedSolution[Any], R: Float, T: Float, given: Bool) -> tuple[Int, Float, Float]:
+    M = solved.variance_with_strip_m2[rows][:, None, None] / 3 * (T.swapaxes(1, 2) @ R @ T)
     M = np.where(given[:, :, None] & given[:, None, :], 0.5 * (M + M.swapaxes(1, 2)), np.eye(3))
     doubtful = np.flatnonzero(np.isfinite(M).all(axis=(1, 2)) & ~(_bound(M) > WEAK**-2))
     values, vectors = np.linalg.eigh(M[doubtful])
     found = values[:, 0] < WEAK**-2
     direction = vectors[found, :, 0]
     largest = np.take_along_axis(direction, np.abs(direction).argmax(axis=1)[:, None], axis=1)
-    rows = np.flatnonzero(among)[doubtful[found]]
-    return rows, np.maximum(values[found, 0], 0.0), direction * np.where(largest < 0, -1.0, 1.0)
+    return rows[doubtful[found]], np.maximum(values[found, 0], 0.0), direction * np.where(largest < 0, -1.0, 1.0)
 
 
 def _bound(M: Float) -> Float:
