@@ -12,12 +12,13 @@ from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_tests import (
     STAGE,
     attitude_notes,
-    distances_above,
+    contradiction_note,
+    deformation_notes,
     held_against,
-    left_out_note,
     residual_table,
     suspect_table,
     two_that_differ,
+    without_one,
 )
 from aatri.adapters.solution import solved_cameras, stacked
 from aatri.adapters.strips import strips as pieces
@@ -36,7 +37,7 @@ from aatri.observations.poses import Poses
 from aatri.orientation.free_block.absolute import OrientedComponent, orient_component
 from aatri.orientation.graph.component import Component
 from aatri.orientation.graph.frame import first_base_one
-from aatri.orientation.graph.triangulation import residuals_mm
+from aatri.orientation.graph.triangulation import contradicting, residuals_mm
 
 
 @dataclass(frozen=True)
@@ -144,30 +145,32 @@ def _oriented(
     """By control, positions and distances; by attitudes as well where these leave something open."""
     body, up = _body(component)
 
-    def by(known: Known, *, attitudes: bool) -> OrientedComponent:
+    def by(known: Known, *, attitudes: bool = False) -> OrientedComponent:
         datum = datum_of(block, ground, component, rays, known, attitudes=attitudes)
         return orient_component(datum, body, up, what=what, limit=limit, stiff=True)
 
-    notes: list[Note] = []
-    attitudes = False
+    def part(known: Known, result: OrientedComponent, *, attitudes: bool = False) -> OnGround:
+        to = result.ground_from_component
+        return OnGround(moved(component, to), known, result, to, attitudes, False)
+
     try:
-        result = by(known, attitudes=False)
+        result = by(known)
     except GeometryError as error:
         if not len(known.attitude):
             raise
-        result, attitudes = by(known, attitudes=True), True
         text = f"{what}: attitudes of {len(known.attitude)} images take part, as control and positions leave it open: "
-        notes.append(Note("note", text + error.what))
-    if not attitudes and distances_above(known, result, limit).any():
+        return part(known, by(known, attitudes=True), attitudes=True), [Note("note", text + error.what)]
+    if result.tied.tau_m == 0:
+        return part(known, result), []
+    for left_out, others in without_one(known):
         try:
-            result = by(replace(known, lengths=()), attitudes=False)
-        except GeometryError:
-            pass  # it is not determined without them
-        else:
-            notes.append(left_out_note(known, moved(component, result.ground_from_component), what))
-            known = replace(known, lengths=())
-    to = result.ground_from_component
-    return OnGround(moved(component, to), known, result, to, attitudes, False), notes
+            alone = by(others)
+        except (ConvergenceError, GeometryError):
+            continue  # the others do not determine it
+        if alone.tied.tau_m == 0:  # they fit, and do so no more with what is left out
+            made = part(others, alone)
+            return made, [contradiction_note(block, ground, known, made.component, left_out, what)]
+    return part(known, result), deformation_notes(result, precision(component, rays), what)
 
 
 def _body(component: Component) -> tuple[Float, Float]:
@@ -208,7 +211,10 @@ def initial_solution(
                 tables.append(residual_table(one, part.oriented))
                 found.append(suspect_table(one, part.oriented))
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
-    found.append(_trimmed(block, rays, Poses(position, rotation), xyz, np.flatnonzero(reached & ~kept)))
+    poses = Poses(position, rotation)
+    found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
+    spread = max(part.component.spread for part in parts)
+    found.append(_trimmed(block, rays, poses, xyz, contradicting(rays, poses, xyz, spread), "undecidable"))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
     solution = pieces.solution_of(
         block, image_points, pieces.Placed(position, rotation, xyz), method=method,
@@ -222,21 +228,25 @@ def initial_solution(
     return solution
 
 
-def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int) -> Suspects:
-    """Image points that do not fit the points of the others: rejected, for the bundle to test again."""
+def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int, verdict: str) -> Suspects:
+    """Image points that do not fit the points of the others, or those of a point of which no two clearly fit."""
     n, off = len(rows), residuals_mm(rays, rows, poses, xyz)
     sigma = rays.sigma_mm[rows].mean(axis=1)
     finite: Bool = np.isfinite(off)
     return Suspects(
         kind=np.full(n, "image_point"), row=rows.astype(np.int32), image=block.images.id[rays.image[rows]],
         point=block.points.id[rays.point[rows]], stage=np.full(n, STAGE), size=np.where(finite, off, np.nan),
-        unit=np.full(n, "mm"), sigma=sigma, test=np.where(finite, off / sigma, np.nan), verdict=np.full(n, "rejected"),
+        unit=np.full(n, "mm"), sigma=sigma, test=np.where(finite, off / sigma, np.nan), verdict=np.full(n, verdict),
     )  # fmt: skip
 
 
 def rejected_note(suspects: Suspects) -> list[Note]:
-    """How many image points, control points and positions are rejected."""
+    """How many image points, control points and positions are rejected, and what points have no two rays that meet."""
     notes = []
+    open_ = np.unique(suspects.point[(suspects.verdict == "undecidable") & (suspects.stage == STAGE)])
+    if len(open_):
+        text = f"{len(open_)} points whose image points contradict each other are not determined"
+        notes.append(Note("note", text, tuple(open_.tolist())))
     for kind in np.unique(suspects.kind[(suspects.verdict == "rejected") & (suspects.stage == STAGE)]).tolist():
         rows = np.flatnonzero((suspects.kind == kind) & (suspects.verdict == "rejected") & (suspects.stage == STAGE))
         ids = tuple("/".join(x for x in pair if x) for pair in zip(suspects.image[rows], suspects.point[rows]))

@@ -11,7 +11,7 @@ from aatri.adapters.ground.initial_datum import Known
 from aatri.adapters.ground.initial_observed import Ground, Lengths
 from aatri.adapters.solution import residuals
 from aatri.adapters.strips import strips as pieces
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals
 from aatri.artifacts.suspects import Suspects
@@ -22,6 +22,9 @@ from aatri.orientation.free_block.absolute import OrientedComponent
 from aatri.orientation.graph.component import Component
 
 STAGE = "initial_orientation"
+
+DEFORMED = 5.0
+"""Times the standard deviation of its points that a component may be deformed by without a warning."""
 
 OFF_SIGMAS = 5.0
 """Attitudes that are off by more than this from the common offset of their camera are told."""
@@ -118,23 +121,58 @@ def suspect_table(held: Held, oriented: OrientedComponent) -> Suspects:
     return replace(found, unit=np.full(len(found), held.unit))
 
 
-def distances_above(known: Known, oriented: OrientedComponent, limit: float) -> Bool:
-    """Distances above the limit that the rules do not let reject: too many of them do not fit, (n,)."""
-    n = sum(len(rows) for _, rows in known.lengths)
-    first = len(oriented.tied.point_m) + len(oriented.active)
-    rows = slice(first, first + n)
-    return np.asarray(oriented.tied.active[rows] & (np.nan_to_num(oriented.tied.test[rows]) > limit))
+def without_one(known: Known) -> Iterator[tuple[str, Known]]:
+    """What is left of the known without one kind: distances, positions, control."""
+    none = np.zeros(0, dtype=np.int64)
+    if known.lengths:
+        yield "distances", replace(known, lengths=())
+    if len(known.control) and len(known.position):
+        yield "observed positions", replace(known, position=none)
+        yield "control", replace(known, control=none)
 
 
-def left_out_note(known: Known, component: Component, what: str) -> Note:
-    """Distances that contradict all else; the component is on the ground without them."""
-    names = np.concatenate([part.sights.names[rows] for part, rows in known.lengths])
-    value = np.concatenate([part.sights.value[rows] for part, rows in known.lengths])
-    ratio = value / np.concatenate([lengths_in(component, part, rows) for part, rows in known.lengths])
-    off = float(np.median(ratio)) - 1.0
-    text = (f"{what}: {len(names)} distances contradict control and positions, longer by {1e6 * off:.0f} ppm in the "
-            "median: they are left out here")  # fmt: skip
+def contradiction_note(block: Block, ground: Ground, known: Known, component: Component, left: str, what: str) -> Note:
+    """What is left out as it contradicts all else; the component is on the ground without it."""
+    if left == "distances":
+        sights = [part.sights.take(rows) for part, rows in known.lengths]
+        names = np.concatenate([s.names for s in sights])
+        value = np.concatenate([s.value for s in sights])
+        ratio = value / np.concatenate([lengths_in(component, part, rows) for part, rows in known.lengths])
+        off = f"longer than in it by {1e6 * (float(np.median(ratio)) - 1.0):.0f} ppm"
+    elif left == "control":
+        c, rows = ground.control, known.control
+        names = block.points.id[c.point[rows]]
+        given = np.where(c.given[rows], c.xyz_m[rows] - ground.origin_m, np.nan)
+        off = _shift(given - component.xyz[c.point[rows]])
+    else:
+        p, rows = ground.positions, known.position
+        image = p.image[rows]
+        names = block.images.id[image]
+        arm = np.einsum("nij,nj->ni", component.poses.ground_from_image[image], p.lever_arm_m[rows])
+        off = _shift(p.position_m[rows] - ground.origin_m - component.poses.position_m[image] - arm)
+    text = f"{what}: {left} ({len(names)}) contradict all else, {off} in the median: they are left out here"
     return Note("warning", text, tuple(names.tolist()))
+
+
+def _shift(difference: Float) -> str:
+    x, y, z = np.nanmedian(difference, axis=0)
+    return f"shifted by {x:.3f}, {y:.3f}, {z:.3f} m"
+
+
+def deformation_notes(oriented: OrientedComponent, precision: float, what: str) -> list[Note]:
+    """A component that control and positions do not fit, whatever of them is left out.
+
+    `precision` is that of its points, in its unit.
+    """
+    expected = precision * oriented.ground_from_component.scale
+    tau = oriented.tied.tau_m
+    if tau <= DEFORMED * expected:
+        return []
+    text = (
+        f"{what}: control and positions fit it only with {tau:.2g} m added to the standard deviations of its "
+        f"points, {expected:.2g} m: a wrong principal distance, distortion, unit or id, or several gross errors"
+    )
+    return [Note("warning", text)]
 
 
 def two_that_differ(known: Known, component: Component, precision_m: float, limit: float) -> list[Note]:

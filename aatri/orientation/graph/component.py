@@ -22,14 +22,11 @@ from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.orientation.graph.triangulation import intersected, residuals_mm
+from aatri.orientation.graph.triangulation import LIMIT, intersected, residuals_mm
 from aatri.progress import SILENT, Reporter
 
 WIDE_RAD = 0.03
 """Rays farther off than this before the bundle are left out of it."""
-
-LIMIT = 5.0
-"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger."""
 
 HUBER = 2.0
 
@@ -38,8 +35,9 @@ FEWEST_POINTS = 6
 
 ITERATIONS = 60
 
-TOLERANCE = 1e-2
-"""Of the bundle, in standard deviations: a start needs no more."""
+TOLERANCE, FINALLY = 1.0, 0.1
+"""Of the bundles, and of the last of them: by how many standard deviations all unknowns together still move. A start
+needs no more, and Huber's loss converges slowly."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +94,15 @@ def refined(
     GeometryError, ConvergenceError
     """
     spread, xyz = 1.0, np.full((len(point_ids), 3), np.nan)
-    for limit_mm in limits_mm:
+    for number, limit_mm in enumerate(limits_mm, 1):
         limit = limit_mm or LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
         xyz, kept = intersected(rays, poses, limit, xyz)
         poses, kept = _well_held(rays, poses, kept)
         if len(finite_rows(poses.position_m).nonzero()[0]) < 2:
             raise GeometryError("too few of their points fit", remedy="check the ids of images and points")
         xyz[np.bincount(rays.point[kept], minlength=len(xyz)) < 2] = np.nan
-        poses, xyz = _bundled(replace(rays, active=kept), poses, xyz, image_ids, point_ids, reporter)
+        tolerance = FINALLY if number == len(limits_mm) else TOLERANCE
+        poses, xyz = _bundled(replace(rays, active=kept), poses, xyz, image_ids, point_ids, tolerance, reporter)
         rows = np.flatnonzero(kept & finite_rows(poses.position_m)[rays.image] & finite_rows(xyz)[rays.point])
         off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
         spread = float(np.median(off)) / 1.1774  # of the length of two normal components
@@ -120,15 +119,16 @@ def _well_held(rays: ImagePointRows, poses: Poses, kept: Bool) -> tuple[Poses, B
 
 
 def _bundled(
-    rays: ImagePointRows, poses: Poses, xyz: Float, image_ids: Ids, point_ids: Ids, reporter: Reporter
-) -> tuple[Poses, Float]:
+    rays: ImagePointRows, poses: Poses, xyz: Float, image_ids: Ids, point_ids: Ids, tolerance: float,
+    reporter: Reporter,
+) -> tuple[Poses, Float]:  # fmt: skip
     ids, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
     names = named(image=ids[rays.image], point=points[rays.point])
     given = BundleInput(
         image_ids, point_ids, observed_image_points(rays, (), names), poses, xyz[: len(points)], np.zeros(3), rays
     )
     settings = BundleSettings(
-        "minimal", covariances=False, huber=HUBER, solution=Settings(max_iterations=ITERATIONS, tolerance=TOLERANCE)
+        "minimal", covariances=False, huber=HUBER, solution=Settings(max_iterations=ITERATIONS, tolerance=tolerance)
     )
     result = adjust_bundle(given, settings, reporter=reporter)
     lost = finite_rows(poses.position_m) & ~result.image_adjusted

@@ -104,7 +104,7 @@ def orient_free(
         reporter.log(f"component {k + 1}: {int(images.sum())} images, {int(mine.sum())} pairs carry its scale")
         try:
             centre, told = _centres(pairs, scaled.length[mine], rotation, rays, images, start, observed_m, rng)
-            notes += [Note("warning", text) for text in told]
+            notes += [Note("note", text) for text in told]
             components.append(adjusted_component(rays, images, rotation, centre, image_ids, point_ids, reporter))
         except (ConvergenceError, GeometryError) as failed:
             ids = tuple(np.asarray(image_ids)[images].tolist())
@@ -112,7 +112,8 @@ def orient_free(
     if not components:
         raise GeometryError(
             f"no pairs of the {n} images can be oriented to each other",
-            remedy="measure more points that several images have in common; check the ids of images and points",
+            remedy="measure more points that several images have in common; check the ids of images and points"
+            + ("; images all taken at one place make no model" if len(turns.left) else ""),
         )
     whole, more = joined(components, rays, image_ids, point_ids, reporter)
     return FreeImages(tuple(whole), wrong, (*notes, *more))

@@ -17,6 +17,9 @@ from aatri.observations.poses import Poses
 
 ROUNDS = 12
 
+LIMIT = 5.0
+"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger."""
+
 LEAST_PARALLAX_RAD = 0.005
 """Points whose rays all lie within a smaller angle are not determined."""
 
@@ -54,16 +57,17 @@ def intersected(
     xyz = np.full((n_points, 3), np.nan)
     again = np.ones(n_points, dtype=bool)
     for _ in range(ROUNDS):
-        rows = np.flatnonzero(active & again[point])
+        mine = np.flatnonzero(again[point])  # all others stay as they are
+        rows = mine[active[mine]]
         names, of = np.unique(point[rows], return_inverse=True)
         xyz[again] = np.nan
         xyz[names] = intersect_rays(X0[rows], direction[rows], of, len(names))
         enough = np.bincount(point[active], minlength=n_points) >= 2
         xyz[~enough] = np.nan
-        off = residuals_mm(rays, use, poses, xyz)
-        worst = _worst(np.where(active, off, -1.0), point, n_points)
-        bad = worst[(worst >= 0)]
-        bad = bad[off[bad] > limit_mm]
+        off = residuals_mm(rays, use[mine], poses, xyz)
+        worst = _worst(np.where(active[mine], off, -1.0), point[mine], n_points)
+        worst = worst[worst >= 0]
+        bad = mine[worst[off[worst] > limit_mm]]
         if not len(bad):
             break
         active[bad] = False
@@ -75,6 +79,37 @@ def intersected(
     kept = np.zeros(len(rays.image), dtype=bool)
     kept[use] = residuals_mm(rays, use, poses, xyz) <= limit_mm
     return xyz, kept
+
+
+def contradicting(rays: ImagePointRows, poses: Poses, xyz: Float, spread: float) -> Int:
+    """Rays of points that are not determined though several oriented images see them, as these rays do not meet.
+
+    Parameters
+    ----------
+    xyz : (n_points, 3) float64
+        NaN where not determined.
+    spread : float
+        Of the residuals, in standard deviations.
+
+    Returns
+    -------
+    (k,) int
+        Rows of the rays. Points whose rays meet, but at too narrow an angle, are not among them.
+    """
+    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
+    rows = np.flatnonzero(rays.active & oriented[rays.image] & ~finite_rows(xyz)[rays.point])
+    rows = rows[np.bincount(rays.point[rows], minlength=len(xyz))[rays.point[rows]] >= 2]
+    if not len(rows):
+        return rows
+    u = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
+    direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[rows]], u)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    names, of = np.unique(rays.point[rows], return_inverse=True)
+    met = np.full(xyz.shape, np.nan)
+    met[names] = intersect_rays(poses.position_m[rays.image[rows]], direction, of, len(names))
+    off = residuals_mm(rays, rows, poses, met) / rays.sigma_mm[rows].mean(axis=1)
+    far = np.bincount(of, ~(off <= LIMIT * max(spread, 1.0))) > 0
+    return rows[far[of]]
 
 
 def residuals_mm(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> Float:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.plugin import SILENT, Context
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
@@ -36,9 +37,10 @@ def without_strips(block: Block) -> Block:
     return replace(block, images=images, strips=block.strips.take(np.zeros(0, dtype=np.intp)))
 
 
-def initial_of(block: Block, **options: object) -> Solution:
+def initial_of(block: Block, context: Context = SILENT, **options: object) -> Solution:
     points = systematic(block, calibrated(block), options=SystematicOptions(refraction=False, earth_curvature=False))
-    return graph(block, points, options=GraphOptions.model_validate(options), rng=np.random.default_rng(1))
+    return graph(block, points, options=GraphOptions.model_validate(options), context=context,
+                 rng=np.random.default_rng(1))  # fmt: skip
 
 
 def far_off(block: Block, solution: Solution) -> tuple[float, float]:

@@ -1,0 +1,100 @@
+"""Blocks with one thing wrong: all images are oriented or named, and the bundle that follows converges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from aatri.artifacts.block import Block
+from aatri.errors import GeometryError
+from aatri.stages.bundle_adjustment.bundle import bundle
+from tests.stages.initial_orientation.test_datum import some_ends, with_distances
+from tests.stages.initial_orientation.unordered import (
+    SMALL_UAV,
+    Told,
+    far_off,
+    initial_of,
+    measured,
+    simulated,
+    without_strips,
+)
+
+
+def wrong_numbers(block: Block, share: float) -> Block:
+    """Some image points with the number of any other point; those that come out twice in an image are left away."""
+    m, rng = block.image_points, np.random.default_rng(5)
+    rows = rng.choice(len(m), round(share * len(m)), replace=False)
+    point = m.point.copy()
+    point[rows] = rng.integers(0, len(block.points), len(rows))
+    _, first = np.unique(m.image.astype(np.int64) * len(block.points) + point, return_index=True)
+    return replace(block, image_points=replace(m, point=point).take(first))
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_the_bundle_converges_after_wrong_point_numbers(share: float) -> None:
+    block = wrong_numbers(without_strips(simulated(**SMALL_UAV)), share)
+    found = initial_of(block, pairs_per_image=8)
+    assert found.images.oriented.all()
+    assert far_off(block, found)[0] < 0.2
+    done = bundle(block, measured(block), found)
+    assert done.sigma0 < 1.1
+    assert far_off(block, done)[0] < 0.1
+
+
+def test_positions_that_are_all_shifted_are_left_out_with_their_shift() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    e, told = block.exterior, Told()
+    shifted = replace(block, exterior=replace(e, position_m=e.position_m + np.array([0.0, 0.0, 20.0])))
+    found = initial_of(shifted, told, pairs_per_image=8)
+    assert far_off(block, found)[0] < 0.2
+    text = next(text for text in told.warnings if "observed positions (24) contradict all else" in text)
+    x, y, z = (float(v) for v in text.partition("shifted by ")[2].partition(" m")[0].split(", "))
+    assert max(abs(x), abs(y), abs(z - 20.0)) < 0.1
+
+
+def test_distances_of_another_scale_are_left_out_with_their_scale() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    block, told = with_distances(block, some_ends(block, 6)), Told()
+    g = block.geodetic
+    found = initial_of(replace(block, geodetic=replace(g, value=1.02 * g.value)), told, pairs_per_image=8)
+    assert far_off(block, found)[0] < 0.2
+    text = next(text for text in told.warnings if "distances (6) contradict all else" in text)
+    assert float(text.partition("by ")[2].partition(" ppm")[0]) == pytest.approx(20_000, abs=1_000)
+
+
+@pytest.mark.parametrize("elevation_deg", [0.0, 15.0])
+def test_a_facade_seen_from_below_is_not_taken_for_mirrored_control(elevation_deg: float) -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    R = Rotation.from_euler("x", 90.0 + elevation_deg, degrees=True).as_matrix()
+    ground, images, points = block.ground_points, block.true_images, block.true_points
+    assert images is not None
+    assert points is not None
+    upright = replace(
+        block,
+        ground_points=replace(ground, xyz_m=ground.xyz_m @ R.T, covariance_m2=R @ ground.covariance_m2 @ R.T),
+        exterior=block.exterior.take(np.zeros(0, dtype=np.intp)),
+        true_images=replace(images, position_m=images.position_m @ R.T, ground_from_image=R @ images.ground_from_image),
+        true_points=replace(points, xyz_m=points.xyz_m @ R.T),
+    )
+    found = initial_of(upright, pairs_per_image=8)
+    assert found.images.oriented.all()
+    assert far_off(upright, found)[0] < 0.2
+
+
+def test_mirrored_control_is_refused() -> None:
+    block = without_strips(simulated(**SMALL_UAV, gnss={"observed": False, "approximate_positions": False}))
+    ground = block.ground_points
+    exchanged = replace(block, ground_points=replace(ground, xyz_m=ground.xyz_m[:, [1, 0, 2]]))
+    with pytest.raises(GeometryError, match="the control is mirrored"):
+        initial_of(exchanged, pairs_per_image=8)
+
+
+def test_images_all_taken_at_one_place_are_refused_with_the_reason() -> None:
+    only = {"flight": {"strips": 1, "images_per_strip": 8}, "ties": {"new_points": 300}}
+    block = without_strips(simulated(seed=3, preset="hover", **only))
+    with pytest.raises(GeometryError) as refused:
+        initial_of(block)
+    assert "taken at one place" in str(refused.value)
