@@ -34,6 +34,7 @@ from aatri.adapters.ground.initial_orientation import (
 from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of
 from aatri.adapters.pairs.pair_graph import graph_of, strongest_pairs, turns_of
+from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -72,6 +73,7 @@ class GraphOptions(Options):
         "ground_points.covariance_m2",
         "exterior.position_m",
         "cameras.lever_arm_m",
+        "cameras.distortion",
         "earth_curvature:frame",
         "undulation",
         *USES,
@@ -88,6 +90,7 @@ def graph(
 ) -> Solution:
     """Orient all images."""
     check_same_block(block, image_points.images.id, "image_points")
+    image_points, of_lens = without_distortion(block, image_points)
     if models is None:
         models = _models(block, image_points, options, context)
     else:
@@ -119,7 +122,7 @@ def graph(
     if inside.partial:  # where plan control and heights lie is known better now
         inside = in_tangent_frame(given, inside.back(solution))
         solution, notes = on_the_ground(inside.block)
-    tell([*free.notes, *shown_components(free.components, block), *notes, *rejected_note(solution.suspects),
+    tell([*of_lens, *free.notes, *shown_components(free.components, block), *notes, *rejected_note(solution.suspects),
           *not_oriented(block, solution)], context)  # fmt: skip
     return inside.back(solution)
 

@@ -75,6 +75,20 @@ def systematically_corrected(
     return with_corrections(image_points, xy, wanted, largest), tuple(notes)
 
 
+def without_distortion(block: Block, image_points: ImagePoints) -> tuple[ImagePoints, tuple[Note, ...]]:
+    """Image points of a central projection, for stages that know no lens; as they are where they have been corrected.
+
+    A calibration leaves the distortion in the image points, for the bundle to find.
+    """
+    if "distortion" in image_points.corrections.name or (block.cameras.distortion == "none").all():
+        return image_points, ()
+    corrected, notes = systematically_corrected(block, image_points, ["distortion"], None, "coefficients")
+    text = (
+        "the image points are not corrected for the distortion of the lens: as the block gives it, it is used here only"
+    )
+    return corrected, (Note("note", text), *notes)
+
+
 def _to_apply(block: Block, image_points: ImagePoints, wanted: Sequence[str]) -> tuple[list[str], list[Note]]:
     """The corrections to make, in order; those that the block has no use for are left out with a note."""
     names, notes = [name for name in IN_ORDER if name in wanted], []

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
 from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.initial_orientation.graph import GraphOptions, graph
+from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.initial_orientation.test_datum import some_ends, with_distances
 from tests.stages.initial_orientation.unordered import (
     SMALL_UAV,
@@ -98,3 +100,16 @@ def test_images_all_taken_at_one_place_are_refused_with_the_reason() -> None:
     with pytest.raises(GeometryError) as refused:
         initial_of(block)
     assert "taken at one place" in str(refused.value)
+
+
+def test_image_points_with_their_distortion_are_oriented_as_without_it() -> None:
+    lens = {"distortion": "brown", "brown": {"k1": 3e-4, "p1": 2e-5}}
+    block = without_strips(simulated(**{**SMALL_UAV, "camera": lens}))
+    distorted, told = calibrated(block), Told()
+    found = graph(block, distorted, options=GraphOptions(pairs_per_image=8), context=told, rng=np.random.default_rng(1))
+    corrected = initial_of(block, pairs_per_image=8)
+    shift = np.abs(measured(block).measurements.xy_mm - distorted.measurements.xy_mm).max()
+    assert shift > 0.02  # mm, of image points of 1 um
+    assert far_off(block, found)[0] < 0.2
+    np.testing.assert_array_equal(found.images.position_m, corrected.images.position_m)
+    assert (found.suspects.kind != "image_point").all()
