@@ -11,7 +11,6 @@ from aatri.adapters.pairs.film_in_orientations import film_in_orientations
 from aatri.adapters.solution import stacked
 from aatri.adapters.uncontrolled_before import seen_by_one
 from aatri.adjustment.statistics.uncontrolled import BELOW
-from aatri.adjustment.threads import in_threads
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -20,11 +19,8 @@ from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation.relative.kernels.common_points import count_common, find_common
+from aatri.orientation.relative.common_points import common_points
 from aatri.orientation.relative.pair_loops import RelativeOrientations
-
-PAIRS_A_THREAD = 5_000
-"""Pairs of images for which a thread of their own pays."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +141,7 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> Pairs:
     rows, key = rows[single], key[single]
     first = np.searchsorted(key, np.arange(len(block.images) + 1, dtype=np.int64) * len(block.points))
     left, right = (images[:, side].astype(np.int32) for side in (0, 1))
-    start, a, b = _common(np.ascontiguousarray(images, dtype=np.int64), first, m.point[rows].astype(np.int64))
+    start, a, b = common_points(images, first, m.point[rows])
     pair, a, b = np.repeat(np.arange(len(left)), np.diff(start)), rows[a], rows[b]
     c_mm = block.cameras.principal_distance_mm[block.images.camera]
     return Pairs(
@@ -153,17 +149,6 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> Pairs:
         RayPairs(np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]), np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
              m.sigma_mm[a], m.sigma_mm[b]),
     )  # fmt: skip
-
-
-def _common(images: Int, begin: Int, point: Int) -> tuple[Int, Int, Int]:
-    """First common point of each pair, and the rows of all of them in both images; see `kernels.common_points`."""
-    m, count = len(images), np.zeros(len(images), dtype=np.int64)
-    begin = np.ascontiguousarray(begin, dtype=np.int64)
-    in_threads(m, lambda a, b: count_common(a, b, images, begin, point, count), worth=PAIRS_A_THREAD)
-    start = np.concatenate([[0], np.cumsum(count)])
-    left, right = (np.empty(int(start[-1]), dtype=np.int64) for _ in range(2))
-    in_threads(m, lambda a, b: find_common(a, b, images, begin, point, start, left, right), worth=PAIRS_A_THREAD)
-    return start, left, right
 
 
 def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: RelativeOrientations) -> Models:
