@@ -15,6 +15,7 @@ from aatri.adapters.ground.initial_tests import (
     contradiction_note,
     deformation_notes,
     held_against,
+    left_out_table,
     residual_table,
     suspect_table,
     two_that_differ,
@@ -58,6 +59,8 @@ class OnGround:
         Attitudes took part.
     free : bool
         Nothing tells where it lies.
+    left : Known, optional
+        What is left out, as it contradicts all else.
     """
 
     component: Component
@@ -66,6 +69,7 @@ class OnGround:
     similarity: Similarity
     attitudes: bool
     free: bool
+    left: Known | None = None
 
 
 def to_ground(
@@ -162,14 +166,14 @@ def _oriented(
         return part(known, by(known, attitudes=True), attitudes=True), [Note("note", text + error.what)]
     if result.tied.tau_m == 0:
         return part(known, result), []
-    for left_out, others in without_one(known):
+    for kind, others, left in without_one(known):
         try:
             alone = by(others)
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
         if alone.tied.tau_m == 0:  # they fit, and do so no more with what is left out
-            made = part(others, alone)
-            return made, [contradiction_note(block, ground, known, made.component, left_out, what)]
+            made = replace(part(others, alone), left=left)
+            return made, [contradiction_note(block, ground, left, made.component, kind, what)]
     return part(known, result), deformation_notes(result, precision(component, rays), what)
 
 
@@ -206,10 +210,12 @@ def initial_solution(
         kept |= c.kept & new[rays.image] & points[rays.point]
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
         if part.oriented is not None:
-            held = held_against(block, ground, part.known, part.oriented, c, attitudes=part.attitudes)
-            for one in held:
+            first, held = len(part.oriented.tied.point_m), len(part.oriented.active) if free else 0
+            for one in held_against(block, ground, part.known, c, attitudes=part.attitudes, first=first, held=held):
                 tables.append(residual_table(one, part.oriented))
                 found.append(suspect_table(one, part.oriented))
+        if part.left is not None:
+            found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     poses = Poses(position, rotation)
     found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))

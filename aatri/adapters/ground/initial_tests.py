@@ -23,6 +23,9 @@ from aatri.orientation.graph.component import Component
 
 STAGE = "initial_orientation"
 
+LEAST_SIGMA = 1e-6
+"""Of what is exact, m or rad."""
+
 DEFORMED = 5.0
 """Times the standard deviation of its points that a component may be deformed by without a warning."""
 
@@ -61,23 +64,39 @@ class Held:
 
 
 def held_against(
-    block: Block, ground: Ground, known: Known, oriented: OrientedComponent, component: Component, *, attitudes: bool
+    block: Block, ground: Ground, known: Known, component: Component, *, attitudes: bool, first: int = 0, held: int = 0
 ) -> Iterator[Held]:
-    """All that took part in orienting a component, kind by kind; the component is on the ground."""
-    first = len(oriented.tied.point_m)  # behind the points of the component
-    c, p, done = ground.control, ground.positions, 0
-    for kind, rows, row, covariance, image, point in (
-        ("control", known.control, c.row, c.covariance_m2, None, block.points.id[c.point[known.control]]),
-        ("position", known.position, p.row, p.covariance_m2, block.images.id[p.image[known.position]], None),
+    """What is known of a component on the ground, kind by kind.
+
+    Parameters
+    ----------
+    component : Component
+        On the ground, reduced to the origin.
+    attitudes : bool
+        Attitudes are among it.
+    first : int
+        How many observations come before in the adjustment: points of the component.
+    held : int
+        How many of the control of a free datum are no control of the block.
+    """
+    c, p, poses = ground.control, ground.positions, component.poses
+    control, position = known.control, known.position
+    image = p.image[position]
+    arm = np.einsum("nij,nj->ni", poses.ground_from_image[image], p.lever_arm_m[position])
+    off = component.xyz[c.point[control]] + ground.origin_m - c.xyz_m[control]
+    of_control = np.where(c.given[control], off, np.nan)
+    of_position = poses.position_m[image] + arm + ground.origin_m - p.position_m[position]
+    for kind, row, covariance, images, points, value in (
+        ("control", c.row[control], c.covariance_m2[control], None, block.points.id[c.point[control]], of_control),
+        ("position", p.row[position], p.covariance_m2[position], block.images.id[image], None, of_position),
     ):
-        n, none = len(rows), np.full(len(rows), "")
-        value = oriented.residual_m[done : done + n]
-        sigma = np.where(np.isfinite(value), np.sqrt(np.einsum("nii->ni", covariance[rows])), np.nan)
+        n, none = len(row), np.full(len(row), "")
+        sigma = np.where(np.isfinite(value), np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
         if n:
-            yield Held(kind, row[rows], none if image is None else image, none if point is None else point, value,
+            yield Held(kind, row, none if images is None else images, none if points is None else points, value,
                        sigma, "m", slice(first, first + n))  # fmt: skip
-        done, first = done + n, first + n
-    first += len(oriented.active) - done  # what is held of a free datum
+        first += n
+    first += held
     for part, rows in known.lengths:
         s = part.sights.take(rows)
         off = (lengths_in(component, part, rows) - s.value)[:, None]
@@ -86,7 +105,7 @@ def held_against(
         first += len(s)
     if attitudes:
         a, rows = ground.attitudes, known.attitude
-        R = component.poses.ground_from_image[a.image[rows]] @ a.ground_from_image[rows].swapaxes(1, 2)
+        R = poses.ground_from_image[a.image[rows]] @ a.ground_from_image[rows].swapaxes(1, 2)
         w = np.einsum("nij,nj->ni", np.linalg.inv(a.turning[rows]), log_vector(R))
         sigma = np.sqrt(np.einsum("nii->ni", a.covariance_rad2[rows]))
         yield Held("attitude", a.row[rows], block.images.id[a.image[rows]], np.full(len(rows), ""), w, sigma, "rad",
@@ -121,42 +140,50 @@ def suspect_table(held: Held, oriented: OrientedComponent) -> Suspects:
     return replace(found, unit=np.full(len(found), held.unit))
 
 
-def without_one(known: Known) -> Iterator[tuple[str, Known]]:
-    """What is left of the known without one kind: distances, positions, control."""
+def left_out_table(held: Held) -> Suspects:
+    """All of one kind, left out as it contradicts all else: the bundle begins without it and tests it again."""
+    nobody = np.zeros(len(held.row), dtype=bool)
+    with np.errstate(divide="ignore"):
+        test = np.sqrt(np.nanmean((held.residual / np.maximum(held.sigma, LEAST_SIGMA)) ** 2, axis=1))
+    found = pieces.tested(kind=held.kind, row=held.row, image=held.image, point=held.point, stage=STAGE,
+                          size_m=held.residual, test=test, began=~nobody, active=nobody, above=nobody)  # fmt: skip
+    return replace(found, unit=np.full(len(found), held.unit))
+
+
+def without_one(known: Known) -> Iterator[tuple[str, Known, Known]]:
+    """One kind, what is left of the known without it, and it alone: distances, positions, control."""
     none = np.zeros(0, dtype=np.int64)
+    nothing = Known(none, none, (), none)
     if known.lengths:
-        yield "distances", replace(known, lengths=())
+        yield "distances", replace(known, lengths=()), replace(nothing, lengths=known.lengths)
     if len(known.control) and len(known.position):
-        yield "observed positions", replace(known, position=none)
-        yield "control", replace(known, control=none)
+        yield "observed positions", replace(known, position=none), replace(nothing, position=known.position)
+        yield "control", replace(known, control=none), replace(nothing, control=known.control)
 
 
-def contradiction_note(block: Block, ground: Ground, known: Known, component: Component, left: str, what: str) -> Note:
+def contradiction_note(block: Block, ground: Ground, left: Known, component: Component, kind: str, what: str) -> Note:
     """What is left out as it contradicts all else; the component is on the ground without it."""
-    if left == "distances":
-        sights = [part.sights.take(rows) for part, rows in known.lengths]
-        names = np.concatenate([s.names for s in sights])
-        value = np.concatenate([s.value for s in sights])
-        ratio = value / np.concatenate([lengths_in(component, part, rows) for part, rows in known.lengths])
+    tables = list(held_against(block, ground, left, component, attitudes=False))
+    names = np.concatenate([t.point if kind != "observed positions" else t.image for t in tables])
+    if kind == "distances":
+        value = np.concatenate([part.sights.value[rows] for part, rows in left.lengths])
+        ratio = value / (value + np.concatenate([t.residual[:, 0] for t in tables]))
         off = f"longer than in it by {1e6 * (float(np.median(ratio)) - 1.0):.0f} ppm"
-    elif left == "control":
-        c, rows = ground.control, known.control
-        names = block.points.id[c.point[rows]]
-        given = np.where(c.given[rows], c.xyz_m[rows] - ground.origin_m, np.nan)
-        off = _shift(given - component.xyz[c.point[rows]])
     else:
-        p, rows = ground.positions, known.position
-        image = p.image[rows]
-        names = block.images.id[image]
-        arm = np.einsum("nij,nj->ni", component.poses.ground_from_image[image], p.lever_arm_m[rows])
-        off = _shift(p.position_m[rows] - ground.origin_m - component.poses.position_m[image] - arm)
-    text = f"{what}: {left} ({len(names)}) contradict all else, {off} in the median: they are left out here"
+        off = f"shifted by {_median_shift(tables[0].residual)} m"
+        camera = block.images.camera[ground.positions.image[left.position]]
+        if len(np.unique(camera)) > 1:
+            each = [
+                f"{block.cameras.id[k]} {_median_shift(tables[0].residual[camera == k])}" for k in np.unique(camera)
+            ]
+            off += f" (by camera: {'; '.join(each)})"
+    text = f"{what}: {kind} ({len(names)}) contradict all else, {off} in the median: they are left out here"
     return Note("warning", text, tuple(names.tolist()))
 
 
-def _shift(difference: Float) -> str:
-    x, y, z = np.nanmedian(difference, axis=0)
-    return f"shifted by {x:.3f}, {y:.3f}, {z:.3f} m"
+def _median_shift(residual: Float) -> str:
+    x, y, z = -np.nanmedian(residual, axis=0)
+    return f"{x:.3f}, {y:.3f}, {z:.3f}"
 
 
 def deformation_notes(oriented: OrientedComponent, precision: float, what: str) -> list[Note]:

@@ -38,7 +38,7 @@ CONTROL_LIMIT = 5.0
 UPWARDS, STEEPLY = 0.17, 0.7
 """Sines of the elevations, 10 and 45 degrees, above which the images look upwards, and steeply so, in the mean."""
 
-STIFF, LEFT = 2.0, 6
+STIFF, LEFT = 2.0, 4
 """Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
 
 FEWEST_MIRRORED = 5

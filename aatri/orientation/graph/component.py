@@ -33,6 +33,9 @@ HUBER = 2.0
 FEWEST_POINTS = 6
 """Images with fewer points that fit are not oriented."""
 
+LEAST_SHARE = 0.4
+"""Images of which a smaller share of the points fits in the end are not oriented."""
+
 ITERATIONS = 60
 
 TOLERANCE, FINALLY = 1.0, 0.1
@@ -107,8 +110,24 @@ def refined(
         off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
         spread = float(np.median(off)) / 1.1774  # of the length of two normal components
     limit = LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
-    xyz, kept = intersected(rays, poses, limit, xyz)
+    adjusted = xyz
+    xyz, kept = intersected(rays, poses, limit, adjusted)
+    poses, dropped = _fitting(rays, poses, xyz, kept)
+    if dropped:
+        xyz, kept = intersected(rays, poses, limit, adjusted)
+        xyz[np.bincount(rays.point[kept], minlength=len(xyz)) < 2] = np.nan
+        kept &= finite_rows(xyz)[rays.point]
     return Component(poses, xyz, kept, spread)
+
+
+def _fitting(rays: ImagePointRows, poses: Poses, xyz: Float, kept: Bool) -> tuple[Poses, int]:
+    """Without images most of whose points do not fit, as of a mirrored image; and how many they are."""
+    n = len(poses.position_m)
+    seen = rays.active & finite_rows(xyz)[rays.point] & finite_rows(poses.position_m)[rays.image]
+    of_all, of_kept = (np.bincount(rays.image[some], minlength=n) for some in (seen, kept))
+    lost = of_kept < LEAST_SHARE * of_all
+    position = np.where(lost[:, None], np.nan, poses.position_m)
+    return Poses(position, np.where(lost[:, None, None], np.nan, poses.ground_from_image)), int(lost.sum())
 
 
 def _well_held(rays: ImagePointRows, poses: Poses, kept: Bool) -> tuple[Poses, Bool]:

@@ -55,6 +55,10 @@ def test_positions_that_are_all_shifted_are_left_out_with_their_shift() -> None:
     text = next(text for text in told.warnings if "observed positions (24) contradict all else" in text)
     x, y, z = (float(v) for v in text.partition("shifted by ")[2].partition(" m")[0].split(", "))
     assert max(abs(x), abs(y), abs(z - 20.0)) < 0.1
+    assert (found.suspects.kind[found.suspects.verdict == "rejected"] == "position").sum() == 24
+    done = bundle(shifted, measured(shifted), found)  # begins without them
+    assert done.sigma0 < 1.1
+    assert far_off(block, done)[0] < 0.1
 
 
 def test_distances_of_another_scale_are_left_out_with_their_scale() -> None:
@@ -113,3 +117,45 @@ def test_image_points_with_their_distortion_are_oriented_as_without_it() -> None
     assert far_off(block, found)[0] < 0.2
     np.testing.assert_array_equal(found.images.position_m, corrected.images.position_m)
     assert (found.suspects.kind != "image_point").all()
+
+
+def test_a_mirrored_image_is_named_and_not_oriented() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    m, wide = block.image_points, block.cameras.format[0, 0]
+    xy = m.xy.copy()
+    xy[m.image == 7, 0] = wide - xy[m.image == 7, 0]
+    told = Told()
+    found = initial_of(replace(block, image_points=replace(m, xy=xy)), told, pairs_per_image=8)
+    assert np.flatnonzero(~found.images.oriented).tolist() == [7]
+    assert any("not oriented" in text and str(block.images.id[7]) in text for text in told.warnings)
+    assert far_off(block, found)[0] < 0.2
+
+
+def test_cameras_of_which_one_has_a_wrong_principal_distance_are_told_apart() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    two = block.cameras.take(np.array([0, 0]))
+    c_mm = two.principal_distance_mm * [1.0, 1.1]
+    camera = (np.arange(len(block.images)) >= 12).astype(np.int32)
+    wrong = replace(
+        block,
+        cameras=replace(two, id=np.array(["first", "second"]), principal_distance_mm=c_mm),
+        images=replace(block.images, camera=camera),
+    )
+    told = Told()
+    found = initial_of(wrong, told, pairs_per_image=8)
+    assert found.images.oriented.all()
+    assert any("contradict all else" in text and "by camera: first" in text for text in told.warnings)
+
+
+def test_a_wrong_position_among_five_is_named() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    e = block.exterior.take(np.array([0, 5, 13, 20, 22]))
+    wrong = e.position_m.copy()
+    wrong[1, 0] += 30.0
+    bare = replace(
+        block, ground_points=block.ground_points.take(np.zeros(0, dtype=np.intp)), exterior=replace(e, position_m=wrong)
+    )
+    found = initial_of(bare, pairs_per_image=8)
+    s = found.suspects
+    assert s.image[(s.kind == "position") & (s.verdict == "rejected")].tolist() == [str(block.images.id[5])]
+    assert far_off(block, found)[0] < 0.2
