@@ -15,6 +15,7 @@ from aatri.observations.control import control_of
 from aatri.orientation.plausibility.cameras import Cameras, given_notes
 from aatri.orientation.plausibility.control import length
 from aatri.orientation.plausibility.control_rays import ControlRays
+from aatri.orientation.plausibility.coverage import coverage
 from aatri.orientation.plausibility.distances import scale_notes
 from aatri.orientation.plausibility.face_angles import contradiction
 from aatri.orientation.plausibility.positions import THE_SAME, impossible_positions
@@ -33,7 +34,11 @@ def cameras_of(block: Block) -> Cameras:
     c = block.cameras
     digital = np.asarray(c.kind == "digital")
     pixel = np.where(digital, np.sqrt(c.pixel_size_mm.prod(axis=1)), np.nan)
-    return Cameras(c.id.tolist(), c.principal_distance_mm, half_format_mm(digital, c.format, c.pixel_size_mm), pixel)
+    half = half_format_mm(digital, c.format, c.pixel_size_mm)
+    marks = np.zeros_like(half)
+    np.maximum.at(marks, block.fiducials.camera, np.abs(block.fiducials.xy_mm))
+    half = np.where(np.isnan(half) & (marks > 0), marks, half)  # the image reaches as far as its marks, at least
+    return Cameras(c.id.tolist(), c.principal_distance_mm, half, pixel)
 
 
 def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, ...]]:
@@ -47,7 +52,13 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
     """
     rays, observed = _rays(block, active)
     distance = np.linalg.norm(rays.control_m[rays.point] - rays.position_m[rays.image], axis=1)
-    notes = list(given_notes(cameras_of(block), block.images.camera[rays.image], distance))
+    of_ray = block.images.camera[rays.image]
+    more, away = _distances_by_scale(block, active, of_ray)
+    notes = list(given_notes(cameras_of(block), np.concatenate([of_ray, more]), np.concatenate([distance, away])))
+    wrong_units, spans = _coverage(block, active)
+    if wrong_units:
+        return wrong_units, tuple(notes)
+    notes += spans
     plain = np.isin(block.cameras.distortion, PLAIN_LENSES)[block.images.camera[rays.image]]
     notes += [*_plane_frame(block), *_scale_of_distances(block)]
     found = contradiction(_some(rays, plain), observed=observed)
@@ -61,6 +72,37 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
         return [InputError(found.text, where=where, remedy=found.remedy)], tuple(notes)
     notes.append(Note("warning", f"{found.text} ({found.remedy})", ids))
     return [], tuple(notes)
+
+
+def _coverage(block: Block, active: Bool) -> tuple[list[InputError], list[Note]]:
+    """What image points cover, where their place in the image does not hang on interior orientation."""
+    xy, known = _photo_mm(block)
+    camera = block.images.camera[block.image_points.image]
+    plain = (block.cameras.image_coordinates == "photo") | (block.cameras.kind == "digital")
+    rows = active & known & plain[camera]
+    return coverage(cameras_of(block), camera[rows], xy[rows])
+
+
+def _distances_by_scale(block: Block, active: Bool, known_camera: Int) -> tuple[Int, Float]:
+    """Distances of cameras without positions from the scale of their images: c |X_i - X_j| / |x_i - x_j| of control.
+
+    Of neighbouring control points of each image; vertical images are thought of, others have about the same.
+    """
+    control, points, c = control_of(block), block.image_points, block.cameras
+    number = np.full(len(block.points), -1)
+    number[control.point[control.given.all(axis=1)]] = np.flatnonzero(control.given.all(axis=1))
+    xy, known = _photo_mm(block)
+    rows = np.flatnonzero(active & known & (number[points.point] >= 0))
+    rows = rows[np.argsort(points.image[rows], kind="stable")]
+    first, second = rows[:-1], rows[1:]
+    camera = block.images.camera[points.image[first]]
+    use = (points.image[first] == points.image[second]) & ~np.isin(camera, known_camera)
+    first, second, camera = first[use], second[use], camera[use]
+    apart = np.linalg.norm(xy[second] - xy[first], axis=1)
+    X = [control.xyz_m[number[points.point[some]]] for some in (first, second)]
+    length_m = np.linalg.norm(X[1] - X[0], axis=1)
+    use = apart > 0
+    return camera[use], c.principal_distance_mm[camera[use]] * length_m[use] / apart[use]
 
 
 def _plane_frame(block: Block) -> list[Note]:

@@ -90,8 +90,24 @@ def _options(
     del version
 
 
+def _open_standard_files() -> None:
+    """Give stdin, stdout and stderr that are closed a place to go: else a file of the run gets their number.
+
+    HDF5 writes its complaints to number 2, whatever is open there.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+
+
 def main() -> None:
     """Entry point of the command line."""
+    _open_standard_files()
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")
     try:

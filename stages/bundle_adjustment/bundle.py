@@ -34,6 +34,7 @@ from pydantic import field_validator, model_validator
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.control_relief import relief_notes
 from aatri.adapters.bundle.geodetic_conventions import convention_notes
 from aatri.adapters.bundle.hidden_distortion import distortion_notes
 from aatri.adapters.bundle.orderings import report_orderings
@@ -210,7 +211,8 @@ def bundle(
     tell(remarks(given, result.adjusted.state, before=False), context)
     tell(shift_notes(as_given, given, result, lambda block: _adjusted(block, options, SILENT, How())), context)
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
-    notes += [*weak_datum_notes(given, result), *distortion_notes(given, result, tests=options.reliability)]
+    notes += [*weak_datum_notes(given, result), *relief_notes(result)]
+    notes += distortion_notes(given, result, tests=options.reliability)
     notes += [*systematic_notes(result), *parameter_notes(given, result), *correlation_notes(result)]
     tell([*done.notes, *result.notes, *notes], context)
     told = told_parameters(block, result, chosen)

@@ -159,6 +159,32 @@ def test_compilation_is_told_while_a_pipeline_is_planned(
     assert "1 kernels ready" in (capsys.readouterr().err if terminal else told[0])
 
 
+def test_where_the_narration_has_no_place_to_go_the_work_goes_on(tmp_path: Path) -> None:
+    """Closed, opened for reading only, or on a disk that is full."""
+    said = "from aatri.cli.main import main; main()"
+    whole = f"{sys.executable} -c '{said}' run {tmp_path / 'nothing.yaml'}"
+    for where in ("2>&-", "2</dev/null", "2>/dev/full", "<&- >&- 2>&-"):
+        assert subprocess.run(["sh", "-c", f"{whole} {where}"], check=False).returncode == 2, where
+
+
+def test_standard_files_that_are_closed_leave_their_numbers_to_nothing_else() -> None:
+    program = "from aatri.cli.main import _open_standard_files as o; import sys; o(); open(sys.argv[1]); print(2)"
+    done = subprocess.run(
+        ["sh", "-c", f"{sys.executable} -c '{program}; import os; os.write(2, b\"lost\")' {__file__} 2>&-"],
+        stdout=subprocess.PIPE, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "2\n")
+
+
+def test_a_reader_that_has_seen_enough_is_no_internal_error() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-c", "from aatri.cli.main import main; main()", "stages"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
 def test_where_nobody_reads_the_narration_the_work_goes_on(tmp_path: Path) -> None:
     """`aatri run 2>&1 | head -1`: what is told later has no reader, which is no failure of a stage, nor of the verb."""
     reader, writer = os.pipe()

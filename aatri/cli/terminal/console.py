@@ -22,7 +22,7 @@ from aatri.ids import clipped
 P = ParamSpec("P")
 T = TypeVar("T")
 
-INTERRUPTED = 130
+INTERRUPTED, PIPE_CLOSED = 130, 141
 
 _LACKS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
@@ -34,8 +34,11 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             return verb(*args, **kwargs)
-        except (typer.Exit, BrokenPipeError):  # a closed pipe, as by `| head`, is the caller's wish
+        except typer.Exit:
             raise
+        except BrokenPipeError:  # a closed pipe, as by `| head`, is the caller's wish
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(PIPE_CLOSED) from None
         except KeyboardInterrupt:
             narrate("interrupted")
             raise typer.Exit(INTERRUPTED) from None
@@ -75,10 +78,10 @@ def say(text: str = "") -> None:
 
 
 def narrate(text: str) -> None:
-    """Print what is not data; where nobody reads it any more, as after `2>&1 | head`, the work goes on."""
+    """Print what is not data; where it has no place to go, as after `2>&1 | head` or on a full disk, work goes on."""
     try:
         typer.echo(_escaped(text), err=True)
-    except BrokenPipeError:
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 

@@ -9,9 +9,9 @@ feet 3.2808, with heights that count downwards -1. A principal distance wrong by
 model upwards. Over flat ground f is not determined, and nothing is said.
 
 It is said where the residuals v fall to a share of those with f = 1 and f is known well, which takes relief. Errors of
-the model make f too near to zero by a few hundredths; a known factor is met within three standard deviations. An f
-beyond 2 or below 1/2 is certain: no principal distance to be calibrated is so far off. Source: the affinity of heights
-in Kraus, Photogrammetry, deformation of models.
+the model make f too near to zero by a few hundredths; a known factor is met within a tenth, or three standard
+deviations. An f beyond 2 or below 1/2 is certain: no principal distance to be calibrated is so far off. Source: the
+affinity of heights in Kraus, Photogrammetry, deformation of models.
 """
 
 from __future__ import annotations
@@ -45,6 +45,9 @@ EXPLAINED = 0.3
 
 RELATIVE_SIGMA = 0.07
 """A factor is told if it is known to this share of itself, and if 1 is ten standard deviations away."""
+
+NEAR = 0.1
+"""A factor so near to a known one, as a share of it, is that: a lens that bends the model takes it a little away."""
 
 SURELY = 2.0
 """A factor, or its inverse, beyond this is no matter of a calibration."""
@@ -111,7 +114,7 @@ def height_factor(model_m: Float, given_m: Float, given: Bool) -> HeightFactor |
     if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
         return None
     near = min(KNOWN, key=lambda known: abs(factor - known))
-    met = abs(factor - near) <= 3 * sigma
+    met = abs(factor - near) <= max(3 * sigma, NEAR * abs(near))
     return HeightFactor(factor, sigma, *(KNOWN[near] if met else UNKNOWN))
 
 

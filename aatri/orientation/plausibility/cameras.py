@@ -7,8 +7,9 @@
                          shows it
 
 Figures no camera and no flight has are warnings: a field of view below 1 or above 170 degrees, a ground sampling
-distance below 0.01 mm or above 100 m, points behind their camera, control outside of what its images show. They come
-from wrong units, principal distances, pixel sizes and zones, which an adjustment can hide or cannot survive.
+distance below 0.01 mm or above 100 m, a scale below 1 : 2,000,000, points behind their camera, cameras that look up at
+points above them, control outside of what its images show. They come from wrong units, principal distances, pixel
+sizes, signs and zones, which an adjustment can hide or cannot survive.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ from aatri.orientation.plausibility.control import length
 
 FIELD_OF_VIEW_DEG = (1.0, 170.0)
 SAMPLING_M = (1e-5, 100.0)
+SMALLEST_SCALE = 2e6
 FORMAT_MARGIN = 0.1
 """So far beyond its edge, as a share of the format, a control point may project: orientations are approximate."""
+
+UPWARDS = 0.7
+"""An image whose points lie higher by more than this share of their distance looks upwards."""
 
 BEHIND = 0.05
 """A larger share of points behind their camera is no matter of a few wrong points."""
@@ -126,6 +131,9 @@ def _figures(cameras: Cameras, k: int, name: str, distance_m: float) -> tuple[li
         notes.append(Note("warning", f"camera {name} has a ground sampling distance of {length(sampling)}: check "
                           f"principal distance ({c:g} mm), pixel size ({pixel:g} mm) and the unit of "
                           "coordinates"))  # fmt: skip
+    if np.isnan(sampling) and distance_m / c * 1000 > SMALLEST_SCALE:
+        notes.append(Note("warning", f"camera {name} has a scale of 1 : {distance_m / c * 1000:,.0f}: check principal "
+                          f"distance ({c:g} mm) and the unit of coordinates"))  # fmt: skip
     return parts, notes
 
 
@@ -135,6 +143,9 @@ def _one_camera(cameras: Cameras, k: int, name: str, depth: Float, height: Float
     field = [part for part in parts if part.startswith("field")]
     parts = [*field, f"{length(float(np.median(height)))} above its points", *parts[len(field) :]]
     notes = [Note("note", f"camera {name}: {', '.join(parts)}"), *warnings]
+    if float(np.mean(height < -UPWARDS * np.abs(depth))) > 1 - BEHIND and behind <= BEHIND:
+        notes.append(Note("warning", f"all images of camera {name} look up at points above them: unless this is a "
+                          "ceiling, heights have the wrong sign or two axes are exchanged"))  # fmt: skip
     if behind > BEHIND:
         notes.append(Note("warning", f"{behind:.0%} of the points of camera {name} lie behind it: check axes, angles "
                           "and the sign of heights"))  # fmt: skip

@@ -24,7 +24,14 @@ ALL = np.ones((12, 3), bool)
 
 
 @pytest.mark.parametrize(
-    ("factor", "cause"), [(1 / 0.3048, "feet"), (0.3048, "divided by 3.28"), (-1.0, "downwards"), (2.5, "principal")]
+    ("factor", "cause"),
+    [
+        (1 / 0.3048, "feet"),
+        (0.95 / 0.3048, "feet"),
+        (0.3048, "divided by 3.28"),
+        (-1.0, "downwards"),
+        (2.5, "principal"),
+    ],
 )
 def test_a_factor_is_found_with_its_standard_deviation_and_named(factor: float, cause: str) -> None:
     truth = _control()

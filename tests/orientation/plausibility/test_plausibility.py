@@ -162,6 +162,23 @@ def test_wrong_camera_constants_are_warnings(camera, what):
     assert any(note.level == "warning" and what in note.text for note in notes)
 
 
+def test_cameras_below_their_points_that_look_up_are_warned_of():
+    cameras, camera, position, _, xyz, image, point = _block()
+    upwards = np.diag([1.0, -1.0, -1.0])
+    turned = (position * [1, 1, -1], np.tile(upwards, (len(position), 1, 1)), xyz * [1, 1, -1])
+    notes = camera_notes(cameras, camera, *turned, image, point)
+    assert [note for note in notes if note.level == "warning" and "look up at points above them" in note.text]
+    assert not [note for note in camera_notes(*_block()) if note.level == "warning"]
+
+
+def test_a_scale_that_no_film_has_is_warned_of():
+    film = Cameras(["c"], np.array([150.0]), np.array([[115.0, 115.0]]), np.array([np.nan]))
+    zero = np.zeros(3, dtype=int)
+    notes = given_notes(film, zero, np.full(3, 450e3))
+    assert [note for note in notes if note.level == "warning" and "scale of 1 : 3,000,000" in note.text]
+    assert not [note for note in given_notes(film, zero, np.full(3, 250e3)) if note.level == "warning"]
+
+
 def test_heights_in_feet_put_points_behind_the_camera():
     notes = camera_notes(*_block(unit=100.0))
     assert any("lie behind it" in note.text for note in notes if note.level == "warning")
