@@ -5,9 +5,9 @@
 Models are bodies that are shifted, turned and scaled until their points, their perspective centres and control agree;
 ground points and centres are unknowns and eliminated. The centres carry the heights: without them neighbouring models
 turn about the row of their common points. Points and centres of a model share the five errors e_m of its relative
-orientation: latent unknowns with the covariance in `models` as prior (`centres: from_orientation`). With
-`centres: NUMBER`, metres on the ground, the centres have that standard deviation, and the models are rigid, as the
-classical programs have it.
+orientation: latent unknowns with the covariance in `models` as prior (`centres: {sigma: from_orientation}`).
+With `centres: {sigma: NUMBER}`, metres on the ground, the centres have that standard deviation, and the models are
+rigid, as the classical programs have it.
 
 `iteration: plan_height` adjusts plan (4 unknowns a model) and height (3) in turn, as PAT-M does, with the same result.
 Standard deviations of the points are those of this adjustment. `initial` gives the approximate orientations; gross
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import PositiveFloat
+from pydantic import PositiveFloat, field_validator
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.solution import check_same_block
@@ -36,18 +36,31 @@ from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
+class Centres(Options):
+    """The perspective centres of the models."""
+
+    sigma: Literal["from_orientation"] | PositiveFloat = Field(
+        "from_orientation",
+        description="standard deviation of the perspective centres: from the relative orientations, or a number, m",
+    )
+
+
 class IndependentModelsOptions(Options):
     """Options of the block adjustment with independent models."""
 
-    centres: Literal["from_orientation"] | PositiveFloat = Field(
-        "from_orientation",
-        description="standard deviation of the perspective centres: from the relative orientations, or a number, m",
+    centres: Centres = Field(
+        Centres(), description="perspective centres as tie points: a mapping with sigma, or the sigma alone"
     )
     iteration: Literal["together", "plan_height"] = Field(
         "together", description="all seven parameters together, or plan (4) and height (3) in turn"
     )
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="an error where sigma0 is larger")
+
+    @field_validator("centres", mode="before")
+    @classmethod
+    def _sigma_alone(cls, value: object) -> object:
+        return {"sigma": value} if isinstance(value, str | float | int) else value
 
 
 @stage(version=1, uses=("ground_points.xyz_m", "ground_points.covariance_m2", "earth_curvature:frame", "undulation"))
@@ -64,7 +77,8 @@ def independent_models(
     check_same_block(block, image_points.images.id, "image_points")
     check_same_block(block, models.images.id, "models")
     check_same_block(block, initial.images.id, "initial")
-    sigma_m = None if options.centres == "from_orientation" else float(options.centres)
+    sigma = options.centres.sigma
+    sigma_m = None if sigma == "from_orientation" else float(sigma)
     rules = ModelRules(sigma_m, options.iteration == "plan_height", options.limit, options.max_sigma0)
     inside = in_tangent_frame(block, initial)
     solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)

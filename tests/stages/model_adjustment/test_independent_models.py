@@ -32,7 +32,16 @@ def true_points(chain: Chain) -> Any:
     return X
 
 
-@pytest.mark.parametrize("options", [{}, {"centres": 0.05}, {"iteration": "plan_height"}])
+def test_the_sigma_of_the_centres_may_stand_alone_or_in_a_mapping() -> None:
+    for sigma in (0.05, "from_orientation"):
+        short, long = (IndependentModelsOptions.model_validate({"centres": c}) for c in (sigma, {"sigma": sigma}))
+        assert short == long
+        assert short.centres.sigma == sigma
+    with pytest.raises(ValueError, match="sigma"):
+        IndependentModelsOptions.model_validate({"centres": {"sigma": -1.0}})
+
+
+@pytest.mark.parametrize("options", [{}, {"centres": {"sigma": 0.05}}, {"iteration": "plan_height"}])
 def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
     found = independent_models(exact.block, exact.refined, exact.models, exact.strip_block,
                                options=IndependentModelsOptions(**options))  # fmt: skip
