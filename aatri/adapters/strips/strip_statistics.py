@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from aatri.adapters.strips.strip_tables import StripsOnGround
-from aatri.arrays import Text
+from aatri.arrays import Float, Text
 from aatri.artifacts.block import Block
 from aatri.notes import Note
 from aatri.orientation.free_block.polynomial_ties import in_axes
@@ -16,9 +16,15 @@ from aatri.orientation.free_block.strip_polynomials import StripPolynomials, tex
 BEYOND = 0.1
 """Share of the half range of a strip by which points may lie beyond its control and ties."""
 
+BEYOND_ALL = 0.5
+"""Of the same, beyond all control of the block."""
+
 
 def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, names: Text) -> Iterator[Note]:
-    """Counts, RMS of the tie residuals of every strip, and points that are extrapolated."""
+    """Counts, RMS of the tie residuals of every strip, and points that are extrapolated.
+
+    Ties carry control from strip to strip, but not beyond all of it: where no strip has any, all bend together.
+    """
     equations, coefficients = textbook_counts(result, ground.points, ground.control)
     text = f"{equations} equations of control and ties, {coefficients} coefficients of {len(names)} strips, redundancy"
     yield Note("note", f"{text} {equations - coefficients} (ground points eliminated)")
@@ -31,6 +37,7 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
     control = np.zeros(len(block.points), dtype=bool)
     control[ground.control.point[tied.active[len(points.point) :]]] = True
     known |= control[points.point]
+    at_control = result.point_m[control & np.isfinite(result.point_m[:, 0])]
     for k, name in enumerate(names):
         mine = (points.strip == k) & active
         shared = mine & often
@@ -39,11 +46,21 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
             largest = np.abs(v[shared]).max()
             text = f"strip {name}: RMS of {int(shared.sum())} tie residuals X {x:.3f}, Y {y:.3f}, Z {z:.3f} m"
             yield Note("note", f"{text}, largest {largest:.3f} m")
-        inside = local[mine & known]
-        if len(inside) and int(result.degree[k].max()) > 0:
-            off = np.maximum(local[mine] - inside.max(axis=0), inside.min(axis=0) - local[mine]).max(axis=1)
-            beyond = points.point[mine][off > BEYOND]
-            if len(beyond):
-                text = (f"strip {name}: {len(beyond)} points lie beyond its control and ties, by up to "
-                        f"{off.max() / 2:.0%} of its length or width: extrapolated")  # fmt: skip
-                yield Note("warning", text, tuple(block.points.id[beyond].tolist()))
+        bends = int(result.degree[k].max()) > 0
+        axes = ground.axes[k]
+        controlled = ((at_control - axes.origin_m) @ axes.ground_from_axes)[:, :2] / axes.half_range_m
+        off = _beyond(local[mine], local[mine & known] if bends else local[:0])
+        far = _beyond(local[mine], controlled if bends else local[:0])
+        own, of_block = off > BEYOND, far > BEYOND_ALL
+        for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):
+            if rows.any():
+                text = (f"strip {name}: {int(rows.sum())} points lie beyond {what}, by up to "
+                        f"{by[rows].max() / 2:.0%} of its length or width: extrapolated")  # fmt: skip
+                yield Note("warning", text, tuple(block.points.id[points.point[mine][rows]].tolist()))
+
+
+def _beyond(local: Float, inside: Float) -> Float:
+    """By how much of the half range points of a strip, in its axes, lie outside the range of others; 0 without any."""
+    if not len(inside):
+        return np.zeros(len(local))
+    return np.asarray(np.maximum(local - inside.max(axis=0), inside.min(axis=0) - local).max(axis=1))

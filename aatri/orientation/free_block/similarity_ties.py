@@ -16,10 +16,20 @@ import numpy as np
 from aatri.adjustment.records import Bind, Fill, Weigh
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.errors import ConvergenceError
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.similarity import Similarity
 from aatri.orientation.free_block.kernels import ties as kernels
 from aatri.orientation.free_block.tie_records import POINT, STRIP, Ties, spectrum_of
+
+FARTHEST = 20.0
+"""Step of the logarithm of a scale that no start calls for: a factor of 5e8."""
+
+RUN_AWAY = "no scale fits, it runs away from its start: what is given of the ground contradicts itself or the strips"
+CONTRADICTION = (
+    "are X and Y of the control exchanged, its axes left-handed, or its units or zone others than those of the "
+    "observed positions?"
+)
 
 LABELS = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z", "scale")
 
@@ -47,7 +57,15 @@ def similarities_of(single: Sequence[Similarity]) -> Similarities:
 
 
 def moved(value: Similarities, step: Float) -> Similarities:
-    """After a step, (n, 7)."""
+    """After a step, (n, 7).
+
+    Raises
+    ------
+    ConvergenceError
+        If a scale runs away.
+    """
+    if (np.abs(step[:, 6]) > FARTHEST).any():
+        raise ConvergenceError(RUN_AWAY, remedy=CONTRADICTION)
     return Similarities(
         value.translation + step[:, :3],
         value.scale * np.exp(step[:, 6]),
@@ -140,7 +158,8 @@ def similarity_ties(
 
     def bend_m(old: Similarities, new: Similarities) -> float:
         of_scaled, of_rotation = remainders(old, new)
-        return float((of_scaled * reach + of_rotation * arm_m).max(initial=0.0))
+        with np.errstate(invalid="ignore"):  # an infinite turn of no arm: NaN, no bound
+            return float((of_scaled * reach + of_rotation * arm_m).max(initial=0.0))
 
     moving = np.ones(len(names), dtype=bool) if free is None else free
     unknowns = Unknowns(STRIP, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)

@@ -207,7 +207,8 @@ def solve_tied(
         full = solved.state
     raise ConvergenceError(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
-        remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit",
+        remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "
+        "and whether X and Y of the control are exchanged or left-handed against the observed positions",
     )
 
 

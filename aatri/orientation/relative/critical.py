@@ -1,6 +1,6 @@
 """Critical configurations of a pair, by name, for an orientation that its points leave open or weak.
 
-- tiny base: the points are more than 50 bases away;
+- tiny base: the points are more than 50 bases away; short base: more than 25, where nothing else is found;
 - corner: the points take up a small part of the model only;
 - collinear: the model points lie near a line, so that they leave the turn about it open;
 - critical cylinder: points and both projection centres lie on a circular cylinder whose axis is along the base, as the
@@ -17,8 +17,8 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.geometry.vectors import tangents
 
-FAR = 50.0
-"""Bases to the points beyond which the base is tiny."""
+FAR, SHORT = 50.0, 25.0
+"""Bases to the points beyond which the base is tiny, and short."""
 
 IN_A_CORNER = 0.25
 """Largest extent, in bases, of points in one small part of the model."""
@@ -65,7 +65,7 @@ def critical_configuration(xyz: Float, base: Float) -> str:
     near = apart < ON_A_CIRCLE * float(np.ptp(across, axis=0).max()) and apart < BETTER * straight
     if near and spread[1] > FLAT * spread[0]:
         return "points and projection centres lie near a circular cylinder along the base (critical cylinder)"
-    return GENERAL
+    return f"the base is short, 1/{distance:.0f} of the distance to the points" if distance > SHORT else GENERAL
 
 
 GENERAL = "the points lie near a line, in a corner or on a critical surface"

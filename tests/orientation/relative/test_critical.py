@@ -37,6 +37,14 @@ def test_a_tiny_base_is_named() -> None:
     assert "base" in said(X, np.array([0.004, 0.0, 0.0]))
 
 
+def test_a_short_base_is_named_where_nothing_else_explains_the_weakness() -> None:
+    rng = np.random.default_rng(6)
+    rough = np.column_stack([rng.uniform(-10, 10, 40), rng.uniform(-10, 10, 40), -30 + rng.normal(0, 1.5, 40)])
+    distance = np.median(np.linalg.norm(rough, axis=1))
+    said_so = critical_configuration(rough, np.array([1.0, 0.0, 0.0]))
+    assert said_so == f"the base is short, 1/{distance:.0f} of the distance to the points"
+
+
 def test_collinear_points_are_named() -> None:
     rng = np.random.default_rng(3)
     X = np.column_stack([rng.uniform(0, 0.6, 20), np.zeros(20), -np.ones(20)])
