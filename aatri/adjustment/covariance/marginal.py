@@ -167,7 +167,8 @@ class _Down:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
-        for p0, p1, v, A, B in linearised(self.problem, self.fill, some):
+        # S is zero where an unknown is held, so that A need not be; gains are of A itself.
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=bool(self.gains)):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
             if self.residuals:
                 self.ray_residual[base:last] = v

@@ -64,7 +64,7 @@ def _block_steps(problem: IndexedProblem, factored: Factored, state: State, dx: 
 
     def one(some: Sequence[Stretch]) -> None:
         for stretch in some:
-            for p0, p1, _, A, B in linearised(problem, fill, stretch):
+            for p0, p1, _, A, B in linearised(problem, fill, stretch, masked=False):  # dx is zero where held
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 substitute(p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start, dx,
                            problem.block_free, factored.block_factor, factored.block_y, dy)  # fmt: skip
@@ -87,7 +87,7 @@ def cost_of(problem: IndexedProblem, state: State) -> float:
 
         def one(some: Sequence[Stretch]) -> None:
             for stretch in some:
-                for _, _, v, _, _ in linearised(problem, fill, stretch):
+                for _, _, v, _, _ in linearised(problem, fill, stretch, masked=False):
                     of_stretch[stretch.number] += float((v**2).sum()) + excess(ray_records, v)
 
         in_parallel(problem, one)

@@ -25,14 +25,18 @@ def of_one_part(parts: Parts) -> bool:
     return len(parts.size) == 1
 
 
-def linearised(problem: IndexedProblem, fill: Fill, some: Stretch) -> Iterator[Chunk]:
-    """Linearised rays of a stretch of blocks, in chunks: first and last block, v, A, B."""
+def linearised(problem: IndexedProblem, fill: Fill, some: Stretch, *, masked: bool = True) -> Iterator[Chunk]:
+    """Linearised rays of a stretch of blocks, in chunks: first and last block, v, A, B.
+
+    A is zero where an unknown is held, unless it is asked for as it is (not `masked`): fronts are cleared there as a
+    whole, which costs less.
+    """
     rays = problem.rays
     assert rays is not None
     records = rays.records
     widths = [next(u.size for u in problem.unknowns if u.name == g) for g, _ in records.touches]
     is_block = [g == problem.layout.eliminated for g, _ in records.touches]
-    any_held = bool(problem.layout.held[problem.tree.nodes[some.node].columns].any())
+    any_held = masked and bool(problem.layout.held[problem.tree.nodes[some.node].columns].any())
     p0, end = some.first, some.last
     while p0 < end:
         p1 = int(np.searchsorted(rays.ray_start, rays.ray_start[p0] + CHUNK, side="right")) - 1

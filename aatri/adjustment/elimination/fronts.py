@@ -132,6 +132,9 @@ class Work:
                 self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
         if self.problem.rays is not None:
             self._blocks(k, node, F, g, d, pool)
+        held = self.problem.layout.held[node.columns]
+        if held.any():
+            F[held, :], F[:, held], g[held], d[held] = 0.0, 0.0, 0.0, 0.0
         self.fronts[k] = F, g, d
 
     def finish(self, k: int) -> None:
@@ -194,7 +197,7 @@ class Work:
         common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
                   self.block_factor, self.block_y, self.determined)  # fmt: skip
         cost, parts = 0.0, rays.parts
-        for p0, p1, v, A, B in linearised(self.problem, self.fill, some):
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=False):
             cost += excess(rays.records, v)
             base = int(rays.ray_start[p0])
             loc = rays.loc[base : int(rays.ray_start[p1])]

@@ -1,8 +1,8 @@
 """The search for gross errors: adjust, estimate the added variance, reject the clearest, take back what fits.
 
 Every round adjusts once. In this order: the added standard deviation to 2 %, robust at first; the clearest rejections
-(`rejection`); then, with the added standard deviation from all residuals, the same again; last each rejected record
-that fits is taken back, once. It ends when nothing changes. A robust estimate jumps, and what it asks for
+(`rejection`), until what is left above the limit could not move the added standard deviation; then, with that of all
+residuals, the same again to the end; last each rejected record that fits is taken back, once. It ends when nothing changes. A robust estimate jumps, and what it asks for
 may depend on the value in use so that the two alternate: what turns back twice is halved between values too small and
 too large (`Steps`).
 """
@@ -128,7 +128,7 @@ def search(
         steps, better = steps.after(tau, new)
         if better != tau:
             tau = better
-        elif (wrong := found(solved, use)).any():
+        elif (wrong := found(solved, use)).any() and not (robust and new > 0 and _negligible(rule, solved.test, use)):
             use, steps = use & ~wrong, Steps()
         elif robust and new > 0:
             robust, steps = False, Steps()
@@ -142,6 +142,12 @@ def search(
         rounds += 1
     above = use & (solved.test > rule.limit)
     return Searched(solved, use, tau, rounds, settled, above)
+
+
+def _negligible(rule: Snooping, test: Float, use: Bool) -> bool:
+    """Whether the records above the limit move the added standard deviation of all residuals by less than `SETTLED`."""
+    above = test[use & (test > rule.limit)]
+    return float(above @ above) <= 2 * SETTLED * int(use.sum())
 
 
 def _clearest(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:

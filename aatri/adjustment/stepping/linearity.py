@@ -71,8 +71,8 @@ def _of_rays(problem: IndexedProblem, old: State, new: State, step: dict[str, Fl
         for stretch in some:
             k = stretch.number
             for (p0, p1, v, A, B), (_, _, v_after, _, _) in zip(
-                linearised(problem, before, stretch), linearised(problem, after, stretch)
-            ):
+                linearised(problem, before, stretch, masked=False), linearised(problem, after, stretch, masked=False)
+            ):  # the step is zero where an unknown is held
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 found = largest_departure(p0, p1, base, rays.ray_start, v, A, B, column[base:last], rays.parts.size,
                                           rays.parts.start, dx, dy, v_after, runaway)  # fmt: skip

@@ -67,7 +67,7 @@ def rays_beyond(problem: IndexedProblem, state: State) -> Bool:
 
     def one(some: Sequence[Stretch]) -> None:
         for stretch in some:
-            for p0, p1, v, _, _ in linearised(problem, fill, stretch):
+            for p0, p1, v, _, _ in linearised(problem, fill, stretch, masked=False):
                 beyond[rays.ray_start[p0] : rays.ray_start[p1]] = loss.beyond(v)
 
     in_parallel(problem, one)

@@ -48,7 +48,15 @@ def with_weights(problem: IndexedProblem, weights: Mapping[str, Weights]) -> Ind
         if key not in of_key:
             raise ValueError(f"no observation type has the key {key}: there are {', '.join(of_key)}")
         changed[id(of_key[key])] = _weighted(of_key[key], new)
-    return with_parts_taken(with_records(problem, changed))
+    return _in_order(with_parts_taken(with_records(problem, changed)), problem)
+
+
+def _in_order(new: IndexedProblem, old: IndexedProblem) -> IndexedProblem:
+    """The new problem, with the rays' whiteners in their order if they are those of the old one."""
+    if new is not old and new.rays is not None and old.rays is not None and "predicting_lane" in old.__dict__:
+        if new.rays.records.whitener is old.rays.records.whitener and new.rays.lane is old.rays.lane:
+            new.__dict__["predicting_lane"] = old.predicting_lane
+    return new
 
 
 def with_records(problem: IndexedProblem, changed: Mapping[int, Records]) -> IndexedProblem:

@@ -190,8 +190,12 @@ def solve_tied(
     """
     ties = problem.ties
     values, vectors = ties.spectrum(state)
-    typical = typical_variance(values, tau_m) if problem.given else 1.0
-    whiteners = (tie_whitener(values, vectors, tau_m), *(g.whitener(typical) for g in problem.given))
+    index = problem.index
+    if before is not None and before.tau_m == tau_m and before.eigenvalues is values:
+        index, whiteners = before.solved.problem, before.whiteners  # with what was put in order for them
+    else:
+        typical = typical_variance(values, tau_m) if problem.given else 1.0
+        whiteners = (tie_whitener(values, vectors, tau_m), *(g.whitener(typical) for g in problem.given))
     held = _held(problem, use)
     weights = _weights(problem, use & held, whiteners)
     # The ground points are linear: where they start makes no difference.
@@ -199,7 +203,7 @@ def solve_tied(
     done = before.iterations if before else 0
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
-            solved = solve(problem.index, full, weights)
+            solved = solve(index, full, weights)
         except (GeometryError, ConvergenceError) as error:
             raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         if _nearly_linear(problem, full, solved, values + tau_m**2):
