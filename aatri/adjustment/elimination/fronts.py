@@ -187,8 +187,9 @@ class Work:
 
         for cost, *own in pool.map(one, some) if pool is not None else map(one, some):
             self.cost[k] += cost
-            for total, part in zip((F, g, d), own):
-                total += part
+            with np.errstate(invalid="ignore"):  # above the diagonal of a front is whatever was in its memory
+                for total, part in zip((F, g, d), own):
+                    total += part
 
     def _stretch(self, some: Stretch, F: Float, g: Float, d: Float) -> float:
         rays = self.problem.rays

@@ -17,7 +17,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, fitting, stranded
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 
 ROUNDS = 100
 SETTLED = 0.02
@@ -31,9 +31,8 @@ class Solved(Protocol):
     def test(self) -> Float:
         """Test statistics of all records, kind after kind; predicted where not active, NaN where not defined."""
 
-    @property
-    def controlled(self) -> Bool:
-        """Records whose gross error would be known well enough to reject them, (n,)."""
+    def controlled(self, rows: Int) -> Bool:
+        """Whether the gross errors of some records would be known well enough to reject them, (m,)."""
 
     def added_sigma(self, *, robust: bool) -> float:
         """The standard deviation that the residuals ask for beyond the covariances."""
@@ -151,4 +150,7 @@ def _negligible(rule: Snooping, test: Float, use: Bool) -> bool:
 
 
 def _clearest(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:
-    return clearest(rule, pool, solved.test, use, solved.controlled)
+    rows = np.flatnonzero(use & (solved.test > rule.limit))
+    controlled = np.zeros(len(use), dtype=bool)
+    controlled[rows] = solved.controlled(rows)
+    return clearest(rule, pool, solved.test, use, controlled)

@@ -202,11 +202,16 @@ def _weakest_rotation(
     if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
         return np.inf, n, np.inf
     centre = X[fitting].mean(0)
-    _, spread, directions = np.linalg.svd(X[fitting] - centre, full_matrices=False)
+    _, spread, directions = np.linalg.svd(np.linalg.qr(X[fitting] - centre, mode="r"))
     across = float(np.hypot(*spread[1:3]))
     if across <= 1e-9 * spread[0]:
         return np.inf, n, np.inf
     first, second = (body.xyz / body.count[:, None] for body in bodies)
     second = similarity.translation + similarity.scale * second @ similarity.rotation.T
-    reach = min(float(np.linalg.norm(np.cross(xyz - centre, directions[0]), axis=1).max()) for xyz in (first, second))
-    return sigma / across, n, reach / across
+    return sigma / across, n, min(_reach(xyz - centre, directions[0]) for xyz in (first, second)) / across
+
+
+def _reach(xyz: Float, direction: Float) -> float:
+    """Largest distance from a line through the origin."""
+    away = xyz - np.outer(xyz @ direction, direction)
+    return float(np.sqrt(np.einsum("ni,ni->n", away, away).max()))

@@ -92,7 +92,7 @@ def _axes(reduced: Float, extent: float) -> tuple[Float, bool]:
     """Axes of rotation as columns: along the control's longest extent, across, up; and whether there is a line."""
     if len(reduced) < 2:
         return np.eye(3), False
-    _, spread, vt = np.linalg.svd(reduced, full_matrices=True)
+    _, spread, vt = np.linalg.svd(reduced, full_matrices=False)
     along = vt[0]
     if spread[0] < 1e-6 * extent or abs(along[2]) > 0.7:
         return np.eye(3), False

@@ -53,8 +53,8 @@ def determined_degrees(
     ----------
     problem : TiedProblem
         With all coefficients free; what is given is control.
-    p : (n, 5) float64
-        The terms of the strip points.
+    design : (n, 3, K) float64
+        Derivatives of the deformations of the strip points, in the axes of their strips (`design_of_points`).
     use : (n + n_control,) bool
         Observations that count: strip points, then control.
     highest : (n_strips, 2) int
@@ -68,13 +68,13 @@ def determined_degrees(
     falls : list of Fall
     """
     degrees, falls = highest.copy(), []
-    N = _normal_matrix(problem, use)
+    N, products = _normal_matrix(problem, use), _products(problem.ties.strip, design, len(degrees))
     for part in (0, 1):
         while (degrees[:, part] >= 0).any():
             kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
             reasons = _undetermined(N[np.ix_(kept, kept)], kept, basis)
             if not reasons:
-                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, problem.ties.strip, design)
+                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, *products)
             if not reasons:
                 break
             for strip, reason in sorted(reasons.items()):
@@ -121,19 +121,27 @@ def _above_rank(unit: Float) -> bool:
     return True
 
 
-def _extrapolating(N: Float, kept: Int, part: int, point_strip: Int, design: Float) -> dict[int, str]:
+def _products(point_strip: Int, design: Float, n_strips: int) -> tuple[Float, Int]:
+    """D'D of the design of each strip's points, (n_strips, K, K), and how many points it has."""
+    order = np.argsort(point_strip, kind="stable")
+    count = np.bincount(point_strip, minlength=n_strips)
+    ends = np.cumsum(count)
+    flat = [design[order[end - n : end]].reshape(-1, design.shape[2]) for n, end in zip(count, ends)]
+    return np.stack([D.T @ D for D in flat]), count
+
+
+def _extrapolating(N: Float, kept: Int, part: int, products: Float, count: Int) -> dict[int, str]:
     """Strips whose corrections would be far less precise than a single point."""
     scale = np.sqrt(np.diag(N))
     Q = np.linalg.inv(N / np.outer(scale, scale)) / np.outer(scale, scale)
-    strip, coefficient = np.divmod(kept, design.shape[2])
+    strip, coefficient = np.divmod(kept, products.shape[1])
     factor = np.zeros(int(strip.max()) + 1)
     for k in np.unique(strip):
-        mine = strip == k
+        mine = np.flatnonzero(strip == k)
         # The axes are orthogonal, so that the variances along them add up to those on the ground.
-        rows = design[point_strip == k][:, :, coefficient[mine]]
-        flat = rows.reshape(-1, rows.shape[2])
-        spread = float((Q[np.ix_(mine, mine)] * (flat.T @ flat)).sum()) / max(len(rows), 1)
-        factor[k] = np.sqrt(spread / (2 - part)) if len(rows) else np.inf
+        mean = products[k][np.ix_(coefficient[mine], coefficient[mine])] / max(count[k], 1)
+        spread = float((Q[np.ix_(mine, mine)] * mean).sum())
+        factor[k] = np.sqrt(spread / (2 - part)) if count[k] else np.inf
     # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
     lower = (factor > WORST / 2) & (factor.max() > WORST)
     return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}

@@ -42,14 +42,22 @@ def polynomial_ties(
     """
     strip, point = points.strip.astype(np.int32), points.point.astype(np.int32)
     G = np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))
-    D = G[strip] @ design_of_points(points, axes, basis)
     p = terms_of_points(points, axes)
+    usual = basis.labels == SECOND_DEGREE.labels
+
+    @cache
+    def D() -> Float:
+        return np.asarray(G[strip] @ design_of_points(points, axes, basis))
 
     def on_ground(state: Float, rows: Int) -> Float:
-        return np.asarray(points.xyz[rows] + (D[rows] @ state[strip[rows]][:, :, None])[:, :, 0])
+        if not usual:
+            return np.asarray(points.xyz[rows] + np.einsum("nij,nj->ni", D()[rows], state[strip[rows]]))
+        # G a, G b, G c of every strip first: a row takes fifteen products then.
+        turned = np.einsum("kij,kjt->kit", G, state.reshape(len(G), 3, 5))
+        return np.asarray(points.xyz[rows] + np.einsum("nit,nt->ni", turned[strip[rows]], p[rows]))
 
     def derivatives(_state: Float, rows: Int) -> Float:
-        return np.asarray(D[rows])
+        return np.asarray(D()[rows])
 
     def compiled(order: Int, base_m: Float) -> Weigh:
         k, q, terms = strip[order], point[order], np.ascontiguousarray(p[order])
@@ -73,8 +81,7 @@ def polynomial_ties(
         return eigen()
 
     unknowns = Unknowns(STRIP, free, basis.labels, list(map(str, names)), add_step)
-    lane = compiled if basis.labels == SECOND_DEGREE.labels else None
-    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, None, lane)
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, n_points, None, compiled if usual else None)
 
 
 def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:

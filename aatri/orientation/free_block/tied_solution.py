@@ -26,7 +26,7 @@ from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import Unknowns, add_step
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.free_block.tie_records import (
     POINT,
@@ -120,7 +120,9 @@ class TiedSolution(Generic[S]):
     @cached_property
     def residual_m(self) -> Float:
         """Adjusted minus observed, (n, 3), m; NaN where no tie holds the point."""
-        return self._all("v")
+        found = in_three([self._of_ties(self._tie_tests.whitened), *(self.tests[g.kind].v for g in self.problem.given)])
+        found[~self.held] = np.nan
+        return found
 
     @cached_property
     def redundancy(self) -> Float:
@@ -130,37 +132,49 @@ class TiedSolution(Generic[S]):
     @cached_property
     def size_m(self) -> Float:
         """Estimated gross errors, (n, 3), m."""
-        size = self._all("size")
-        n = len(self.problem.ties.strip)
-        ties = np.einsum("nij,nj->ni", self.eigenvectors, size[:n] * np.sqrt(self._variances()))
-        others: list[Float] = [np.asarray(np.linalg.pinv(T), dtype=np.float64) for T in self.whiteners[1:]]
-        given = np.einsum("nij,nj->ni", in_three(others), size[n:]) if others else np.zeros((0, 3))
-        return np.concatenate([ties, given])
+        return self._sizes_m(np.arange(len(self.use)))
 
-    def _variances(self) -> Float:
-        values = self.eigenvalues + self.tau_m**2
-        return values if values.any() else np.ones_like(values)
+    def _sizes_m(self, rows: Int) -> Float:
+        """Those of some observations, ascending."""
+        size, n = self._all("size")[rows], len(self.problem.ties.strip)
+        ties = rows[rows < n]
+        own = self._of_ties(size[: len(ties)], ties)
+        others: list[Float] = [np.asarray(np.linalg.pinv(T), dtype=np.float64) for T in self.whiteners[1:]]
+        if not others:
+            return own
+        given = np.einsum("nij,nj->ni", in_three(others)[rows[len(ties) :] - n], size[len(ties) :])
+        return np.concatenate([own, given])
 
     @property
+    def _tie_tests(self) -> RecordTests:
+        return self.tests[self.problem.records[0].name]
+
+    def _of_ties(self, whitened: Float, rows: Int | slice = slice(None)) -> Float:
+        """Whitened values of ties in metres: along the eigenvectors of their covariances (`tie_whitener`)."""
+        return np.einsum("nij,nj->ni", self.eigenvectors[rows], whitened * np.sqrt(self._variances(rows)))
+
+    def _variances(self, rows: Int | slice = slice(None)) -> Float:
+        values = self.eigenvalues[rows] + self.tau_m**2
+        return values if self.tau_m > 0 or self.eigenvalues.any() else np.ones_like(values)
+
+    @cached_property
     def variance_with_strip_m2(self) -> Float:
         """Variances of all observations and a strip's point together, summed over the axes, (n,), m^2."""
         own = [self._variances().sum(axis=1), *(g.variance for g in self.problem.given)]
         return np.asarray(np.concatenate(own) + 3 * typical_variance(self.eigenvalues, self.tau_m))
 
-    @property
-    def controlled(self) -> Bool:
-        """Observations whose gross error would be known well enough to reject them."""
-        sigma = np.sqrt(self.variance_with_strip_m2)
+    def controlled(self, rows: Int) -> Bool:
+        """Whether the gross errors of some observations, ascending, would be known well enough to reject them."""
+        sigma = np.sqrt(self.variance_with_strip_m2[rows])
         with np.errstate(invalid="ignore"):
-            return np.asarray(np.linalg.norm(self.size_m, axis=1) < WEAK * sigma * self.test)
+            return np.asarray(np.linalg.norm(self._sizes_m(rows), axis=1) < WEAK * sigma * self.test[rows])
 
     def added_sigma(self, *, robust: bool) -> float:
         """The deformation that the residuals of the strips' points ask for, m."""
         if not self.eigenvalues.any():
             return 0.0
-        n, of_ties = len(self.problem.ties.strip), self.tests[self.problem.records[0].name]
+        n, of_ties = len(self.problem.ties.strip), self._tie_tests
         share = np.where((self.use & self.held)[:n], np.einsum("nii->n", of_ties.redundancy) / 3, np.nan)
-        # Ties are whitened along the eigenvectors of their covariances (`tie_whitener`).
         return common_sigma(of_ties.whitened**2 * self._variances(), self.eigenvalues, share, robust=robust)
 
 

@@ -100,10 +100,9 @@ class Tried:
             unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)
         return self.plain / unit
 
-    @property
-    def controlled(self) -> Bool:
+    def controlled(self, rows: Int) -> Bool:
         """All that has a test is controlled well enough."""
-        return np.ones(len(self.active), dtype=bool)
+        return np.ones(len(rows), dtype=bool)
 
     def added_sigma(self, *, robust: bool) -> float:  # noqa: ARG002
         """A bundle adds nothing to its standard deviations."""
@@ -232,7 +231,7 @@ class _Search:
 
     def _found(self, tried: Tried, use: Bool) -> Bool:
         """The clearest gross errors, at points by a hearing of all records of the point."""
-        picked = clearest(self.snooping, self.pool, tried.test, use, tried.controlled)
+        picked = clearest(self.snooping, self.pool, tried.test, use)
         at = picked & self.all.at_points
         points = np.unique(self.all.point[at])
         points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
