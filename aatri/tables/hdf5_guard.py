@@ -8,7 +8,7 @@ circles, and declare terabytes in a few kilobytes. An artifact does none of it, 
   dimensional, unfiltered or through `FILTERS`, each at most once;
 - columns that declare in total at most `RATIO` times the size of the file, and 1 MiB;
 - attributes that are one number, truth value or text of fixed length, of at most `LONGEST` bytes. Texts of variable
-  length lie in heaps without a checksum, and a wrong byte there has the library read for ever, or ask for gigabytes.
+  length lie in heaps without a checksum, and a wrong byte there has the library read for ever.
 
 Whatever the library itself fails at, on a damaged file, ends as ArtifactError too. Stages, `show`, `compare`, `export`
 and the report all read artifacts through it.

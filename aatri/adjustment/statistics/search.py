@@ -2,9 +2,9 @@
 
 Every round adjusts once. In this order: the added standard deviation to 2 %, robust at first; the clearest rejections
 (`rejection`), until what is left above the limit could not move the added standard deviation; then, with that of all
-residuals, the same again to the end; last each rejected record that fits is taken back, once. It ends when nothing changes. A robust estimate jumps, and what it asks for
-may depend on the value in use so that the two alternate: what turns back twice is halved between values too small and
-too large (`Steps`).
+residuals, the same again to the end; last each rejected record that fits is taken back, once. It ends when nothing
+changes. A robust estimate jumps, and what it asks for may depend on the value in use so that the two alternate: what
+turns back twice is halved between values too small and too large (`Steps`).
 """
 
 from __future__ import annotations

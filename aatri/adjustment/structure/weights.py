@@ -53,9 +53,10 @@ def with_weights(problem: IndexedProblem, weights: Mapping[str, Weights]) -> Ind
 
 def _in_order(new: IndexedProblem, old: IndexedProblem) -> IndexedProblem:
     """The new problem, with the rays' whiteners in their order if they are those of the old one."""
-    if new is not old and new.rays is not None and old.rays is not None and "predicting_lane" in old.__dict__:
-        if new.rays.records.whitener is old.rays.records.whitener and new.rays.lane is old.rays.lane:
-            new.__dict__["predicting_lane"] = old.predicting_lane
+    before, after = old.rays, new.rays
+    same = before is not None and after is not None and after.records.whitener is before.records.whitener
+    if same and "predicting_lane" in old.__dict__:
+        new.__dict__.setdefault("predicting_lane", old.predicting_lane)
     return new
 
 

@@ -31,9 +31,9 @@ from aatri.orientation.free_block.tied_solution import (
     in_three,
     solve_tied,
     tied_problem,
-    weighted_means,
 )
 from aatri.orientation.free_block.uncontrolled_ties import uncontrolled_observations
+from aatri.orientation.free_block.weighted_means import weighted_means
 
 S = TypeVar("S")
 

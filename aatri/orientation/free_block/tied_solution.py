@@ -151,7 +151,8 @@ class TiedSolution(Generic[S]):
 
     def _of_ties(self, whitened: Float, rows: Int | slice = slice(None)) -> Float:
         """Whitened values of ties in metres: along the eigenvectors of their covariances (`tie_whitener`)."""
-        return np.einsum("nij,nj->ni", self.eigenvectors[rows], whitened * np.sqrt(self._variances(rows)))
+        found: Float = np.einsum("nij,nj->ni", self.eigenvectors[rows], whitened * np.sqrt(self._variances(rows)))
+        return found
 
     def _variances(self, rows: Int | slice = slice(None)) -> Float:
         values = self.eigenvalues[rows] + self.tau_m**2
@@ -268,36 +269,3 @@ def in_three(parts: Sequence[Float]) -> Float:
         lacking = 0 if part.ndim == 1 else 3 - part.shape[-1]
         filled.append(np.pad(part, [(0, 0), *[(0, lacking)] * (part.ndim - 1)]) if lacking else part)
     return np.concatenate(filled)
-
-
-def weighted_means(ties: Ties[S], xyz: Float, T: Float, use: Bool) -> tuple[Float, Float]:
-    """Weighted means of the strips' points over the strips.
-
-    Parameters
-    ----------
-    ties : Ties
-    xyz : (n, 3) float64, m
-    T : (n, 3, 3) float64, 1/m
-        Whitener of each.
-    use : (n,) bool
-
-    Returns
-    -------
-    mean : (n_points, 3) float64, m
-        NaN where no strip holds the point.
-    covariance : (n_points, 3, 3) float64, m^2
-    """
-    point, W = ties.point[use], T[use].swapaxes(1, 2) @ T[use]
-    total = _summed(W, point, ties.n_points)
-    held = np.bincount(point, minlength=ties.n_points) > 0
-    total[~held] = np.eye(3)
-    covariance: Float = np.linalg.inv(total).astype(np.float64)
-    mean = np.einsum("nij,nj->ni", covariance, _summed(np.einsum("nij,nj->ni", W, xyz[use]), point, ties.n_points))
-    mean[~held], covariance[~held] = np.nan, np.nan
-    return mean, covariance
-
-
-def _summed(values: Float, point: Any, n_points: int) -> Float:
-    flat = values.reshape(len(values), -1)
-    sums: Float = np.stack([np.bincount(point, column, n_points).astype(np.float64) for column in flat.T], axis=1)
-    return sums.reshape(n_points, *values.shape[1:])

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from aatri.adjustment.records import Records
-from aatri.adjustment.statistics.rejection import Snooping, pool_of
+from aatri.adjustment.statistics.rejection import Pool, Snooping, pool_of
 from aatri.adjustment.statistics.search import SETTLED, search
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 
 
 @dataclass(frozen=True)
@@ -21,25 +21,28 @@ class Made:
     tau: float
     asks: Callable[[float], float]
 
-    @property
-    def test(self) -> Float:
-        return np.zeros(3)
+    test: Float = field(default_factory=lambda: np.zeros(3))
 
-    @property
-    def controlled(self) -> Bool:
-        return np.ones(3, dtype=bool)
+    def controlled(self, rows: Int) -> Bool:
+        return np.ones(len(rows), dtype=bool)
 
     def added_sigma(self, *, robust: bool) -> float:
         return self.asks(self.tau)
 
 
-def _searched(asks: Callable[[float], float]) -> tuple[float, int, bool]:
-    touches = (("strip", np.zeros(3, dtype=int)), ("point", np.arange(3)))
-    rule = Snooping(4.0)
+RULE = Snooping(4.0)
+
+
+def _pool(n: int) -> Pool:
+    touches = (("strip", np.zeros(n, dtype=int)), ("point", np.arange(n) // 2))
     records = Records(
-        "tie", touches, lambda state, rows: (np.zeros((len(rows), 1)), ()), np.ones((3, 1)), np.ones(3, bool)
+        "tie", touches, lambda state, rows: (np.zeros((len(rows), 1)), ()), np.ones((n, 1)), np.ones(n, bool)
     )
-    pool = pool_of(rule, [records], [np.ones(3)])
+    return pool_of(RULE, [records], [np.ones(n)])
+
+
+def _searched(asks: Callable[[float], float]) -> tuple[float, int, bool]:
+    rule, pool = RULE, _pool(3)
     found = search(lambda before, use, tau: Made(tau, asks), np.ones(3, dtype=bool), rule, pool)
     return found.tau, found.rounds, found.settled
 
@@ -64,3 +67,29 @@ def test_one_turn_alone_is_followed_in_full() -> None:
     values = iter([1.2, 1.0, 1.0, 1.0, 1.0])
     tau, rounds, settled = _searched(lambda tau: next(values))
     assert (tau, rounds, settled) == (1.0, 3, True)
+
+
+@pytest.mark.parametrize(("wrong", "first_robust"), [((5.0, 5.0), False), ((5.0, 90.0), True)])
+def test_what_could_not_move_the_added_standard_deviation_is_rejected_only_with_that_of_all_residuals(
+    wrong: tuple[float, float], first_robust: bool
+) -> None:
+    """Two of 2,000: with tests of 5 they make up 2.5 % of the squares expected, with one of 90 four times all."""
+    tests = np.full(2000, 1.0)
+    tests[[100, 700]] = wrong
+    asked: list[tuple[bool, int]] = []
+
+    @dataclass(frozen=True)
+    class Watched(Made):
+        out: int = 0
+
+        def added_sigma(self, *, robust: bool) -> float:
+            asked.append((robust, self.out))
+            return 1.0
+
+    found = search(
+        lambda before, use, tau: Watched(tau, lambda _: 1.0, tests, int((~use).sum())), np.ones(2000, bool), RULE,
+        _pool(2000),
+    )  # fmt: skip
+    assert np.flatnonzero(~found.active).tolist() == [100, 700]
+    assert any(robust and out for robust, out in asked) == first_robust
+    assert asked[-1] == (False, 2)
