@@ -41,8 +41,8 @@ UPWARDS, STEEPLY = 0.17, 0.7
 STIFF, LEFT = 2.0, 4
 """Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
 
-FEWEST_MIRRORED = 5
-"""Fewer full points say nothing of whether mirrored ones fit better."""
+FEWEST_MIRRORED, CLEARLY = 5, 0.2
+"""Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
 
 
 @dataclass(frozen=True)
@@ -124,10 +124,11 @@ def orient_component(
     kept = np.zeros(n, dtype=bool)
     kept[:m] = tied.active[n : n + m] & datum.given[:m].any(1)
     similarity = compose(tied.state[0], Similarity(-centre, 1.0, np.eye(3)))
-    if datum.attitudes is None and _mirrored(datum, kept, similarity, up):
+    if datum.attitudes is None and (why := _mirrored(datum, kept, similarity, up)):
         raise GeometryError(
-            f"{what}: oriented by its control the images look upwards, so the control is mirrored",
-            remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]",
+            f"{what}: {why}",
+            remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]; check "
+            "the y axis of the image coordinates (pixel: y)",
         )
     # What remains must still determine the component: rejected control does not count.
     analysis = _analysed(datum, kept, tied.active[n + m :], similarity.rotation, body, what, weakest)
@@ -135,22 +136,23 @@ def orient_component(
     return OrientedComponent(similarity, residual[:m], tied.active[n : n + m], analysis, tied)
 
 
-def _mirrored(datum: Datum, kept: Bool, similarity: Similarity, up: Float) -> bool:
-    """Whether control is mirrored: the images look upwards, and mirrored it would fit better.
+def _mirrored(datum: Datum, kept: Bool, similarity: Similarity, up: Float) -> str:
+    """Why control or images must be mirrored: control fits much better mirrored, or the images look upwards.
 
     Images of facades, or of what stands above them, may look upwards rightly. Points in a plane fit as well when they
     are mirrored; of these it counts how steeply the images look upwards.
     """
     steep = -float((similarity.rotation @ up)[2]) / float(np.linalg.norm(up))
-    if steep < UPWARDS:
-        return False
+    text = "oriented by its control the images look upwards, so the control is mirrored"
     full = np.flatnonzero(datum.given.all(1) & kept)
     if len(full) >= FEWEST_MIRRORED:
         x, X = transform(similarity, datum.x[full], datum.offset_m[full]), datum.xyz_m[full]
         as_it_is, other = (np.median(robust_closed_form(x, X * [1.0, 1.0, sign])[1]) for sign in (1.0, -1.0))
-        if max(as_it_is, other) > 2.0 * min(as_it_is, other):
-            return bool(other < as_it_is)
-    return steep > STEEPLY
+        if other < CLEARLY * as_it_is:
+            return text if steep > UPWARDS else "control and positions fit it mirrored only"
+        if as_it_is < CLEARLY * other:
+            return ""
+    return text if steep > STEEPLY else ""
 
 
 def _analysed(

@@ -159,3 +159,12 @@ def test_a_wrong_position_among_five_is_named() -> None:
     s = found.suspects
     assert s.image[(s.kind == "position") & (s.verdict == "rejected")].tolist() == [str(block.images.id[5])]
     assert far_off(block, found)[0] < 0.2
+
+
+def test_images_with_their_y_axis_the_wrong_way_round_are_refused() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    m = block.image_points
+    xy = np.column_stack([m.xy[:, 0], block.cameras.format[0, 1] - m.xy[:, 1]])
+    with pytest.raises(GeometryError, match="fit it mirrored only") as refused:
+        initial_of(replace(block, image_points=replace(m, xy=xy)), pairs_per_image=8)
+    assert "y axis of the image coordinates" in str(refused.value)
