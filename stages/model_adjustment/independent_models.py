@@ -25,6 +25,7 @@ from typing import Literal
 from pydantic import PositiveFloat, field_validator
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.model_adjustment import ModelRules, adjusted_models
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
@@ -82,5 +83,5 @@ def independent_models(
     rules = ModelRules(sigma_m, options.iteration == "plan_height", options.limit, options.max_sigma0)
     inside = in_tangent_frame(block, initial)
     solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)
-    tell(notes, context)
+    tell([*notes, *rejection_notes(solution.suspects, "model_adjustment")], context)
     return inside.back(solution)

@@ -12,9 +12,13 @@ Source: lecture notes A604 with errata E05 and E06; Schut 1967; aatri/geometry/s
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
+from aatri.adapters.strips.strip_degrees import highest_degree
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -29,6 +33,9 @@ class ConformalOptions(Options):
     """Options of the strip block adjustment."""
 
     degree: int = Field(2, ge=0, le=3, description="highest degree; it falls where control and ties determine less")
+    degrees: dict[str, Annotated[int, Field(ge=0, le=3)]] = Field(
+        {}, description="highest degree of single strips, by their ids; the others have `degree`"
+    )
     narrow: bool = Field(False, description="without the terms in V^2 and V^3 of the plan: conformal on the axis only")
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
     max_sigma0: float = Field(
@@ -53,10 +60,13 @@ def conformal(
     check_same_block(block, initial.images.id, "initial")
     inside = in_tangent_frame(block, initial)
     block, start = inside.block, inside.initial or initial
-    basis = strip_basis("conformal", options.degree, narrow=options.narrow)
-    adjusted = adjust_strips(block, strips, start, basis, limit=options.limit, max_sigma0=options.max_sigma0)
+    basis = strip_basis("conformal", highest_degree(options.degree, options.degrees), narrow=options.narrow)
+    adjusted = adjust_strips(
+        block, strips, start, basis, degree=options.degree, degrees=options.degrees, limit=options.limit,
+        max_sigma0=options.max_sigma0,
+    )  # fmt: skip
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, "strip_adjustment/conformal"
     )
-    tell([*adjusted.notes, *resected], context)
+    tell([*adjusted.notes, *resected, *rejection_notes(solution.suspects, "strip_adjustment")], context)
     return inside.back(solution)

@@ -19,12 +19,13 @@ Photogrammetry.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
+from aatri.adapters.strips.strip_degrees import highest_degree
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -39,6 +40,9 @@ class PolynomialOptions(Options):
     """Options of the strip block adjustment."""
 
     degree: int = Field(2, ge=0, le=3, description="highest degree; it falls where control and ties determine less")
+    degrees: dict[str, Annotated[int, Field(ge=0, le=3)]] = Field(
+        {}, description="highest degree of single strips, by their ids; the others have `degree`"
+    )
     across: Literal["linear", "full"] = Field(
         "linear", description="across the strip: V alone, or V^2 (degree 2), U V^2 and V^3 (degree 3) too"
     )
@@ -65,8 +69,11 @@ def polynomial(
     check_same_block(block, initial.images.id, "initial")
     inside = in_tangent_frame(block, initial)
     block, start = inside.block, inside.initial or initial
-    basis = strip_basis("polynomial", options.degree, full=options.across == "full")
-    adjusted = adjust_strips(block, strips, start, basis, limit=options.limit, max_sigma0=options.max_sigma0)
+    basis = strip_basis("polynomial", highest_degree(options.degree, options.degrees), full=options.across == "full")
+    adjusted = adjust_strips(
+        block, strips, start, basis, degree=options.degree, degrees=options.degrees, limit=options.limit,
+        max_sigma0=options.max_sigma0,
+    )  # fmt: skip
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, "strip_adjustment/polynomial"
     )

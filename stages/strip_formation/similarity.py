@@ -13,6 +13,7 @@ aatri/orientation/strips/similarity_joints.py.
 
 from __future__ import annotations
 
+from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.joined_models import JointRules, joined_models
 from aatri.artifacts.block import Block
@@ -46,5 +47,5 @@ def similarity(
     check_same_block(block, models.images.id, "models")
     rules = JointRules(options.min_connection_points, options.snooping_limit, options.scale_jump, "similarity")
     strips, notes = joined_models(block, models, rules)
-    tell(notes, context)
+    tell([*notes, *rejection_notes(strips.suspects, "strip_formation")], context)
     return strips

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
 from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
@@ -107,12 +109,15 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 
 def adjust_strips(
-    block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, limit: float, max_sigma0: float
-) -> AdjustedStrips:
+    block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, degree: int, degrees: Mapping[str, int],
+    limit: float, max_sigma0: float,
+) -> AdjustedStrips:  # fmt: skip
     """Adjust the strips that `initial` orients.
 
     Raises
     ------
+    InputError
+        If `degrees` names a strip that is not there.
     GeometryError
         If `initial` orients no strip, or something is not determined.
     ConvergenceError
@@ -131,7 +136,7 @@ def adjust_strips(
         ground.axes,
         control,
         names=names,
-        degree=int(basis.degree.max()),
+        degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
         basis=basis,
         active=began,
         limit=limit,

@@ -68,7 +68,7 @@ def adjust_strip_polynomials(
     control: Control,
     *,
     names: Sequence[str] | Text | None = None,
-    degree: int = 2,
+    degree: int | Int = 2,
     basis: StripBasis = SECOND_DEGREE,
     active: Bool | None = None,
     limit: float = LIMIT,
@@ -85,7 +85,7 @@ def adjust_strip_polynomials(
         Points without any strip take no part.
     names : (n_strips,) sequence of str, optional
         Of the strips, for messages.
-    degree : int
+    degree : int or (n_strips,) int
         Highest degree, 0 to that of the basis.
     basis : StripBasis
     active : (n + n_control,) bool, optional
@@ -94,7 +94,7 @@ def adjust_strip_polynomials(
         Test statistic of a wrong tie or control point.
     """
     use = np.ones(len(points.strip) + len(control.point), dtype=bool) if active is None else active
-    degrees, falls = np.full((len(axes), 2), degree), []
+    degrees, falls = np.tile(np.broadcast_to(degree, len(axes))[:, None], (1, 2)), []
     given = GivenPoints("control", control.point, control.xyz_m, control.covariance_m2, control.given)
     strip_names = [str(k) for k in range(len(axes))] if names is None else names
     start = np.zeros((len(axes), basis.size))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.artifacts.suspects import Suspects
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.geometry.rotations import log_rotation
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
+from aatri.stages.strip_adjustment.conformal import conformal
 from aatri.stages.strip_adjustment.polynomial import PolynomialOptions, polynomial
 from tests.made_strips import Heard, MadeBlock
 
@@ -50,6 +54,51 @@ def test_bent_strips_are_straightened():
     assert _rms(made, solution) < 0.015
     models = set(solution.transformations.model.tolist())
     assert models == {"similarity", "polynomial_2"}
+
+
+def test_strips_may_have_degrees_of_their_own():
+    made = MadeBlock(3, 6, deformation=_bend)
+    made.control(range(0, len(made.truth), 5))
+    ids = made.strips().strips.id.tolist()
+    for options, expected in (
+        ({"degree": 2, "degrees": {ids[1]: 3}}, [2, 3, 2]),
+        ({"degree": 3, "degrees": {ids[0]: 1, ids[2]: 2}}, [1, 3, 2]),
+    ):
+        _, solution, _ = _adjusted(made, **options)
+        t = solution.transformations
+        for name, degree in zip(ids, expected):
+            mine = set(t.model[(t.id == name) & (t.model != "similarity")].tolist())
+            assert mine == {f"polynomial_{degree}"}
+
+
+def test_a_degree_for_a_strip_that_is_not_there_is_an_error_that_lists_the_strips():
+    made = MadeBlock(2, 6)
+    made.control(range(0, len(made.truth), 5))
+    with pytest.raises(InputError, match="names strip 9") as caught:
+        _adjusted(made, degrees={"9": 1})
+    assert all(name in caught.value.what for name in made.strips().strips.id.tolist())
+
+
+def test_a_degree_of_a_strip_is_that_of_all_its_parts():
+    names = np.array(["1.1", "1.2", "2"])
+    assert degrees_of_strips(names, 2, {"1": 1}).tolist() == [1, 1, 2]
+    assert degrees_of_strips(names, 2, {"1.2": 3, "2": 0}).tolist() == [2, 3, 0]
+
+
+def test_what_the_conformal_adjustment_rejects_is_a_warning():
+    made = MadeBlock(3, 6)
+    made.control(range(0, len(made.truth), 5))
+    block, points, strips = made.block(), made.image_points(), made.strips()
+    initial = similarity(block, strips, points)
+    ground = block.ground_points
+    xyz = ground.xyz_m.copy()
+    xyz[2, 2] += 5.0
+    wrong = replace(block, ground_points=replace(ground, xyz_m=xyz))
+    heard = Heard()
+    solution = conformal(wrong, points, strips, initial, context=heard)
+    name = str(block.points.id[ground.point[2]])
+    assert name in solution.suspects.point[solution.suspects.verdict == "rejected"].tolist()
+    assert any("rejected as gross errors" in text and name in text for text in heard.warnings)
 
 
 def test_the_degree_falls_with_little_control_and_the_fall_is_reported():
