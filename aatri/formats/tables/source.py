@@ -138,8 +138,11 @@ def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike
                 values[k] = rad_of(cells[k], unit)
             except ValueError:
                 bad.append(k)
-    form = "degrees, minutes and seconds like 12-30-45.5" if unit == "dms" else "a number"
-    table.complain(bad, column, f"{column} is {{}}, not an angle", f"write it as {form}")
+    if unit == "dms":
+        form = "degrees, minutes and seconds like 12-30-45.5"
+        table.complain(bad, column, f"{column} is {{}}, not an angle", f"write it as {form}")
+    else:
+        table.complain_of_numbers(bad, column)
     if unit == "rad":
         turns = np.flatnonzero(np.abs(np.nan_to_num(values)) > MOST_RAD)
         table.complain(turns, column, f"{column} is {{}} rad, more than two turns: degrees or gon?",

@@ -73,6 +73,15 @@ class CsvTable:
             more = f"column {column}: {len(found) - MOST_PER_COLUMN} more cells of this kind"
             self.problems.append(InputError(more, where=str(self.path)))
 
+    def complain_of_numbers(self, rows: Sequence[int], column: str) -> None:
+        """Add an error for each cell that is no number, with the reason."""
+        reasons: dict[str, list[int]] = {}
+        for row in rows:
+            reasons.setdefault(what_is_wrong(self.cell(row, column)), []).append(row)
+        for reason, some in reasons.items():
+            what = f"{column} is {{}}: {reason}"
+            self.complain(some, column, what, "write it like -1234.5 or 1e-3, or leave the cell empty")
+
     def cell(self, row: int, column: str) -> str:
         """The cell as written, without outer blanks."""
         if column not in self.header:
@@ -98,10 +107,11 @@ def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriErro
         If the file cannot be read at all, or its header is wrong.
     """
     source = read_lines(path, reporter)
-    lines = [k for k, text in enumerate(source, 1) if (body := text.lstrip()) and body[0] != "#"]
+    lines = [k for k, text in enumerate(source, 1) if (body := text.lstrip()) and body[0] != "#" and not _blank(body)]
     if not lines:
         raise InputError("the file has no header row, only comments", where=str(path), remedy="write the column names")
     header = _header(path, source, lines.pop(0), columns)
+    named = _named(header)
     texts: dict[str, list[str]] = {name: [] for name in columns if columns[name].kind != "number"}
     numbers: dict[str, list[Float]] = {name: [] for name in columns if columns[name].kind == "number"}
     bad_numbers: dict[str, list[int]] = {name: [] for name in numbers}
@@ -111,6 +121,8 @@ def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriErro
     for first in range(0, len(lines), _CHUNK):
         cells, rows, faults = columns_of_lines(source, lines[first : first + _CHUNK], len(header))
         by_name = dict(zip(header, cells))
+        for nameless in cells[named:]:
+            faults += _without_name(source, rows, nameless, named)
         for name in texts:
             column = by_name.get(name)
             if column and "'" in "".join(column):
@@ -124,11 +136,33 @@ def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriErro
         malformed += faults
     _explain_lines(path, malformed, problems)
     joined = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in numbers.items()}
-    table = CsvTable(path, header, np.array(good, dtype=np.int32), texts, joined, source, problems)
+    table = CsvTable(path, header[:named], np.array(good, dtype=np.int32), texts, joined, source, problems)
     for name, bad in bad_numbers.items():
-        _explain_numbers(table, name, bad)
+        table.complain_of_numbers(bad, name)
     _check_cells(table, columns, bad_numbers)
     return table
+
+
+def _blank(body: str) -> bool:
+    """Whether a line has no cell with anything in it, as spreadsheets write below their tables."""
+    return body[0] == "," and not body.strip(", \t\r\n")
+
+
+def _named(header: tuple[str, ...]) -> int:
+    """Columns up to the last that has a name: spreadsheets write empty ones to the right of their tables."""
+    return max((k for k, name in enumerate(header, 1) if name), default=0)
+
+
+def _without_name(source: Sequence[str], rows: Sequence[int], column: Sequence[str], named: int) -> list[Malformed]:
+    """Lines with something in a column that has no name."""
+    if not any(column):
+        return []
+    what = f"{{}} stands beyond the {named} columns that have a name"
+    return [
+        Malformed(line, start_of_cell(source[line - 1], named), what.format(repr(clipped(cell))), "name the column")
+        for line, cell in zip(rows, column)
+        if cell
+    ]
 
 
 def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, Column]) -> tuple[str, ...]:
@@ -141,7 +175,7 @@ def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, 
     if len(header) == 1 and (";" in text or "\t" in text):
         sign = "semicolons" if ";" in text else "tabs"
         raise InputError(f"separated by {sign}", where=f"{path}:{line}:1", remedy="export with commas")
-    for k, name in enumerate(header):
+    for k, name in enumerate(header[: _named(header)]):
         where = f"{path}:{line}:{start_of_cell(text, k)}"
         if name in header[:k]:
             faults.append(InputError(f"column {clipped(name)!r} twice", where=where, remedy="remove one"))
@@ -164,16 +198,6 @@ def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: list[Aa
     if len(malformed) > MOST_PER_COLUMN:
         more = f"{len(malformed) - MOST_PER_COLUMN} more lines are no rows"
         problems.append(InputError(more, where=str(path), remedy="check the separator and the export"))
-
-
-def _explain_numbers(table: CsvTable, name: str, bad: list[int]) -> None:
-    reasons: dict[str, list[int]] = {}
-    for row in bad:
-        reasons.setdefault(what_is_wrong(table.cell(row, name)), []).append(row)
-    for reason, rows in reasons.items():
-        table.complain(
-            rows, name, f"{name} is {{}}: {reason}", "write it like -1234.5 or 1e-3, or leave the cell empty"
-        )
 
 
 def _check_cells(table: CsvTable, columns: Mapping[str, Column], bad_number: Mapping[str, list[int]]) -> None:

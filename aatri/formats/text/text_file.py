@@ -17,11 +17,13 @@ from aatri.progress import SILENT, Reporter
 from aatri.regular_file import leads_nowhere, read_regular
 
 _BINARY = {
-    b"PK\x03\x04": "an Excel workbook or zip archive",
-    b"\xd0\xcf\x11\xe0": "an old Excel workbook",
-    b"\x89HDF": "an HDF5 file",
-    b"\x1f\x8b": "a gzip file",
-    b"%PDF": "a PDF",
+    b"PK\x03\x04": "an Excel workbook or zip archive, not text",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook, not text",
+    b"\x89HDF": "an HDF5 file, not text",
+    b"\x1f\x8b": "a gzip file, not text",
+    b"%PDF": "a PDF, not text",
+    codecs.BOM_UTF32_LE: "text of 32 bits a sign (UTF-32)",
+    codecs.BOM_UTF32_BE: "text of 32 bits a sign (UTF-32)",
 }
 MOST_NAMES = 10
 """Most names of a folder listed in a message."""
@@ -85,7 +87,7 @@ def read_bytes(path: Path) -> bytes:
 def _decoded(data: bytes, path: Path, reporter: Reporter) -> str:
     for magic, what in _BINARY.items():
         if data.startswith(magic):
-            raise InputError(f"this is {what}, not text", where=str(path), remedy="export it as CSV, encoding UTF-8")
+            raise InputError(f"this is {what}", where=str(path), remedy="export it as CSV, encoding UTF-8")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         reporter.warn(f"{path}: UTF-16 text; read as such")
         try:

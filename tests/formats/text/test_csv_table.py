@@ -109,3 +109,45 @@ def test_rows_beyond_one_chunk_keep_their_lines(tmp_path: Path) -> None:
 )
 def test_angles_are_told_with_their_decimal_reading(cell: str, reason: str) -> None:
     assert what_is_wrong(cell).startswith(reason)
+
+
+def test_empty_rows_and_empty_columns_of_a_spreadsheet_do_not_count(tmp_path: Path) -> None:
+    problems: list[AatriError] = []
+    path = tmp_path / "t.csv"
+    path.write_text("id,x,,\nA,1,,\n,,,\nB,2,,\n , , ,\n,,,,,,\n", encoding="utf-8")
+    table = read_csv(path, COLUMNS, problems)
+    assert not problems
+    assert (table.header, table.text["id"], table.number["x"].tolist()) == (("id", "x"), ["A", "B"], [1.0, 2.0])
+    assert table.line.tolist() == [2, 4]
+
+
+def test_a_cell_in_a_column_without_a_name_is_an_error_at_its_place(tmp_path: Path) -> None:
+    problems: list[AatriError] = []
+    path = tmp_path / "t.csv"
+    path.write_text("id,x,\nA,1,\nB,2,high\n", encoding="utf-8")
+    read_csv(path, COLUMNS, problems)
+    (problem,) = problems
+    assert problem.what == "'high' stands beyond the 2 columns that have a name"
+    assert problem.where == f"{path}:3:5"
+
+
+def test_an_empty_name_between_others_is_no_column(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("id,,x\nA,,1\n", encoding="utf-8")
+    with pytest.raises(AatriError, match="unknown column ''"):
+        read_csv(path, COLUMNS, [])
+
+
+def test_a_column_in_another_case_is_suggested(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("ID,X\nA,1\n", encoding="utf-8")
+    with pytest.raises(AatriError, match="did you mean 'id'"):
+        read_csv(path, COLUMNS, [])
+
+
+@pytest.mark.parametrize("encoding", ["utf-32", "utf-32-le", "utf-32-be"])
+def test_text_of_32_bits_a_sign_is_refused_as_that_or_as_no_text(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_bytes("id,x\nA,1\n".encode(encoding))
+    with pytest.raises(AatriError, match="UTF-32" if encoding == "utf-32" else "a zero byte"):
+        read_csv(path, COLUMNS, [])
