@@ -80,9 +80,9 @@ def datum_of(
     control, position = known.control, known.position
     image = p.image[position]
     n = len(control) + len(position)
-    ends = _Ends(component, control_point=c.point[control])
-    distances = tuple(_distances(part, rows, ends, n) for part, rows in known.lengths)
-    x = np.concatenate([component.xyz[c.point[control]], poses.position_m[image], ends.places()])
+    ends = _ends(known, c.point[control], len(component.xyz), n)
+    distances = tuple(_distances(*of, *place) for of, place in zip(known.lengths, ends.place))
+    x = np.concatenate([component.xyz[c.point[control]], poses.position_m[image], ends.where(component)])
     more = len(x) - n
     return Datum(
         name=tuple(f"point {i}" for i in block.points.id[c.point[control]])
@@ -121,7 +121,7 @@ def held_datum(
         known = replace(known, lengths=tuple((part, some) for part, rows in known.lengths
                                              if len(some := rows[~part.levelled[rows]])))  # fmt: skip
     made = datum_of(block, ground, component, rays, known, attitudes=True)
-    first, second = np.flatnonzero(component.images)[:2].tolist()
+    first = int(np.flatnonzero(component.images)[0])
     spot = component.poses.position_m[first : first + 1]
     attitudes = made.attitudes
     if attitudes is None:
@@ -131,10 +131,12 @@ def held_datum(
                       for d in made.distances)  # fmt: skip
     x = np.concatenate([spot, made.x])
     if not distances:
-        x = np.concatenate([spot, component.poses.position_m[second : second + 1]])
+        base = np.linalg.norm(component.poses.position_m - spot, axis=1)
+        farthest = int(np.nanargmax(base))
+        x = np.concatenate([spot, component.poses.position_m[farthest : farthest + 1]])
         one = np.ones(1)
-        distances = (GivenDistances("held base", np.array([0]), np.array([1]), np.linalg.norm(x[1:] - x[:1], axis=1),
-                                    HELD * one, one < 0, 0 * one),)  # fmt: skip
+        distances = (GivenDistances("held base", np.array([0]), np.array([1]), base[farthest] * one, HELD * one,
+                                    one < 0, 0 * one),)  # fmt: skip
     n = len(x)
     held = Datum(
         name=("held", *made.name),
@@ -152,43 +154,55 @@ def held_datum(
     return held, known
 
 
-class _Ends:
-    """Rows of a datum for the ends of distances: control points have theirs, the others get one behind all given."""
+@dataclass(frozen=True)
+class Ends:
+    """Rows of a datum for the ends of distances: those of the control points, and further ones behind all given.
 
-    def __init__(self, component: Component, control_point: Int) -> None:
-        self.component = component
-        self.of_control = {int(point): k for k, point in enumerate(control_point.tolist())}
-        self.further: dict[tuple[bool, int], int] = {}
+    Attributes
+    ----------
+    row : (k,) int
+        Of the further ones, in points or images.
+    is_image : (k,) bool
+    place : tuple of ((n,) int, (n,) int)
+        Rows of the datum of start and end of the distances, kind by kind.
+    """
 
-    def rows(self, row: Int, is_image: Bool, first: int) -> Int:
-        """Rows of the datum; `first` is how many are given."""
-        found = []
-        for r, image in zip(row.tolist(), is_image.tolist()):
-            if not image and r in self.of_control:
-                found.append(self.of_control[r])
-            else:
-                found.append(first + self.further.setdefault((image, r), len(self.further)))
-        return np.array(found, dtype=np.int64)
+    row: Int
+    is_image: Bool
+    place: tuple[tuple[Int, Int], ...]
 
-    def places(self) -> Float:
-        """Where the further ones are in the component."""
-        c = self.component
-        found = [c.poses.position_m[r] if image else c.xyz[r] for image, r in self.further]
-        return np.array(found).reshape(-1, 3)
+    def where(self, component: Component) -> Float:
+        """The further ones in the component, (k, 3)."""
+        image, zero = self.is_image, np.zeros_like(self.row)
+        at, of = (np.where(some, self.row, zero) for some in (image, ~image))
+        return np.where(image[:, None], component.poses.position_m[at], component.xyz[of])
 
     def names(self, block: Block) -> tuple[str, ...]:
         """What messages call them."""
-        return tuple(
-            f"image {block.images.id[r]}" if image else f"point {block.points.id[r]}" for image, r in self.further
-        )
+        both = zip(self.row.tolist(), self.is_image.tolist())
+        return tuple(f"image {block.images.id[r]}" if image else f"point {block.points.id[r]}" for r, image in both)
 
 
-def _distances(part: Lengths, rows: Int, ends: _Ends, first: int) -> GivenDistances:
+def _ends(known: Known, control_point: Int, n_points: int, first: int) -> Ends:
+    """Ends of the known distances; `first` rows of the datum are given."""
+    sights = [part.sights.take(rows) for part, rows in known.lengths]
+    empty = [np.zeros(0, dtype=np.int64)]
+    row = np.concatenate([*empty, *(end for s in sights for end in (s.station, s.target))]).astype(np.int64)
+    kinds = [end for s in sights for end in (s.station_is_image, s.target_is_image)]
+    is_image = np.concatenate([np.zeros(0, dtype=bool), *kinds])
+    of_control = np.full(n_points, -1, dtype=np.int64)
+    of_control[control_point] = np.arange(len(control_point))
+    place = np.where(is_image, -1, of_control[np.where(is_image, 0, row)])
+    further, at = np.unique(2 * row[place < 0] + is_image[place < 0], return_inverse=True)
+    place[place < 0] = first + at
+    pieces = np.split(place, np.cumsum([len(end) for s in sights for end in (s.station, s.target)])[:-1])
+    return Ends(further // 2, further % 2 == 1, tuple(zip(pieces[::2], pieces[1::2])) if sights else ())
+
+
+def _distances(part: Lengths, rows: Int, start: Int, end: Int) -> GivenDistances:
     s = part.sights.take(rows)
-    return GivenDistances(
-        part.kind, ends.rows(s.station, s.station_is_image, first), ends.rows(s.target, s.target_is_image, first),
-        s.value, s.sigma, part.plan[rows], s.target_height_m - s.station_height_m,
-    )  # fmt: skip
+    rise = s.target_height_m - s.station_height_m
+    return GivenDistances(part.kind, start, end, s.value, s.sigma, part.plan[rows], rise)
 
 
 def _attitudes(ground: Ground, component: Component, rays: ImagePointRows, rows: Int) -> GivenAttitudes:

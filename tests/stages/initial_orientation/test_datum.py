@@ -131,3 +131,29 @@ def test_attitudes_turn_a_free_datum_and_bring_what_positions_of_one_strip_leave
     assert true is not None
     turned = free.images.ground_from_image @ true.ground_from_image.swapaxes(1, 2)
     assert Rotation.from_matrix(turned).magnitude().max() < 2e-3
+
+
+def test_distances_from_images_with_heights_and_in_plan_fit_what_they_were_made_from() -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    images, points = block.true_images, block.true_points
+    assert images is not None
+    assert points is not None
+    (a, b), (c, d) = some_ends(block, 2)
+    line = points.xyz_m[b] - points.xyz_m[a] + [0.0, 0.0, 1.5 - 1.7]  # from the instrument to the target
+    to_image = images.position_m[5] - points.xyz_m[c]
+    value = [np.linalg.norm(line), np.linalg.norm(line[:2]), np.linalg.norm(to_image)]
+    block = with_distances(block, np.array([[a, b], [a, b], [c, d]]))
+    geodetic = replace(
+        block.geodetic,
+        type=np.array(["distance", "horizontal_distance", "distance"]),
+        value=np.array(value),
+        end=np.array([*block.geodetic.end[:2], str(block.images.id[5])]),
+        end_kind=np.array(["point", "point", "image"]),
+        start_height_m=np.array([1.7, 1.7, np.nan]),
+        end_height_m=np.array([1.5, 1.5, np.nan]),
+    )
+    found = initial_of(replace(block, geodetic=geodetic), pairs_per_image=6)
+    of = np.isin(found.residuals.kind, ["distance", "horizontal_distance"])
+    assert sorted(found.residuals.kind[of].tolist()) == ["distance", "distance", "horizontal_distance"]
+    assert found.residuals.active[of].all()
+    assert np.abs(found.residuals.residual[of, 0]).max() < 0.15
