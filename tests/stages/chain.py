@@ -47,7 +47,7 @@ def run_chain(block: Block, bundle_options: BundleOptions = BundleOptions(), *, 
     """All stages on a block of film or digital images with all corrections, refraction where the block has it."""
     interior = affine(block) if (block.cameras.kind == "film").any() else calibrated(block)
     refined = systematic(block, interior, options=SystematicOptions(refraction=refraction))
-    return _from_refined(block, interior, refined, bundle_options)
+    return from_refined(block, interior, refined, bundle_options)
 
 
 def run_rc30_2x3(shared_data: Path) -> Chain:
@@ -56,10 +56,10 @@ def run_rc30_2x3(shared_data: Path) -> Chain:
     block = wucaps(options=WucapsOptions(path=folder))
     interior = calibrated(block)
     refined = systematic(block, interior, options=SystematicOptions(refraction=False, earth_curvature=False))
-    return _from_refined(block, interior, refined, BundleOptions())
+    return from_refined(block, interior, refined, BundleOptions())
 
 
-def _from_refined(block: Block, interior: ImagePoints, refined: ImagePoints, options: BundleOptions) -> Chain:
+def from_refined(block: Block, interior: ImagePoints, refined: ImagePoints, options: BundleOptions) -> Chain:
     models = dependent(block, refined)
     strips = scale_transfer(block, models)
     absolute = similarity(block, strips, refined)
