@@ -45,7 +45,7 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Export a Solution or Block as tables or WuCAPS files, a Solution for COLMAP or BAL, a pipeline for SLURM."""
+    """Export results as tables or WuCAPS files, a Solution for COLMAP or BAL, a pipeline for SLURM."""
     if form is Form.slurm:
         _write_script(Path(what), folder, overwrite=overwrite)
         return
@@ -104,8 +104,15 @@ def _write(run: Run, name: str, folder: Path) -> None:
 
         source = _record(run, name)["inputs"]["block"]["stage"]
         write_solution_tables(store.load(run.folder, name, Solution), _block(run, source), folder)
+    elif kind == "Evaluation":
+        from aatri.artifacts.evaluation import Evaluation
+        from aatri.formats.results.solution_tables import write_evaluation_tables
+        from aatri.pipeline.store import run_folder as store
+
+        write_evaluation_tables(store.load(run.folder, name, Evaluation), folder)
     else:
-        raise SpecError(f"{name} gives {kind}; a Solution or a Block can be exported", where=str(run.folder))
+        raise SpecError(f"{name} gives {kind}; a Solution, a Block or an Evaluation can be exported",
+                        where=str(run.folder))  # fmt: skip
 
 
 def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:

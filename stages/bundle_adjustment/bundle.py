@@ -41,7 +41,7 @@ from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.position_datum import shift_notes
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.systematic_residuals import systematic_notes
-from aatri.adapters.bundle.uncontrolled import uncontrolled_notes, uncontrolled_table
+from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.plausibility import of_start
 from aatri.adapters.suspects import after, with_gross_errors
@@ -222,10 +222,10 @@ def bundle(
         suspects = with_gross_errors(result, suspects, options.blunders.limit)
     made = bundle_solution(block, given, result, suspects, told.tables, told.calibration, told.covariances, orderings,
                            tests=options.reliability)  # fmt: skip
-    uncontrolled = uncontrolled_table(done.result)
-    tell(uncontrolled_notes(uncontrolled), context)
+    uncontrolled, of_them = uncontrolled_of(done.result)
+    tell(of_them, context)
     made = replace(made, variance_components=components, uncontrolled=uncontrolled,
-                   proposed_numbers=proposed_numbers(done))  # fmt: skip
+                   proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None)  # fmt: skip
     return with_datum(block, made, options.datum, options.datum_over)
 
 

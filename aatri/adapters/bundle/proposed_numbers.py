@@ -10,8 +10,8 @@ from aatri.orientation.bundle.blunders.swaps import is_of_rays
 from aatri.orientation.bundle.rounds import Round
 
 
-def proposed_numbers(done: Round) -> ProposedNumbers | None:
-    """All proposals of a search; None where there are none.
+def proposed_numbers(done: Round) -> ProposedNumbers:
+    """All proposals of a search.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def proposed_numbers(done: Round) -> ProposedNumbers | None:
         o = next(o for o in observed if is_of_rays(o, done.given.rays))
         rows += [(o, one.row, str(done.given.point_ids[one.point]), False) for one in done.renumbered]
     if not rows:
-        return None
+        return ProposedNumbers.empty()
     named = [o.names(np.array([row])) for o, row, _, _ in rows]
     return ProposedNumbers(
         kind=np.array([o.kind for o, _, _, _ in rows]),

@@ -1,4 +1,8 @@
-"""Observations that nothing controls, as a table and as notes: of all kinds, from the covariances at hand."""
+"""Observations that nothing controls, as a table and as notes: of all kinds, from the covariances at hand.
+
+What is known beforehand of the film of single images (its shift, say, which a station takes up) is often known by that
+alone, in image after image: such are counted in a note and not listed.
+"""
 
 from __future__ import annotations
 
@@ -11,27 +15,41 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.notes import Note
 from aatri.observations.image_points import KIND
+from aatri.observations.poses import FILM
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
 
+FILM_PRIOR = f"{FILM}_prior"
 
-def uncontrolled_table(result: BundleResult) -> Uncontrolled | None:
-    """Observations in use with a direction whose redundancy number is below 0.01; None without covariances.
+
+def uncontrolled_of(result: BundleResult) -> tuple[Uncontrolled | None, list[Note]]:
+    """Observations in use with a direction whose redundancy number is below 0.01, and what is to be said of them.
 
     Parameters
     ----------
     result : BundleResult
+        None without covariances.
     """
     if result.adjusted.down_weighted:
-        return None
+        return None, []
     known = [o for o in result.observations if not o.observed.exact and np.isfinite(o.covariance[o.used]).any()]
-    return stacked([Uncontrolled.empty(), *map(_of_kind, known)]) if known else None
+    if not known:
+        return None, []
+    found = stacked([Uncontrolled.empty(), *map(_of_kind, known)])
+    of_film = found.kind == FILM_PRIOR
+    table = found.take(~of_film)
+    notes = _notes(table)
+    if of_film.any():
+        images = len(np.unique(found.image[of_film]))
+        labels = ", ".join(np.unique(found.point[of_film]).tolist())
+        text = f"{FILM_PRIOR}: {int(of_film.sum())} corrections of the film of {images} images ({labels}) are known "
+        notes.append(Note("note", text + "from the interior orientation alone; not listed in `uncontrolled`"))
+    return table, notes
 
 
-def uncontrolled_notes(table: Uncontrolled | None) -> list[Note]:
+def _notes(table: Uncontrolled) -> list[Note]:
     """How many of each kind, and which; of image points the points."""
     notes = []
-    for kind in np.unique(table.kind) if table is not None else ():
-        assert table is not None
+    for kind in np.unique(table.kind):
         mine = table.take(table.kind == kind)
         if kind == KIND:
             points = np.unique(mine.point)

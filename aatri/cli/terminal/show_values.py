@@ -29,13 +29,20 @@ def say_values(path: Path, kind: str, table: str, most: int | None, *, json: boo
         say_json({"table": table, "units": units, "rows": as_records(found), "left_off": found.left_off})
         return
     if not found.rows():
-        narrate(f"{table}: no rows")
+        narrate(_NOTHING.get(table, f"{table}: no rows"))
         return
     head = [f"{name} [{unit}]" if unit else name for name, unit in zip(found.head, found.units)]
     numbers = [name for name, column in zip(head, found.columns) if any(isinstance(v, float | int) for v in column)]
     say_table(head, [[_cell(value) for value in row] for row in found.rows()], numbers)
     if found.left_off:
         narrate(f"{found.left_off} more rows; --all prints them")
+
+
+_NOTHING = {
+    "proposed_numbers": "proposed_numbers: none are proposed",
+    "uncontrolled": "uncontrolled: none, every observation is controlled",
+    "suspects": "suspects: none",
+}
 
 
 def _cell(value: Any) -> str:

@@ -27,6 +27,8 @@ _AXES = ("x", "y", "z")
 _HIDDEN = ("file", "line", "row")
 _HOW = {
     "tests": "set `reliability: true` in the stage",
+    "proposed_numbers": "only a search for gross errors proposes numbers: `blunders` other than none",
+    "uncontrolled": "it takes standard deviations, and no down-weighted observations",
     "variance_components": "set `variance_components: {groups: [kind]}` in the stage",
 }
 _DEGREES = 180.0 / np.pi

@@ -1,5 +1,5 @@
-"""A Solution as CSV tables: exterior, points, cameras, residuals, frame; tests, variance components, suspects,
-parameters if there are any.
+"""A Solution as CSV tables: exterior, points, cameras, residuals, frame; tests, variance components, uncontrolled
+observations, proposed numbers, suspects, parameters if there are any.
 
 parameters.csv has an empty cell where a parameter was removed; parameter_covariances.csv has covariances and
 correlations of the camera parameters, additional and of camera models, each pair once; frame.csv says what the
@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
+from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals, Solution, Tests, VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
@@ -72,12 +73,53 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
     if solution.variance_components is not None:
         c = solution.variance_components
         tables["variance_components.csv"] = {name: getattr(c, name) for name in columns_of(VarianceComponents)}
+    if solution.uncontrolled is not None and len(solution.uncontrolled):
+        u = solution.uncontrolled
+        tables["uncontrolled.csv"] = {
+            "kind": u.kind, "image": u.image, "point": u.point, "redundancy": u.redundancy,
+            **_split(("direction_x", "direction_y", "direction_z"), u.direction),
+        }  # fmt: skip
+    if solution.proposed_numbers is not None and len(solution.proposed_numbers):
+        n = solution.proposed_numbers
+        tables["proposed_numbers.csv"] = {
+            "kind": n.kind, "image": n.image, "point": n.point, "proposed": n.proposed,
+            "exchanged": np.where(n.exchanged, "yes", "no"),
+        }  # fmt: skip
     if len(solution.suspects):
         tables["suspects.csv"] = _suspects(solution.suspects)
     if len(solution.parameters):
         tables["parameters.csv"] = _parameters(solution)
     if solution.parameter_covariances is not None and len(solution.parameter_covariances):
         tables["parameter_covariances.csv"] = _covariances(solution.parameters, solution.parameter_covariances)
+    return write_tables(tables, folder)
+
+
+def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
+    """Write figures.csv, differences.csv and, of single models, models.csv; the same otherwise."""
+    figures, d, m = evaluation.figures, evaluation.differences, evaluation.models
+    tables: dict[str, Columns] = {
+        "figures.csv": {"name": figures.name, "value": figures.value},
+        "differences.csv": {
+            "point": d.point, "kind": d.kind, **_split(("dX_m", "dY_m", "dZ_m"), d.difference_m),
+            **_split(("sX_m", "sY_m", "sZ_m"), d.sigma_m), "rays": d.rays,
+        },
+    }  # fmt: skip
+    if m is not None:
+        tables["models.csv"] = {
+            "left": m.left, "right": m.right, "points": m.points, "base_m": m.base_m,
+            "parallax_rms_um": m.parallax_rms_um, "parallax_max_um": m.parallax_max_um,
+            "parallax_max_at": m.parallax_max_at, "w_rms": m.w_rms,
+            **_split(("adjusted_rms_x_m", "adjusted_rms_y_m", "adjusted_rms_z_m"), m.adjusted_rms_m),
+            "control_points": m.control_points,
+            **_split(("control_rms_x_m", "control_rms_y_m", "control_rms_z_m"), m.control_rms_m),
+            "check_points": m.check_points,
+            **_split(("check_rms_x_m", "check_rms_y_m", "check_rms_z_m"), m.check_rms_m),
+        }  # fmt: skip
+    return write_tables(tables, folder)
+
+
+def write_tables(tables: Mapping[str, Columns], folder: Path) -> list[Path]:
+    """Write columns as CSV files, by name; the folder is made if it is not there."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return [_write(folder / name, columns) for name, columns in tables.items()]

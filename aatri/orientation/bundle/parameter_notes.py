@@ -124,7 +124,7 @@ def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[Parame
             notes += _removals(str(group.given.ids[k]), removals)
         groups[i] = replace(given.parameters[i], free=free)
     if notes:
-        notes.append(Note("note", CHOSEN))
+        notes.append(Note("warning", CHOSEN))
     return (tuple(groups) if notes else None), notes
 
 

@@ -38,7 +38,7 @@ def suspects_tables(suspects: Suspects) -> list[PageTable]:
 
 def proposed_numbers_table(proposed: ProposedNumbers | None) -> PageTable | None:
     """Numbers under which rejected observations fit."""
-    if proposed is None:
+    if proposed is None or not len(proposed):
         return None
     columns: Cells = {
         "observation": lambda k: str(proposed.kind[k]),

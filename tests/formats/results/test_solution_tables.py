@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from aatri.artifacts import block as b
-from aatri.artifacts.solution import Parameters
+from aatri.artifacts.evaluation import Differences, Evaluation, Figures, SingleModels
+from aatri.artifacts.solution import Parameters, ProposedNumbers, Uncontrolled
 from aatri.errors import ResourceError
-from aatri.formats.results.solution_tables import point_roles, write_solution_tables
+from aatri.formats.results.solution_tables import point_roles, write_evaluation_tables, write_solution_tables
 from aatri.geometry.rotations import rotation_from_angles
 from tests.made_solutions import made_block, made_solution
 
@@ -126,3 +127,39 @@ def test_a_folder_that_cannot_be_made_is_an_error_with_its_place(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceError, match="file"):
         write_solution_tables(made_solution(block), block, tmp_path / "file")
+
+
+def test_what_nothing_controls_and_proposed_numbers_have_tables_if_there_are_any(tmp_path):
+    block = made_block()
+    uncontrolled = Uncontrolled(kind=["control"], row=[0], image=[""], point=["p1"], redundancy=[0.004],
+                                direction=[[0.6, 0.8, np.nan]])  # fmt: skip
+    proposed = ProposedNumbers(kind=["image_point"], row=[3], image=["1-0"], point=["p1"], proposed=["p2"],
+                               exchanged=[True])  # fmt: skip
+    solution = dataclasses.replace(made_solution(block), uncontrolled=uncontrolled, proposed_numbers=proposed)
+    write_solution_tables(solution, block, tmp_path)
+    (row,) = _read(tmp_path / "uncontrolled.csv")
+    assert (row["point"], row["redundancy"], row["direction_y"], row["direction_z"]) == ("p1", "0.004", "0.8", "")
+    (row,) = _read(tmp_path / "proposed_numbers.csv")
+    assert (row["point"], row["proposed"], row["exchanged"]) == ("p1", "p2", "yes")
+    nothing = dataclasses.replace(solution, uncontrolled=Uncontrolled.empty(), proposed_numbers=ProposedNumbers.empty())
+    names = [path.name for path in write_solution_tables(nothing, block, tmp_path / "none")]
+    assert "uncontrolled.csv" not in names
+    assert "proposed_numbers.csv" not in names
+
+
+def test_an_evaluation_has_tables_of_figures_differences_and_single_models(tmp_path):
+    three = [[0.1, np.nan, -0.3]]
+    evaluation = Evaluation(
+        verdict="", figures=Figures(name=["check_rmse_x_m"], value=[0.25]),
+        differences=Differences(point=["p1"], kind=["check"], difference_m=three, sigma_m=three, rays=[3]),
+        models=SingleModels(left=["1"], right=["2"], points=[7], base_m=[500.0], parallax_rms_um=[4.5],
+                            parallax_max_um=[9.0], parallax_max_at=["p1"], w_rms=[np.nan], adjusted_rms_m=three,
+                            control_points=[0], control_rms_m=three, check_points=[1], check_rms_m=three),
+    )  # fmt: skip
+    names = [path.name for path in write_evaluation_tables(evaluation, tmp_path)]
+    assert names == ["figures.csv", "differences.csv", "models.csv"]
+    assert _read(tmp_path / "figures.csv") == [{"name": "check_rmse_x_m", "value": "0.25"}]
+    (row,) = _read(tmp_path / "differences.csv")
+    assert (row["dX_m"], row["dY_m"], row["sZ_m"], row["rays"]) == ("0.1", "", "-0.3", "3")
+    (row,) = _read(tmp_path / "models.csv")
+    assert (row["right"], row["parallax_rms_um"], row["w_rms"], row["check_rms_z_m"]) == ("2", "4.5", "", "-0.3")

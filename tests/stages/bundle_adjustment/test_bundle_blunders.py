@@ -162,4 +162,5 @@ def test_an_image_point_with_the_number_of_a_point_elsewhere_is_named_with_its_o
 def test_what_is_merely_wrong_is_given_no_other_number(chain: Chain) -> None:
     block, points, _, _ = _spoilt(chain)
     solution = bundle(block, points, _unsuspecting(chain.strip_block), options=BundleOptions(interior_unknowns=True))
-    assert solution.proposed_numbers is None
+    assert solution.proposed_numbers is not None
+    assert len(solution.proposed_numbers) == 0
