@@ -13,7 +13,7 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.orientation.bundle.blunders.search import tests_of
+from aatri.orientation.bundle.blunders.tested import tests_of
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 

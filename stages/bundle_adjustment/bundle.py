@@ -40,7 +40,7 @@ from aatri.adapters.bundle.hidden_distortion import distortion_notes
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.position_datum import shift_notes
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
-from aatri.adapters.bundle.systematic_residuals import systematic_notes
+from aatri.adapters.bundle.systematic_residuals import strip_of_images, systematic_notes
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.plausibility import of_start
@@ -210,11 +210,13 @@ def bundle(
     result = done.result if wanted else without_covariances(done.result)
     tell(remarks(given, result.adjusted.state, before=False), context)
     tell(shift_notes(as_given, given, result, lambda block: _adjusted(block, options, SILENT, How())), context)
+    tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
     notes += [*weak_datum_notes(given, result), *relief_notes(result)]
     notes += distortion_notes(given, result, tests=options.reliability)
-    notes += [*systematic_notes(result), *parameter_notes(given, result), *correlation_notes(result)]
-    tell([*done.notes, *result.notes, *notes], context)
+    notes += systematic_notes(result, strip_of_images(block))
+    notes += [*parameter_notes(given, result), *correlation_notes(result)]
+    tell(notes, context)
     told = told_parameters(block, result, chosen)
     tell(told.notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None

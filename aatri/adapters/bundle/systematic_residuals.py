@@ -3,15 +3,16 @@
     shift = mean of v,  v = X0 + R a - X_observed, or R'v        scale = mean of v / d
 
 A forgotten lever arm or a delay of the clock shifts positions along the axes of the camera, whatever the heading;
-another datum shifts them along those of the ground; distances reduced to the map have a common scale. Each is told
-where it is significant and explains most of the squares.
+another datum shifts them along those of the ground; a receiver that starts anew shifts those of a strip; distances
+reduced to the map have a common scale. Each is told where it is significant and explains most of the squares.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Float, Text
+from aatri.artifacts.block import Block
 from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
@@ -26,13 +27,18 @@ MOST_OF_IT = 0.5
 """Share of the squared residuals that the systematic part explains."""
 
 
-def systematic_notes(result: BundleResult) -> list[Note]:
-    """Warnings of systematic residuals of positions and distances."""
+def strip_of_images(block: Block) -> Text:
+    """Ids of the strips of all images, empty without."""
+    return np.append(block.strips.id, "")[block.images.strip]
+
+
+def systematic_notes(result: BundleResult, strip: Text) -> list[Note]:
+    """Warnings of systematic residuals of positions and distances; `strip` names that of every image."""
     notes = []
     for found in result.observations:
         touches = found.observed.records.touches
         if found.observed.kind == POSITION and len(touches) == 1 and touches[0][0] == POSE:
-            notes += _shift(found, result)
+            notes += _shift(found, result) or _of_strips(found, result, strip)
         elif found.observed.kind == GEODETIC and [group for group, _ in touches] == [POINT, POINT]:
             notes += _scale(found, result)  # not of correlated ones, which are records of several distances
     return notes
@@ -57,6 +63,37 @@ def _shift(found: AdjustedObservations, result: BundleResult) -> list[Note]:
         return []
     told = ", ".join(f"{m:.3f} (+- {s:.3f})" for m, s in zip(-mean, sigma))
     return [Note("warning", f"observed positions are shifted by {told} m along the axes {axes}: {question}")]
+
+
+def _of_strips(found: AdjustedObservations, result: BundleResult, strip: Text) -> list[Note]:
+    """Strips whose positions, rejected ones too, are off together."""
+    records, rows = found.observed.records, found.rows
+    v = records.evaluate(result.adjusted.state, rows)[0]
+    rows, v = rows[np.isfinite(v).all(axis=1)], v[np.isfinite(v).all(axis=1)]
+    names = strip[records.touches[0][1][rows]]
+    groups = {name: np.flatnonzero(names == name) for name in np.unique(names).tolist()}
+    groups = {name: mine for name, mine in groups.items() if len(mine) >= FEWEST and name}
+    if len(groups) < 2:
+        return []
+    total = float((v**2).sum())
+    explained = sum(len(mine) * float((v[mine].mean(axis=0) ** 2).sum()) for mine in groups.values())
+    if not explained > MOST_OF_IT * total:
+        return []
+    told, sigma = {}, records.sigmas()[rows]
+    for name, mine in groups.items():
+        mean, scatter = _mean(v[mine])
+        known = np.sqrt((sigma[mine] ** 2).mean(axis=0) / len(mine))
+        if (np.abs(mean) > SIGNIFICANT * np.maximum(scatter, known)).any():
+            told[name] = mean
+    largest = max((float(np.linalg.norm(mean)) for mean in told.values()), default=0.0)
+    shifts = [
+        f"{name} by {', '.join(f'{-m:.3f}' for m in mean)} m"
+        for name, mean in told.items() if np.linalg.norm(mean) > 0.5 * largest
+    ]  # fmt: skip
+    if not shifts:
+        return []
+    return [Note("warning", "observed positions of whole strips are off together, against the rest of the block: strip "
+                 f"{'; strip '.join(shifts)}: `positions: {{drift: shift, per: strip}}` estimates it")]  # fmt: skip
 
 
 def _scale(found: AdjustedObservations, result: BundleResult) -> list[Note]:

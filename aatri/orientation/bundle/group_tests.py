@@ -2,7 +2,7 @@
 
     s^2 = sum v'P v / sum (1 - tr(L B C B'L'))
 
-with B the Jacobian of a record, C the marginal covariance of the one block of unknowns it touches, L its whitener: the
+with B the Jacobian of a record, C the covariance of the unknowns it touches, L its whitener: the
 sum below is the redundancy of the group. A few records hardly move sigma0 of the block, so standard deviations that are
 wrong by a unit pass its test: those of control in mm taken as m, positions that claim too much.
 
@@ -15,15 +15,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adjustment.records import whitened
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.global_test import GlobalTest, global_test
 from aatri.notes import Note
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
 
 OFF = 3.0
 """Standard deviations wrong by less than this factor, either way, are left to variance components."""
 
 LEAST_REDUNDANCY = 5.0
+
+CLEARLY, CLEAR_REDUNDANCY = 2.0, 10.0
+"""Too small by this factor is told, too, with so much redundancy: by chance it happens once in 50,000."""
 
 
 def group_notes(result: BundleResult) -> list[Note]:
@@ -40,10 +44,14 @@ def group_notes(result: BundleResult) -> list[Note]:
 def _notes(result: BundleResult) -> Iterator[Note]:
     for found in result.observations:
         o = found.observed
-        if o.exact or o.components or len(o.records.touches) != 1 or result.adjusted.down_weighted:
+        groups = {group for group, _ in o.records.touches}
+        single = len(o.records.touches) == 1 or (POSE in groups and POINT not in groups)
+        if o.exact or o.components or not single or result.adjusted.down_weighted:
             continue
         test = _group_test(found, result)
-        if test is None or 1 / OFF < test.sigma0 < OFF or test.low <= test.sigma0 <= test.high:
+        if test is None or test.low <= test.sigma0 <= test.high:
+            continue
+        if 1 / OFF < test.sigma0 < (CLEARLY if test.redundancy >= CLEAR_REDUNDANCY else OFF):
             continue
         text = f"{o.kind}: sigma0 of these {len(found.rows)} observations alone is {test.sigma0:.3g}"
         if test.sigma0 < 1:
@@ -57,15 +65,12 @@ def _group_test(found: AdjustedObservations, result: BundleResult) -> GlobalTest
     """sigma0 of a group; None where its redundancy is small or not known."""
     o = found.observed
     rows = np.flatnonzero(found.used)
-    group, block = o.records.touches[0]
-    if not len(rows) or group not in result.covariances:
+    rows = rows[np.isfinite(found.covariance[rows]).all(axis=(1, 2))]
+    if not len(rows):
         return None
-    covariance = result.covariances[group][block[rows]]
-    v, (B,) = whitened(o.records, result.adjusted.state, rows)
-    known = np.isfinite(covariance).all(axis=(1, 2))
-    v, B, covariance = v[known], B[known], covariance[known]
-    count = int(o.records.observed_components()[rows[known]].sum())
-    redundancy = count - float(np.einsum("nij,njk,nik->", B, covariance, B))
+    v = whitened_residuals(o.records, result.adjusted.state, rows)
+    count = int(o.records.observed_components()[rows].sum())
+    redundancy = count - float(np.einsum("nii->", found.covariance[rows]))
     if redundancy < LEAST_REDUNDANCY:
         return None
     return global_test(float(np.sqrt((v**2).sum() / redundancy)), round(redundancy))

@@ -29,6 +29,8 @@ class AllRecords:
         Records that touch one point, so that the others of the point can judge them.
     point : (n,) int64
         That point; -1 none.
+    coordinates : (n,) bool
+        Records of that point alone: given coordinates.
     """
 
     observed: tuple[Observed, ...]
@@ -36,22 +38,25 @@ class AllRecords:
     native: Bool
     at_points: Bool
     point: Int
+    coordinates: Bool
 
     @classmethod
     def of(cls, given: BundleInput) -> AllRecords:
         """The records of a block."""
         observed = tuple(o.again() for o in given.observed)
-        native, point = [], []
+        native, point, alone = [], [], []
         for o in observed:
             own = not (o.components or o.exact)
             touched = [block for group, block in o.records.touches if group == POINT]
             native.append(o.records.active & own)
             one = len(touched) == 1 and own
+            alone.append(np.full(len(o), one and len(o.records.touches) == 1))
             point.append(touched[0].astype(np.int64) if one else np.full(len(o), -1, dtype=np.int64))
         nothing = np.zeros(0, dtype=np.int64)
         points = np.concatenate([nothing, *point])
         first = np.cumsum([0, *(len(o) for o in observed)])
-        return cls(observed, first, np.concatenate([nothing == 1, *native]), points >= 0, points)
+        return cls(observed, first, np.concatenate([nothing == 1, *native]), points >= 0, points,
+                   np.concatenate([nothing == 1, *alone]))  # fmt: skip
 
     @property
     def parts(self) -> list[slice]:

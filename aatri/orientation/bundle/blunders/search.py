@@ -16,15 +16,12 @@ Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics import search as statistics
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of
-from aatri.adjustment.statistics.tau import tau_limit
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
@@ -36,13 +33,11 @@ from aatri.orientation.bundle.blunders.other_numbers import other_numbers
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
 from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.blunders.swaps import swaps
+from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
+from aatri.orientation.bundle.blunders.tested import Tried, known_covariance, tests_of
 from aatri.orientation.bundle.blunders.told import Found, findings
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, with_readmission
-
-WELL_CONTROLLED = 1e-3
-"""Components with a smaller redundancy number are not tested: what controls them could not be told apart."""
 
 UNTESTED = (
     "gross errors were not searched for: no observation has a test, for nothing controls it, or the block was solved "
@@ -61,52 +56,8 @@ HARMLESS = 2.0
 
 MOST_HEARINGS = 3
 
-FEW = 10
-"""Redundancy below which sigma0 a priori cannot be taken for granted: that from which variances are estimable."""
-
-STANDS_OUT = 3.29
-"""Limit, as that of |w|, of the tau test of small networks."""
-
 CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
 """Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A block adjusted without some of its records, and the tests of all of them."""
-
-    given: BundleInput
-    result: BundleResult
-    active: Bool
-    rule: Rule
-
-    @cached_property
-    def plain(self) -> Float:
-        """Largest |w| of each record, kind after kind; predicted where not active."""
-        return np.concatenate([tests_of(o, self.result.adjusted.state) for o in self.result.observations])
-
-    @property
-    def small(self) -> bool:
-        """Whether there is too little redundancy to tell a gross error from wrong standard deviations by |w| alone."""
-        return self.result.adjusted.redundancy < FEW
-
-    @cached_property
-    def test(self) -> Float:
-        """|w| over the limit's unit: with little redundancy a gross error is one that also stands out of the others."""
-        adjusted, limit, unit = self.result.adjusted, self.rule.limit, 1.0
-        if self.rule.tau:
-            unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
-        elif self.small and adjusted.redundancy > 0:
-            unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)
-        return self.plain / unit
-
-    def controlled(self, rows: Int) -> Bool:
-        """All that has a test is controlled well enough."""
-        return np.ones(len(rows), dtype=bool)
-
-    def added_sigma(self, *, robust: bool) -> float:  # noqa: ARG002
-        """A bundle adds nothing to its standard deviations."""
-        return 0.0
 
 
 def search(given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e-3) -> Round:
@@ -158,14 +109,10 @@ class _Search:
             active, start = self._from_robust(active, first), None
         elif first is None and failure is not None:
             raise failure
-        found = statistics.search(
-            lambda before, use, _: self._solve(before or start, use), active, self.snooping, self.pool, self._found
-        )
-        tried, use = found.solved, found.active
+        tried, use, swapped = self._searched(start, active)
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | self._lost(tried.result, gone))
         asked = (tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
-        swapped = tuple(swaps(*asked))
         renumbered = tuple(other_numbers(*asked, swapped))
         doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
         above = use & ((tried.plain if tried.small else tried.test) > self.rule.limit)
@@ -173,6 +120,25 @@ class _Search:
         notes = findings(tried.given, self.all, told, self.rule)
         split = self.all.split
         return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), swapped, renumbered)
+
+    def _searched(self, start: Tried | None, active: Bool) -> tuple[Tried, Bool, tuple[Swap, ...]]:
+        """Search; exchanged numbers are explained: where they took up the share of a kind, search on without them."""
+        first = start
+
+        def solve(before: Tried | None, use: Bool, _: float) -> Tried:
+            return self._solve(before or first, use)
+
+        while True:
+            found = statistics.search(solve, active, self.snooping, self.pool, self._found)
+            tried, use = found.solved, found.active
+            gone = self.all.split(self.all.native & ~use)
+            swapped = tuple(swaps(tried.result, self.given.rays, gone, self.rule.limit))
+            rows = [self.all.first[s.place] + row for s in swapped for row in (s.first, s.second)]
+            explained = np.isin(np.arange(len(use)), rows) & self.pool.counted
+            if not explained.any() or not (use & (tried.test > self.rule.limit)).any():
+                return tried, use, swapped
+            self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
+            first, active = tried, use
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
@@ -197,13 +163,16 @@ class _Search:
         result = robust(given, self.adjust, self.rule, squares, coarse=True)
         state = result.adjusted.state
         tests = [
-            tests_of(replace(o, covariance=_known(o, squares, i)), state) for i, o in enumerate(result.observations)
+            tests_of(replace(o, covariance=known_covariance(o, squares, i)), state)
+            for i, o in enumerate(result.observations)
         ]
         above = active & (np.concatenate(tests) > self.rule.limit)
         self.given = from_result(given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
         out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
+        exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
+        self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         rejected = self._within_share(active & (out | alone), active, np.concatenate(tests))
         return (active | (self.all.native & self._of(points) & ~out)) & ~rejected
 
@@ -231,7 +200,7 @@ class _Search:
 
     def _found(self, tried: Tried, use: Bool) -> Bool:
         """The clearest gross errors, at points by a hearing of all records of the point."""
-        picked = clearest(self.snooping, self.pool, tried.test, use)
+        picked = clearest(self.snooping, self.pool, tried.test, use, ~self._in_stead(tried.test, use))
         at = picked & self.all.at_points
         points = np.unique(self.all.point[at])
         points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
@@ -239,7 +208,18 @@ class _Search:
         out = self._heard(state, points, suspected, use, tried.test, move=False) & use
         heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
         blamed = picked & ~(heard & self.all.at_points)
-        return self._within_share(out | blamed, use, tried.test)
+        kept = self._within_share(out | blamed, use, tried.test)
+        # Where the coordinates of a point may not go, its rays do not go in their stead.
+        other = self.all.coordinates & (out | blamed) & ~kept
+        return kept & ~self._of(np.unique(self.all.point[other]))
+
+    def _in_stead(self, test: Float, use: Bool) -> Bool:
+        """Records at points whose coordinates are the clearest there, and may not go: they do not go in their stead."""
+        above = use & self.all.coordinates & (test > self.rule.limit)
+        held = np.flatnonzero(above & ~self._within_share(above, use, test))
+        largest = np.zeros(len(self.hearings))
+        np.maximum.at(largest, self.all.point[held], test[held])
+        return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
 
     def _heard(self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, *, move: bool) -> Bool:
         """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
@@ -272,28 +252,10 @@ class _Search:
         kept = wrong.copy()
         for part in self.all.parts:
             some = np.flatnonzero(wrong[part]) + part.start
-            native = self.all.native[part]
+            native = self.pool.counted[part]
+            some = some[native[some - part.start]]
             room = int(np.ceil(self.rule.max_share * native.sum())) - int((native & ~active[part]).sum())
             if len(some) > max(room, 0):
                 order = np.argsort(-np.nan_to_num(test[some]), kind="stable")
                 kept[some[order[max(room, 0) :]]] = False
         return kept
-
-
-def tests_of(found: AdjustedObservations, state: State) -> Float:
-    """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
-    records, rows = found.observed.records, found.rows
-    test = np.full(len(found.observed), np.nan)
-    if len(rows) and not (found.observed.exact or found.observed.components):
-        v = whitened_residuals(records, state, rows)
-        sign = np.where(records.active[rows], -1.0, 1.0)[:, None]
-        r = 1.0 + sign * np.einsum("nii->ni", found.covariance[rows])
-        tested = records.observed_components()[rows] & (r > WELL_CONTROLLED)
-        w = np.where(tested, np.abs(v) / np.sqrt(np.where(tested, r, 1.0)), -1.0).max(axis=1)
-        test[rows] = np.where(w >= 0, w, np.nan)
-    return test
-
-
-def _known(found: AdjustedObservations, squares: BundleResult | None, i: int) -> Float:
-    """Covariances of the adjusted values as least squares has them; zero where it failed."""
-    return np.zeros_like(found.covariance) if squares is None else squares.observations[i].covariance

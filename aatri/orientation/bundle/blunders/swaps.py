@@ -17,6 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Observed
@@ -25,6 +26,9 @@ from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
 
 MOST_IN_AN_IMAGE = 200
 """Rejected image points of an image up to which pairs are tried: with more the image itself is wrong."""
+
+EXCHANGED = 0.02
+"""Share of the distance of two points by which they may miss each other's place."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +118,35 @@ def _parallax(result: BundleResult, rays: ImagePointRows, a: int, b: int) -> flo
     by = [*(base @ np.cross(R[0][:, c], d[1]) for c in (0, 1)), *(base @ np.cross(d[0], R[1][:, c]) for c in (0, 1))]
     sigma = np.linalg.norm(np.array(by) * np.concatenate([rays.sigma_mm[a], rays.sigma_mm[b]]))
     return float(base @ np.cross(d[0], d[1]) / sigma) if sigma > 0 else float("inf")
+
+
+def exchanged_coordinates(
+    observed: tuple[Observed, ...], out: tuple[Bool, ...], state: State, seen_m: Float
+) -> list[Bool]:
+    """Given coordinates that are exchanged beyond doubt: each is where the other should be, to 2 % of their distance.
+
+    Parameters
+    ----------
+    observed : tuple of Observed
+    out : tuple of (n,) bool
+        Suspected, kind by kind.
+    state : mapping
+        Of an adjustment.
+    seen_m : (n_points, 3) float64, m
+        Points where their rays see them, reduced.
+    """
+    found = [np.zeros_like(suspected) for suspected in out]
+    for o, suspected, exchanged in zip(observed, out, found):
+        if [group for group, _ in o.records.touches] != [POINT] or o.records.rows != 3:
+            continue
+        rows = np.flatnonzero(suspected & o.records.observed_components().all(axis=1))
+        point = dict(o.records.touches)[POINT][rows]
+        given, seen = state[POINT][point] - o.records.evaluate(state, rows)[0], seen_m[point]
+        for a, b in combinations(range(len(rows)), 2):
+            most = EXCHANGED * np.linalg.norm(given[a] - given[b])
+            if max(np.linalg.norm(seen[a] - given[b]), np.linalg.norm(seen[b] - given[a])) < most:
+                exchanged[rows[[a, b]]] = True
+    return found
 
 
 def _of_coordinates(

@@ -1,0 +1,83 @@
+"""Tests of the records of a bundle: the largest |w| of each, of predictions where it is rejected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.statistics.tau import tau_limit
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+
+WELL_CONTROLLED = 1e-3
+"""Components with a smaller redundancy number are not tested: what controls them could not be told apart."""
+
+
+FEW = 10
+"""Redundancy below which sigma0 a priori cannot be taken for granted: that from which variances are estimable."""
+
+STANDS_OUT = 3.29
+"""Limit, as that of |w|, of the tau test of small networks."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A block adjusted without some of its records, and the tests of all of them."""
+
+    given: BundleInput
+    result: BundleResult
+    active: Bool
+    rule: Rule
+
+    @cached_property
+    def plain(self) -> Float:
+        """Largest |w| of each record, kind after kind; predicted where not active."""
+        return np.concatenate([tests_of(o, self.result.adjusted.state) for o in self.result.observations])
+
+    @property
+    def small(self) -> bool:
+        """Whether there is too little redundancy to tell a gross error from wrong standard deviations by |w| alone."""
+        return self.result.adjusted.redundancy < FEW
+
+    @cached_property
+    def test(self) -> Float:
+        """|w| over the limit's unit: with little redundancy a gross error is one that also stands out of the others."""
+        adjusted, limit, unit = self.result.adjusted, self.rule.limit, 1.0
+        if self.rule.tau:
+            unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
+        elif self.small and adjusted.redundancy > 0:
+            unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)
+        return self.plain / unit
+
+    def controlled(self, rows: Int) -> Bool:
+        """All that has a test is controlled well enough."""
+        return np.ones(len(rows), dtype=bool)
+
+    def added_sigma(self, *, robust: bool) -> float:  # noqa: ARG002
+        """A bundle adds nothing to its standard deviations."""
+        return 0.0
+
+
+def tests_of(found: AdjustedObservations, state: State) -> Float:
+    """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
+    records, rows = found.observed.records, found.rows
+    test = np.full(len(found.observed), np.nan)
+    if len(rows) and not (found.observed.exact or found.observed.components):
+        v = whitened_residuals(records, state, rows)
+        sign = np.where(records.active[rows], -1.0, 1.0)[:, None]
+        r = 1.0 + sign * np.einsum("nii->ni", found.covariance[rows])
+        tested = records.observed_components()[rows] & (r > WELL_CONTROLLED)
+        w = np.where(tested, np.abs(v) / np.sqrt(np.where(tested, r, 1.0)), -1.0).max(axis=1)
+        test[rows] = np.where(w >= 0, w, np.nan)
+    return test
+
+
+def known_covariance(found: AdjustedObservations, squares: BundleResult | None, i: int) -> Float:
+    """Covariances of the adjusted values as least squares has them; zero where it failed."""
+    return np.zeros_like(found.covariance) if squares is None else squares.observations[i].covariance

@@ -1,0 +1,88 @@
+"""Gross errors that come together: of a whole strip, of control that is exchanged beside some that is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+OPTIONS = BundleOptions(interior_unknowns=True)
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    return run_chain(simulated(5, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
+                               known={"full": 12}, ties={"new_points": 300}))  # fmt: skip
+
+
+def _adjusted(chain: Chain, block: Block) -> tuple[Solution, Told]:
+    told, initial = Told(), replace(chain.strip_block, suspects=Suspects.empty())
+    return bundle(block, chain.refined, initial, options=OPTIONS, context=told), told
+
+
+def _off(block: Block, rows: np.ndarray, by_m: list[float]) -> Block:
+    position = block.exterior.position_m.copy()
+    position[rows] += by_m
+    return replace(block, exterior=replace(block.exterior, position_m=position))
+
+
+def test_positions_of_a_whole_strip_that_are_off_are_named_with_their_shift(chain: Chain) -> None:
+    e = chain.block.exterior
+    rows = np.flatnonzero(chain.block.strips.id[chain.block.images.strip[e.image]] == "2")
+    assert len(rows) == 6
+    _, told = _adjusted(chain, _off(chain.block, rows, [1.5, 1.2, 1.5]))
+    (line,) = [text for text in told.warnings if "whole strips are off together" in text]
+    assert "strip 2 by" in line
+    assert "; strip" not in line
+    assert "drift: shift, per: strip" in line
+
+
+def test_positions_without_a_common_shift_are_no_strip_that_is_off(chain: Chain) -> None:
+    _, told = _adjusted(chain, chain.block)
+    assert not [text for text in told.warnings if "whole strips" in text]
+    _, told = _adjusted(chain, _off(chain.block, np.array([4]), [1.5, 1.2, 1.5]))
+    assert not [text for text in told.warnings if "whole strips" in text]
+
+
+def test_positions_against_control_are_told_and_the_rays_of_control_do_not_go_for_it(chain: Chain) -> None:
+    block = _off(chain.block, np.arange(len(chain.block.exterior)), [1.5, 1.2, 1.5])
+    solution, told = _adjusted(chain, block)
+    assert any("positions and control differ by a constant: positions less control 1.5" in t for t in told.warnings)
+    s = solution.suspects
+    out = s.point[(s.kind == "image_point") & staying_out(s)]
+    control = block.points.id[block.ground_points.point[(block.ground_points.role == 1).any(axis=1)]]
+    assert np.isin(control, out).sum() <= 2
+
+
+def test_exchanged_control_leaves_room_to_reject_another(chain: Chain) -> None:
+    g = chain.block.ground_points
+    rows = np.flatnonzero((g.role == 1).all(axis=1))
+    rays = np.bincount(chain.refined.measurements.point, minlength=len(chain.block.points))[g.point[rows]]
+    rows = rows[np.argsort(-rays, kind="stable")][:3]
+    xyz = g.xyz_m.copy()
+    xyz[rows[:2]] = xyz[rows[1::-1]]
+    xyz[rows[2], 2] += 1.0
+    solution, told = _adjusted(chain, replace(chain.block, ground_points=replace(g, xyz_m=xyz)))
+    s = solution.suspects
+    assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
+    names = chain.block.points.id[g.point[rows]]
+    (line,) = [text for text in told.warnings if "fit if their numbers are exchanged" in text]
+    assert all(name in line for name in names[:2])
+    assert solution.sigma0 < 1.1
+
+
+def test_control_whose_standard_deviations_are_five_times_too_small_is_told(chain: Chain) -> None:
+    g, rng = chain.block.ground_points, np.random.default_rng(7)
+    rows = np.flatnonzero((g.role == 1).all(axis=1))
+    xyz = g.xyz_m.copy()
+    xyz[rows] += 4.9 * np.sqrt(np.einsum("nii->ni", g.covariance_m2[rows])) * rng.standard_normal((len(rows), 3))
+    _, told = _adjusted(chain, replace(chain.block, ground_points=replace(g, xyz_m=xyz)))
+    assert any(text.startswith("control: sigma0 of these 12 observations alone is") for text in told.warnings)
