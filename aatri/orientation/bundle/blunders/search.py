@@ -35,7 +35,7 @@ from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
 from aatri.orientation.bundle.blunders.tested import Tried, known_covariance, tests_of
-from aatri.orientation.bundle.blunders.told import Found, findings
+from aatri.orientation.bundle.blunders.told import Found, findings, more_than_share
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, with_readmission
 
@@ -95,6 +95,7 @@ class _Search:
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
         self.hearings = np.zeros(len(given.point_ids), dtype=np.int64)
         self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
+        self.more: list[Note] = []
 
     def run(self) -> Round:
         """Search."""
@@ -117,7 +118,7 @@ class _Search:
         doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
         above = use & ((tried.plain if tried.small else tried.test) > self.rule.limit)
         told = Found(use, undecided, above, doubtful, swapped, renumbered, tried.small)
-        notes = findings(tried.given, self.all, told, self.rule)
+        notes = findings(tried.given, self.all, told, self.rule) + (self.more if above.any() else [])
         split = self.all.split
         return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), swapped, renumbered)
 
@@ -173,7 +174,9 @@ class _Search:
         out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
-        rejected = self._within_share(active & (out | alone), active, np.concatenate(tests))
+        wrong = active & (out | alone)
+        self.more = more_than_share(self.all, wrong, self.rule)
+        rejected = self._within_share(wrong, active, np.concatenate(tests))
         return (active | (self.all.native & self._of(points) & ~out)) & ~rejected
 
     def _moved_by(self, first: Tried, active: Bool) -> BundleInput:

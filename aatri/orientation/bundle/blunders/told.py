@@ -19,6 +19,9 @@ from aatri.orientation.bundle.blunders.swaps import Swap
 WHOLE_SHARE, WHOLE_LEAST = 0.3, 5
 """An image is named itself where so many of its image points are rejected; a point where half of its rays are."""
 
+WORTH_A_SHARE, MOST_WRONG = 40, 0.25
+"""Of so many observations a share of gross errors can be told, up to so large a one."""
+
 
 def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:
     """What some observations are called: image/point, or the one there is."""
@@ -88,6 +91,21 @@ def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) 
         what = "these fit under another number, which may be theirs"
         notes.append(Note("warning", f"image_point: {len(ids)} rejected, {what}", ids))
     notes += _whole(given, records, gone)
+    return notes
+
+
+def more_than_share(records: AllRecords, wrong: Bool, rule: Rule) -> list[Note]:
+    """Kinds of which a robust adjustment finds more wrong than may be rejected, but not so many that the model is."""
+    notes = []
+    for part, o in zip(records.parts, records.observed):
+        count, of = int(wrong[part].sum()), int(records.native[part].sum())
+        if of >= WORTH_A_SHARE and rule.max_share < count / of <= MOST_WRONG:
+            enough = np.ceil(1.5 * count / of * 20) / 20
+            text = (
+                f"{o.kind}: after a robust adjustment {count} of {of} are beyond {rule.limit:g} sigma, more than the "
+            )
+            text += f"{rule.max_share:.0%} that may be rejected; if so many gross errors are to be expected, "
+            notes.append(Note("warning", f"{text}`blunders: {{max_share: {enough:g}}}`"))
     return notes
 
 
