@@ -5,8 +5,9 @@ that the adjustment did estimate eliminated, phi the variance of unit weight. Wi
 
     z = (S / phi + 1 / theta)^-1 g / phi,      r = tr(S / phi (S / phi + 1 / theta)^-1),      theta = z'z / r
 
-summed over each component and repeated until nothing changes: Foerstner's estimate. With y'y the sum of squares of the
-adjustment and f its redundancy phi = (y'y - z'g) / f, by maximum likelihood of the residuals.
+summed over each component and repeated until nothing changes: Foerstner's estimate. After every two steps what is left is
+taken to fall on as they did (Aitken). With y'y the sum of squares of the adjustment and f its redundancy
+phi = (y'y - z'g) / f, by maximum likelihood of the residuals.
 
 Source: Foerstner 1979, as adjustment.statistics.variance_components; Harville 1977 (phi).
 """
@@ -16,11 +17,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from aatri.arrays import Float, Int
 
 ROUNDS = 100
 SETTLED = 1e-2
+FALLING = 0.9
+"""Factors of the differences from which on nothing is told of the limit."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +60,31 @@ def deformation_components(
     share = S.diagonal()
     of = np.maximum(np.bincount(component, minlength=n), 1)
     theta: Float = np.bincount(component, (g / share) ** 2, minlength=n) / of
-    phi, r = max(squares / redundancy, least), np.zeros(n)
+    phi, r, steps = max(squares / redundancy, least), np.zeros(n), [theta]
     for _ in range(ROUNDS):
         before, root = theta, np.sqrt(theta[component])
-        inverse = np.linalg.inv(np.eye(len(g)) + root[:, None] * S * root / phi)
-        z = root * (inverse @ (root * g)) / phi
-        r = np.bincount(component, 1.0 - inverse.diagonal(), minlength=n).astype(np.float64)
+        # Of M = I + root S root / phi = L L' the inverse is wanted on the diagonal, and times one vector.
+        M = root[:, None] * S * (root / phi)
+        np.einsum("ii->i", M)[:] += 1.0
+        L_inverse = dtrtri(dpotrf(M, lower=True, overwrite_a=True)[0], lower=True, overwrite_c=True)[0]
+        L_inverse = np.tril(L_inverse)
+        z = root * (L_inverse.T @ (L_inverse @ (root * g))) / phi
+        r = np.bincount(component, 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), minlength=n).astype(np.float64)
         theta = np.bincount(component, z**2, minlength=n) / np.maximum(r, 1e-12)
         phi = max((squares - float(z @ g)) / redundancy, least)
         if (np.abs(theta - before) <= SETTLED * before).all():
             break
+        steps.append(theta)
+        if len(steps) == 3:
+            theta = _limit(*steps)
+            steps = [theta]
     return DeformationComponents(theta, r, phi)
+
+
+def _limit(first: Float, second: Float, third: Float) -> Float:
+    """Where values lead whose logarithms differ by less and less, by a constant factor; the third where they do not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        before, last = np.log(second / first), np.log(third / second)
+        factor = last / before
+        falling = np.isfinite(factor) & (factor > 0) & (factor < FALLING)
+        return np.where(falling, third * np.exp(np.where(falling, last * factor / (1 - factor), 0.0)), third)
