@@ -156,9 +156,9 @@ def calibrated_transformations(block: Block, images: Int) -> Transformations:
 def _transformed(transformations: Transformations, image: Int, uv: Float) -> Float:
     """Photo coordinates of measured points, each by the transformation of its image."""
     xy = np.empty((len(uv), 2))
-    models = transformations.model[image]
-    for model in np.unique(models):
-        rows = np.flatnonzero(models == model)
+    models, of_image = np.unique(transformations.model, return_inverse=True)
+    for k, model in enumerate(models):
+        rows = np.flatnonzero(of_image[image] == k)
         matrix, terms = transformations.matrix[image[rows]], transformations.terms[image[rows]]
         xy[rows] = transform_plane(str(model), matrix, terms, uv[rows, None])[:, 0]
     return xy
@@ -192,7 +192,7 @@ def _half_format(block: Block) -> Float:
 
 def _inside_format(block: Block, photo: Float, camera: Int) -> Bool:
     allowed = _half_format(block)[camera] * (1 + FORMAT_TOLERANCE)
-    return np.asarray(~(np.abs(photo) > allowed).any(axis=1))
+    return np.asarray(~((np.abs(photo[:, 0]) > allowed[:, 0]) | (np.abs(photo[:, 1]) > allowed[:, 1])))
 
 
 def _notes(block: Block, outside: Bool) -> Iterator[Note]:
@@ -227,12 +227,12 @@ def _names(block: Block, rows: Bool) -> list[str]:
 
 def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:
     squares = np.where(np.isfinite(matrix[:, :, :2]), matrix[:, :, :2], np.eye(2)) ** 2
-    share = squares / squares.sum(axis=2, keepdims=True)
+    share = squares / (squares[:, :, :1] + squares[:, :, 1:])
     return np.asarray(np.sqrt(np.einsum("nij,nj->ni", share, sigma_mm**2)))
 
 
 def _largest(correction: Float, active: Bool) -> float:
-    return float(np.sqrt((correction[active] ** 2).sum(axis=1)).max(initial=0.0))
+    return float(np.hypot(*correction[active].T).max(initial=0.0))
 
 
 def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) -> Suspects:

@@ -36,4 +36,4 @@ def with_corrections(
 
 def largest_length(correction_mm: Float, used: Bool) -> float:
     """Largest length of the corrections of the chosen points, mm; 0 of none."""
-    return float(np.sqrt((correction_mm[used] ** 2).sum(axis=1)).max(initial=0.0))
+    return float(np.hypot(*correction_mm[used].T).max(initial=0.0))

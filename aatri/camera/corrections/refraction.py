@@ -50,7 +50,7 @@ def refraction_correction(
     -------
     (n, 2) float64, mm
     """
-    r2 = (xy_mm**2).sum(axis=1)
+    r2 = xy_mm**2 @ np.ones(2)
     return np.asarray(-xy_mm * (constant_rad * (1.0 + r2 / principal_distance_mm**2))[:, None])
 
 

@@ -38,8 +38,13 @@ def brown_correction(
     -------
     (n, 2) float64, mm
     """
-    values = np.array([parameters.get(name, 0.0) for name in PARAMETERS])
-    return np.asarray(brown_basis(xy_mm, symmetry_point_mm) @ values)
+    k1, k2, k3, p1, p2, b1, b2 = (parameters.get(name, 0.0) for name in PARAMETERS)
+    x, y = xy_mm.T
+    r2 = ((xy_mm - np.asarray(symmetry_point_mm)) ** 2) @ np.ones(2)
+    radial, xy = r2 * (k1 + r2 * (k2 + r2 * k3)), x * y
+    dx = x * radial + p1 * (r2 + 2 * x**2) + 2 * p2 * xy + b1 * x + b2 * y
+    dy = y * radial + 2 * p1 * xy + p2 * (r2 + 2 * y**2)
+    return np.column_stack([dx, dy])
 
 
 def brown_basis(xy_mm: npt.NDArray[Any], symmetry_point_mm: npt.ArrayLike = (0.0, 0.0)) -> npt.NDArray[Any]:

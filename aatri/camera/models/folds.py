@@ -31,10 +31,11 @@ def first_folded(derivative: Callable[[Float], Float], points: Float) -> int | N
     int or None
         Row of the point.
     """
-    order = np.argsort(-(points**2).sum(axis=1), kind="stable")
-    outermost = order[:OUTERMOST]
-    for rows, share in [(order, 1.0), *((outermost, s) for s in np.linspace(0.1, 0.9, 9))]:
-        folded = ~(np.linalg.det(derivative(share * points[rows])) > 0)
+    every, most = np.arange(len(points)), min(OUTERMOST, len(points))
+    outermost = np.argpartition(-(points**2) @ np.ones(2), most - 1)[:most] if most else every
+    for rows, share in [(every, 1.0), *((outermost, s) for s in np.linspace(0.1, 0.9, 9))]:
+        J = derivative(share * points[rows])
+        folded = ~(J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0] > 0)
         if folded.any():
             return int(rows[folded].min())
     return None

@@ -5,7 +5,7 @@ that the adjustment did estimate eliminated, phi the variance of unit weight. Wi
 
     z = (S / phi + 1 / theta)^-1 g / phi,      r = tr(S / phi (S / phi + 1 / theta)^-1),      theta = z'z / r
 
-summed over each component and repeated until nothing changes: Foerstner's estimate. After every two steps what is left is
+summed over each component and repeated until nothing changes: Foerstner's estimate. After every two steps the rest is
 taken to fall on as they did (Aitken). With y'y the sum of squares of the adjustment and f its redundancy
 phi = (y'y - z'g) / f, by maximum likelihood of the residuals.
 
