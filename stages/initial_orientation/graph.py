@@ -97,10 +97,12 @@ def graph(
         check_same_block(block, models.images.id, "models")
     pairs, _ = graph_of(models, options.min_points)
     if not len(pairs.left):
+        most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))
         raise GeometryError(
             f"no two images have {options.min_points} points in common that fit, seen along a base",
-            remedy="measure more points that several images have in common; check the ids of images and points; images "
-            "all taken at one place make no model",
+            remedy=f"measure more points that several images have in common (two images share {most} at most, "
+            "`min_points` goes down to 6); check the ids of images and points; images all taken at one place make no "
+            "model",
         )
     given, inside = block, in_tangent_frame(block)
     block = inside.block

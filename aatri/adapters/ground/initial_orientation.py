@@ -36,7 +36,7 @@ from aatri.notes import Level, Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.free_block.absolute import OrientedComponent, orient_component
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import WIDE_RAD, Component
 from aatri.orientation.graph.frame import first_base_one
 from aatri.orientation.graph.triangulation import contradicting, residuals_mm
 
@@ -199,7 +199,7 @@ def initial_solution(
     position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
     tables, moves = [Residuals.empty()], [StripTransformations.empty()]
     found = [suspects]
-    kept = np.zeros(len(rays.image), dtype=bool)
+    kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
     free = parts[0].free
     origin = np.zeros(3) if free else ground.origin_m
     for number, part in enumerate(parts, 1):
@@ -208,6 +208,7 @@ def initial_solution(
         position[new], rotation[new] = c.poses.position_m[new] + origin, c.poses.ground_from_image[new]
         xyz[points] = c.xyz[points] + origin
         kept |= c.kept & new[rays.image] & points[rays.point]
+        own |= c.kept & new[rays.image]
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
         if part.oriented is not None:
             first, held = len(part.oriented.tied.point_m), len(part.oriented.active) if free else 0
@@ -218,6 +219,9 @@ def initial_solution(
             found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     poses = Poses(position, rotation)
+    # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.
+    apart = np.flatnonzero(reached & own & ~kept)
+    kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
     found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
     spread = max(part.component.spread for part in parts)
     found.append(_trimmed(block, rays, poses, xyz, contradicting(rays, poses, xyz, spread), "undecidable"))

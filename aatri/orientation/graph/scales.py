@@ -27,8 +27,8 @@ from aatri.orientation.graph.pair_graph import PairGraph
 PER_IMAGE = 8
 """Pairs of each image that carry scale: the strongest ones, and a tree of all."""
 
-FEWEST = 4
-"""Two pairs with fewer points in common do not tell the ratio of their bases."""
+FEWEST = 3
+"""Two pairs with fewer points in common do not tell the ratio of their bases; three stand at the standard positions."""
 
 SPREAD = 0.5
 """Ratios whose points disagree by more than this (median deviation of the logarithm) are not used."""

@@ -91,7 +91,8 @@ def essential_orientations(
     max_samples : int
         Most samples of a pair.
     patient : bool
-        Pairs that the compiled loops cannot orient are tried one by one from several starts.
+        Pairs that the compiled loops cannot orient are tried one by one from several starts; those of so few points
+        that these loops do not take them are always.
     reporter : Reporter
         Told how many pairs are done.
     """
@@ -132,7 +133,7 @@ def essential_orientations(
             for column, value in zip(turned, _turned(mine)):
                 column[pair] = value
             continue
-        if patient and (len(rows) < SNOOPED or share[pair] >= FEWEST):
+        if len(rows) < SNOOPED or (patient and share[pair] >= FEWEST):
             one_by_one(found, rays, pair, start, snooping_limit, max_iterations, min_points)
         elif share[pair] >= FEWEST:
             found.reasons[pair] = "no adjustment of its points converges: they hardly determine an orientation"

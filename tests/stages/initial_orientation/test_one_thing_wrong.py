@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
 from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
+from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.initial_orientation.test_datum import some_ends, with_distances
 from tests.stages.initial_orientation.unordered import (
@@ -168,3 +170,16 @@ def test_images_with_their_y_axis_the_wrong_way_round_are_refused() -> None:
     with pytest.raises(GeometryError, match="fit it mirrored only") as refused:
         initial_of(replace(block, image_points=replace(m, xy=xy)), pairs_per_image=8)
     assert "y axis of the image coordinates" in str(refused.value)
+
+
+def test_pairs_of_six_points_at_the_standard_positions_are_oriented_where_asked_for() -> None:
+    block = without_strips(simulated(preset="sample"))  # three strips of five images, 35 points
+    points = systematic(block, affine(block), options=SystematicOptions(refraction=False, earth_curvature=False))
+    with pytest.raises(GeometryError) as refused:
+        graph(block, points, rng=np.random.default_rng(1))
+    assert "two images share 6 at most" in str(refused.value)
+    found = graph(block, points, options=GraphOptions(min_points=6), rng=np.random.default_rng(1))
+    assert found.images.oriented.all()
+    done = bundle(block, points, found)
+    assert done.sigma0 < 1.5
+    assert not (done.suspects.verdict == "rejected").any()  # nothing is wrong
