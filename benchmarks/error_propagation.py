@@ -108,7 +108,8 @@ def svg(curves: dict[str, Float], width: int = 640, height: int = 360) -> str:
             y = top + high * (1 - (v - low) / (most - low))
             points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y))
             parts.append(f'<polyline points="{points}" fill="none" stroke="{c}" stroke-width="2"/>')
-            parts.append(f'<text x="{left + 8}" y="{top + 18 + 16 * row}" fill="{c}">{name}</text>')
+            free = top + 18 if -low < most else top + high - 8 - 16 * (len(names) - 1)  # the corner without curves
+            parts.append(f'<text x="{left + 8}" y="{free + 16 * row}" fill="{c}">{name}</text>')
     return "\n".join([*parts, "</svg>", ""])
 
 
