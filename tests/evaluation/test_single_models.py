@@ -9,7 +9,10 @@ import pytest
 
 from aatri.artifacts.block import CHECK
 from aatri.stages.accuracy.evaluation import evaluation
+from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.geodetic_blocks import made
 
 SMALL = {"preset": "rc30", "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0}, "known": {"full": 8},
          "ties": {"new_points": 80}}  # fmt: skip
@@ -117,3 +120,17 @@ def test_a_solution_without_image_points_has_no_models(chain: Chain) -> None:
     found = evaluation(chain.block, chain.strip_block)
     assert found.models is None
     assert "single_models" not in found.metrics()
+
+
+def test_models_of_a_block_in_a_map_are_restituted_in_its_tangent_frame() -> None:
+    """3 km up the scale of the map, 0.9996, would lift points by 1.2 m; in the tangent frame rays are straight."""
+    block = made(1, 3000.0)
+    solution = bundle(block, calibrated(block))
+    found = evaluation(block, solution).models
+    assert found is not None
+    sigma = np.sqrt(np.nanmedian(np.einsum("nii->ni", solution.points.covariance_m2), axis=0))
+    # Two rays instead of many: a model is less precise than the block, but by no metre.
+    assert (np.sqrt(np.mean(found.adjusted_rms_m**2, axis=0)) < 3 * sigma).all()
+    assert (np.sqrt(np.mean(found.adjusted_rms_m**2, axis=0)) < 0.4).all()
+    noise_um = 1e3 * float(np.median(block.image_points.sigma_mm))
+    assert 0.7 * np.sqrt(2) * noise_um < np.sqrt(np.mean(found.parallax_rms_um**2)) < 1.3 * np.sqrt(2) * noise_um
