@@ -8,9 +8,11 @@ should find where it changes the distance from coplanarity (true orientation, in
 the redundancy number of the condition) by more than twice the minimal detectable one. Strip formation by point and
 joint: what relative orientation has left, where it changes the logarithm of the scale by as much. A rejection is right
 if the point is wrong in an image of the pair, or of the joint; recall and precision are of both stages together. `left`
-are wrong image points that nothing has rejected when the bundle begins; `found by the bundle`: the share of those above
-twice the minimal detectable error of the bundle that stay out in the end. A line ends with what is not as it should be:
-recall and precision below 95 %, more than 6 iterations.
+are wrong image points that nothing has rejected when the bundle begins, `of these listed` those in the table
+`uncontrolled` of the strip block, since no second model, strip or control sees them (the others are named by the
+measurement in the other image of their pair, too small, or rays in no model); `found by the bundle`: the share of those
+above twice the minimal detectable error of the bundle that stay out in the end. A line ends with what is not as it
+should be: recall and precision below 95 %, more than 6 iterations.
 """
 
 from __future__ import annotations
@@ -132,7 +134,10 @@ def judged(clean: Chain, spoilt: Chain, wrong: Any) -> dict[str, float]:
     above = _above(clean, Spoilt(block, "image_point", wrong))
     kept_image_points = ~np.isin(wrong, stays_out(spoilt.strip_block, "image_point"))
     out_at_last = np.isin(wrong, stays_out(spoilt.bundle, "image_point"))
+    listed = spoilt.strip_block.uncontrolled
+    nobody = np.isin(wrong[kept_image_points], listed.row[listed.kind == "image_point"])
     return {**oriented, **both, "wrong": len(wrong), "left": int(kept_image_points.sum()),
+            "of these listed": int(nobody.sum()),
             "found by the bundle": float((out_at_last & above).sum() / max(above.sum(), 1)),
             "iterations": spoilt.bundle.iterations, "sigma0": spoilt.bundle.sigma0}  # fmt: skip
 
