@@ -136,8 +136,7 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
     else:
         from aatri.formats.bal.writer import write_bal_problem
 
-        folder.mkdir(parents=True, exist_ok=True)
-        write_bal_problem(solution, block, folder, image_points=points)
+        write_bal_problem(solution, block, folder / "problem.txt", image_points=points)
     write_crs(block, folder)
 
 

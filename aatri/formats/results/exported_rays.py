@@ -26,6 +26,9 @@ from aatri.geometry.vectors import finite_rows
 PIXEL_MM = 0.01
 """Pixel of cameras whose pixel size is not known."""
 
+DISTORTION = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
+"""Parameters of the distortions that correct measurements."""
+
 REMEDY = "export with the image points after interior orientation and image refinement"
 
 
@@ -104,7 +107,7 @@ def exported_cameras(solution: Solution, block: Block, image_points: ImagePoints
     format_px = 2 * half_format_mm(digital, cameras.format, size) / size
     exported = []
     for k, name in enumerate(cameras.id.tolist()):
-        model = "none" if corrected else str(cameras.distortion[k])
+        model = "none" if corrected or _corrects_nothing(solution, block, k) else str(cameras.distortion[k])
         if model not in ("none", *PARAMETERS):
             what = f"distortion {model} is a correction of the measured coordinates, which no camera here has"
             raise InputError(what, where=f"camera {name}", remedy=REMEDY)
@@ -113,6 +116,16 @@ def exported_cameras(solution: Solution, block: Block, image_points: ImagePoints
             format_px[k], model, _parameters(solution, block, k, model),
         ))  # fmt: skip
     return exported
+
+
+def _corrects_nothing(solution: Solution, block: Block, camera: int) -> bool:
+    """Whether a distortion that corrects measurements has no parameter but zeros, as given and as solved."""
+    if block.cameras.distortion[camera] not in ("brown", "dbat3"):
+        return False
+    given, solved = block.camera_parameters, solution.parameters
+    mine, of = given.camera == camera, solved.object == block.cameras.id[camera]
+    named = zip([*given.name[mine], *solved.name[of]], [*given.value[mine], *solved.value[of]])
+    return all(value == 0 for name, value in named if str(name) in DISTORTION)
 
 
 def _parameters(solution: Solution, block: Block, camera: int, model: str) -> dict[str, float]:
