@@ -9,6 +9,8 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import OBSERVED_VALUE, Block
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
+from aatri.frames.checks import place_outside
+from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.notes import Note
 from aatri.observations.control import control_of
@@ -60,7 +62,7 @@ def as_given(block: Block, active: Bool) -> tuple[list[InputError], tuple[Note, 
         return wrong_units, tuple(notes)
     notes += spans
     plain = np.isin(block.cameras.distortion, PLAIN_LENSES)[block.images.camera[rays.image]]
-    notes += [*_plane_frame(block), *_scale_of_distances(block)]
+    notes += [*_outside_of_its_system(block), *_plane_frame(block), *_scale_of_distances(block)]
     found = contradiction(_some(rays, plain), observed=observed)
     if found is None:
         return [], tuple(notes)
@@ -103,6 +105,19 @@ def _distances_by_scale(block: Block, active: Bool, known_camera: Int) -> tuple[
     length_m = np.linalg.norm(X[1] - X[0], axis=1)
     use = apart > 0
     return camera[use], c.principal_distance_mm[camera[use]] * length_m[use] / apart[use]
+
+
+def _outside_of_its_system(block: Block) -> list[Note]:
+    """A warning where coordinates lie far from where their CRS is used: another zone, or axes exchanged."""
+    frames = block.frames
+    if not len(frames) or frames.crs[0] == "local" or is_tangent_frame(str(frames.crs[0])):
+        return []
+    frame = Frame(str(frames.id[0]), tuple(str(frames.axes[0]).split(",")), str(frames.crs[0]))
+    control = control_of(block)
+    xyz = np.vstack([control.xyz_m[control.given.all(axis=1)], block.exterior.position_m])
+    outside = place_outside(frame, xyz)
+    ask = "check its code, the order of the axes and a zone before the easting"
+    return [Note("warning", f"{outside}: {ask}")] if outside else []
 
 
 def _plane_frame(block: Block) -> list[Note]:

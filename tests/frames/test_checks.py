@@ -9,7 +9,7 @@ import pytest
 
 from aatri.errors import AatriError
 from aatri.formats.tables.reader import read_block
-from aatri.frames.checks import fault_of_frame, out_of_range
+from aatri.frames.checks import fault_of_frame, out_of_range, place_outside
 from aatri.frames.conversion import Frame
 from tests.formats.tables.block_folder import FILES, replaced, write_folder
 
@@ -24,6 +24,12 @@ ENU, GEO = ("east", "north", "up"), ("latitude", "longitude", "height")
         (GEO, "EPSG:32650", "", "axes", "is not geographic"),
         (ENU, "EPSG:32650", "EPSG:999999", "vertical", "is not known"),
         (ENU, "EPSG:32650", "EPSG:32651", "vertical", "no vertical system"),
+        (ENU, "EPSG:2263", "", "crs", "easting in US survey foot"),
+        (ENU, "EPSG:32618", "EPSG:6360", "vertical", "gravity-related height in US survey foot"),
+        (ENU, "EPSG:32650", "EPSG:5831", "vertical", "counts downwards"),
+        (ENU, "EPSG:5773", "", "crs", "a system of heights alone"),
+        (ENU, "EPSG:4978", "", "axes", "is geocentric"),
+        (GEO, "EPSG:4807", "", "crs", "in grad"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_key(axes, crs, vertical, key, what):
@@ -62,3 +68,19 @@ def test_the_reader_names_file_and_line(tmp_path: Path) -> None:
               "3,40.1,117.2,9,geo\n0123,40.1,117.2,9.5,geo\n")  # fmt: skip
     with pytest.raises(AatriError, match=r"ground_points.csv:3:\d+: latitude or longitude is out of range"):
         read_block(write_folder(tmp_path / "b", {"block.yaml": yaml, "ground_points.csv": ground}))
+
+
+def test_a_block_far_from_where_its_system_is_used_is_told():
+    zone_50 = Frame("map", ENU, "EPSG:32650")
+    there = np.array([[446263.976, 4505079.577, 6.4], [446287.4, 4504679.4, 4.1], [np.nan, np.nan, 3.0]])
+    assert place_outside(zone_50, there) == ""
+    assert "far from where that is used" in place_outside(zone_50, there[:, [1, 0, 2]])
+    assert "far from where that is used" in place_outside(zone_50, there + np.array([39e6, 0, 0]))
+    assert place_outside(Frame("map", ENU, "EPSG:32650+5773"), there) == ""
+    assert place_outside(Frame("map", ENU, "EPSG:3857"), there) == ""  # used all over the world
+    dateline = Frame("map", ENU, "EPSG:3832")  # the Pacific, from 98 to 69 degrees west across 180
+    assert place_outside(dateline, np.array([[0.0, 0.0, 0.0]])) == ""  # 150 degrees east
+
+
+def test_without_coordinates_nothing_is_told():
+    assert place_outside(Frame("map", ENU, "EPSG:32650"), np.full((2, 3), np.nan)) == ""
