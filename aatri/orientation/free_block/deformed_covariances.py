@@ -52,6 +52,9 @@ from aatri.orientation.free_block.tie_records import (
     typical_variance,
 )
 
+MOST_STRIPS = 200
+"""Deformations of all strips hang together: their matrices grow with the square of the strips, to 1 GB at 500."""
+
 ABSORBED = 1e-9
 """Share of a deformation's information that is left where the coefficients take it up."""
 
@@ -68,12 +71,15 @@ class DeformedCovariances:
         The same.
     sigma, redundancy : dict of str to float
         Standard deviations of the components, rad (joints) or m (similarities), and their redundancies.
+    missing : str
+        Why there are none.
     """
 
     point_covariance_m2: Float
     coefficient_sigma_m: Float
     sigma: dict[str, float]
     redundancy: dict[str, float]
+    missing: str = ""
 
 
 def deformed_covariances(
@@ -107,7 +113,9 @@ def _deformed_covariances(
     values, vectors = spectrum_of(points.covariance)
     redundancy = tied.observations - tied.unknowns
     if redundancy <= 0 or not values.any():
-        return DeformedCovariances(*nothing, {}, {})
+        return DeformedCovariances(*nothing, {}, {}, "the deformation of the strips is not estimable (no redundancy)")
+    if n_strips > MOST_STRIPS:
+        return DeformedCovariances(*nothing, {}, {}, f"{n_strips} strips, more than {MOST_STRIPS}")
     used = SUMMED if int(result.degree.min()) >= 1 else np.arange(len(AXIS))
     active, T_ties = tied.active[: len(points.strip)], tie_whitener(values, vectors, tied.tau_m)
     ties = deformed_ties(points, axes, active, T_ties, wide=is_wide(result.basis))
@@ -135,8 +143,11 @@ def _deformed_covariances(
     present = np.unique(component).tolist()
     sigma = {COMPONENTS[k]: float(np.sqrt(found.variance[k])) for k in present}
     of_component = {COMPONENTS[k]: float(found.redundancy[k]) for k in present}
-    if not present or min(of_component.values()) < ESTIMABLE:
-        return DeformedCovariances(*nothing, sigma, of_component)
+    few = [f"{name} ({r:.1f})" for name, r in of_component.items() if r < ESTIMABLE]
+    if few or not present:
+        why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
+        why = f"the deformation of the strips is not estimable ({why})"
+        return DeformedCovariances(*nothing, sigma, of_component, why)
     brought = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
     noise = Q @ brought.reshape(len(N), -1)[c]
     theta, C = found.variance[component], np.zeros_like(N)
@@ -151,11 +162,8 @@ def _deformed_covariances(
 
 def covariance_notes(found: DeformedCovariances) -> list[Note]:
     """How far the joints of the strips err, or why there are no standard deviations."""
-    few = [f"{name} ({r:.1f})" for name, r in found.redundancy.items() if r < ESTIMABLE]
-    if few or not found.redundancy:
-        why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
-        text = "no standard deviations of points and coefficients: the deformation of the strips is not estimable"
-        return [Note("note", f"{text} ({why})")]
+    if found.missing:
+        return [Note("note", f"no standard deviations of points and coefficients: {found.missing}")]
     parts = [f"{name} {sigma:.3f} m" if name in HELD else f"{name} {1e6 * sigma:.3g} urad"
              for name, sigma in found.sigma.items()]  # fmt: skip
     of = ", ".join(parts)
