@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
 
+from aatri.artifacts.solution import ProposedNumbers
 from aatri.cli.main import app
 from aatri.tables.hdf5 import write
 from tests.made_solutions import made_block, made_solution
@@ -47,3 +49,14 @@ def test_an_unknown_table_names_the_near_one(solution: str) -> None:
     wrong = _show(solution, "point")
     assert wrong.exit_code == 2
     assert "did you mean 'points'" in wrong.stderr
+
+
+def test_a_search_that_proposes_no_numbers_is_told_from_none_at_all(solution: str, tmp_path: Path) -> None:
+    none = _show(solution, "proposed_numbers")
+    assert none.exit_code == 2
+    assert "only a search for gross errors proposes numbers" in none.stderr
+    searched = replace(made_solution(made_block()), proposed_numbers=ProposedNumbers.empty())
+    write(searched, tmp_path / "searched.h5")
+    shown = _show(str(tmp_path / "searched.h5"), "proposed_numbers")
+    assert shown.exit_code == 0
+    assert "none are proposed" in shown.stderr
