@@ -1,4 +1,4 @@
-"""Evaluation: empirical and theoretical accuracy of a Solution, summarised and per point."""
+"""Evaluation: accuracy of a Solution, empirical and theoretical, summarised and per point; errors of free strips."""
 
 from __future__ import annotations
 
@@ -53,8 +53,21 @@ class SingleModels(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class StripErrors(Table):
+    """Errors of free strips laid on the truth by their first model, at the right projection centre of the n-th."""
+
+    model: Int = column("i4", doc="n: number of the model in its strip, from 1")
+    strips: Int = column("i4", doc="strips that reach so far")
+    mean: Float = column("f8", 3, unit="first base", doc="mean error of the place, in the axes of the ground")
+    rms: Float = column("f8", 3, unit="first base", doc="its root mean square")
+    law: Float = column("f8", 3, unit="first base", doc="sigma_b sqrt(n (n + 1)(2n + 1) / 6), sigma_b fitted")
+    turned_rad: Float = column("f8", 3, unit="rad", doc="root mean square of the error of the attitude")
+    turned_law_rad: Float = column("f8", 3, unit="rad", doc="sigma sqrt(n), sigma fitted")
+
+
+@dataclass(frozen=True, eq=False)
 class Evaluation(Artifact):
-    """Accuracy of a Solution."""
+    """Accuracy of a Solution, or of free strips."""
 
     kind: ClassVar[str] = "Evaluation"
     schema_version: ClassVar[int] = 1
@@ -63,6 +76,7 @@ class Evaluation(Artifact):
     figures: Figures = table()
     differences: Differences = table()
     models: SingleModels | None = table(default=None)
+    strip_errors: StripErrors | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """All figures; counts as integers."""

@@ -133,7 +133,7 @@ class Axis:
         if not self.logarithmic:
             step = round_below((self.high - self.low) / 4)
             first = np.ceil(self.low / step - 1e-9)
-            return [float(k * step) for k in np.arange(first, self.high / step + 1e-9)]
+            return [float(k * step) + 0.0 for k in np.arange(first, self.high / step + 1e-9)]  # no -0
         first, last = np.ceil(np.log10(self.low) - 1e-9), np.floor(np.log10(self.high) + 1e-9)
         stride = max(1, int(np.ceil((last - first) / 6)))
         return [float(10.0**k) for k in np.arange(first, last + 1, stride)]

@@ -1,11 +1,12 @@
-"""Accuracy: the verdict, every control and check point, and pictures of the differences."""
+"""Accuracy: the verdict, every control and check point, single models, free strips, and pictures of the differences."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.evaluation import Differences, Evaluation, SingleModels
+from aatri.artifacts.evaluation import Differences, Evaluation, SingleModels, StripErrors
 from aatri.ids import rows_of
+from aatri.report.drawing.growth import growth_chart
 from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
 from aatri.report.numbers import DASH, metres, number
@@ -18,7 +19,9 @@ def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
     """Add verdict, points and pictures."""
     made.notes.append(evaluation.verdict)
     made.tables.extend(point_tables(evaluation))
-    made.tables.extend(present(models_table(evaluation.models)))
+    made.tables.extend(present(models_table(evaluation.models), strips_table(evaluation.strip_errors)))
+    if evaluation.strip_errors is not None:
+        made.pictures.extend(present(growth_chart(evaluation.strip_errors)))
     made.pictures.extend(difference_pictures(evaluation, around, ("control", "check")))
     made.pictures.extend(difference_pictures(evaluation, around, ("truth",)))
 
@@ -65,6 +68,27 @@ def models_table(models: SingleModels | None) -> PageTable | None:
         columns |= {f"{name} {a} m": tables.formatted(values[order, i], metres) for i, a in enumerate("XYZ")}
     caption = "Single models with the orientations of the block, RMS; minus adjusted and check coordinates"
     return tables.all_rows(caption, models, columns, 3)
+
+
+def strips_table(errors: StripErrors | None) -> PageTable | None:
+    """Errors of free strips by number of the model."""
+    if errors is None:
+        return None
+    thousandths = {"height, RMS": errors.rms[:, 2], "law": errors.law[:, 2],
+                   **{f"mean d{a}": errors.mean[:, i] for i, a in enumerate("XYZ")}}  # fmt: skip
+    columns: tables.Cells = {
+        "model": lambda k: str(errors.model[k]),
+        "strips": lambda k: str(errors.strips[k]),
+        "phi mrad": tables.formatted(1e3 * errors.turned_rad[:, 1], _three),
+        "law mrad": tables.formatted(1e3 * errors.turned_law_rad[:, 1], _three),
+        **{name: tables.formatted(1e3 * v, _three) for name, v in thousandths.items()},
+    }
+    caption = "Errors along free strips; height and mean in thousandths of the first base"
+    return tables.all_rows(caption, errors, columns, 1)
+
+
+def _three(value: float) -> str:
+    return f"{value:.3f}"
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:
