@@ -6,10 +6,13 @@ line has the direction in which the base carries the point X along its ray,
 
     d = (b_x Z - X b_z, b_y Z - Y b_z),     b and X in the frame of that image.
 
-An error across it has the redundancy number r of its condition, shared by both image points.
+An error across it has the redundancy number r of its condition, shared by both image points. Image points in no model
+take no part at all: their direction is NaN, and no stage before the bundle takes them off the list.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -58,6 +61,28 @@ def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | Non
     return found.take(np.lexsort((image, both)))
 
 
+def in_no_model(block: Block, used: Bool, in_pairs: Int) -> Uncontrolled:
+    """Image points that take no part: their image shares the point with no other that makes a model with it.
+
+    Parameters
+    ----------
+    used : (n_image_points,) bool
+        Image points that a stage may use.
+    in_pairs : (k,) int
+        Rows of those that are in models.
+    """
+    left = used.copy()
+    left[in_pairs] = False
+    rows, m = np.flatnonzero(left), block.image_points
+    found = unchecked(IMAGE_POINT, block.images.id[m.image[rows]], block.points.id[m.point[rows]])
+    return replace(found, row=rows.astype(np.int32))
+
+
+def still_in_no_model(before: Uncontrolled | None) -> Uncontrolled:
+    """Those that a stage before has listed as in no model."""
+    return Uncontrolled.empty() if before is None else before.take(_takes_no_part(before))
+
+
 def unchecked(kind: str, image: Text, point: Text) -> Uncontrolled:
     """Observations that nothing at all checks: no direction of their own."""
     n = len(point)
@@ -80,7 +105,7 @@ def of_observations(found: tuple[Int, Float, Float], kind: Text, row: Int, image
 
 
 def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Uncontrolled:
-    """What an earlier stage listed of image points whose ground point nothing has seen since.
+    """What an earlier stage listed of image points whose ground point nothing has seen since; those in no model stay.
 
     Parameters
     ----------
@@ -91,7 +116,7 @@ def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Unc
     if before is None:
         return Uncontrolled.empty()
     mine = before.take(before.kind == IMAGE_POINT)
-    return mine.take(~np.isin(mine.point, block.points.id[seen]))
+    return mine.take(_takes_no_part(mine) | ~np.isin(mine.point, block.points.id[seen]))
 
 
 def notes_of(table: Uncontrolled, of_image_points: str) -> list[Note]:
@@ -103,7 +128,17 @@ def notes_of(table: Uncontrolled, of_image_points: str) -> list[Note]:
     of_image_points : str
         What has not seen them.
     """
-    notes = []
+    notes = list[Note]()
+    alone = _takes_no_part(table)
+    if alone.any():
+        points, n = np.unique(table.point[alone]), int(alone.sum())
+        text = (
+            f"not controlled: {n} image points of {len(points)} points are in no model: they take no part before the "
+        )
+        notes.append(
+            Note("note", f"{text}bundle, which checks them first (table `uncontrolled`)", tuple(points.tolist()))
+        )
+    table = table.take(~alone)
     for kind in np.unique(table.kind).tolist():
         mine = table.take(table.kind == kind)
         if kind == IMAGE_POINT:
@@ -118,11 +153,15 @@ def notes_of(table: Uncontrolled, of_image_points: str) -> list[Note]:
     return notes
 
 
+def _takes_no_part(table: Uncontrolled) -> Bool:
+    return np.asarray((table.kind == IMAGE_POINT) & np.isnan(table.direction).all(axis=1))
+
+
 def _along(b: Float, X: Float) -> Float:
     """Unit directions (n, 2) of the epipolar lines in the image."""
     d = b[:, :2] * X[:, 2:] - X[:, :2] * b[:, 2:]
     length = np.linalg.norm(d, axis=1, keepdims=True)
-    return np.asarray(d / np.where(length > 0, length, np.nan))
+    return np.asarray(np.where(length > 0, d, 1.0) / np.where(length > 0, length, np.sqrt(2.0)))  # on the base: any
 
 
 def _times(matrices: Float, vectors: Float) -> Float:

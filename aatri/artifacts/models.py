@@ -109,7 +109,9 @@ class Models(Artifact):
     second_orientations: SecondOrientations | None = table(default=None)
     turns: Turns | None = table(default=None)
     uncontrolled: Uncontrolled | None = table(
-        default=None, doc="along the base, of points in one model; across it, where the y-parallax is not controlled"
+        default=None,
+        doc="along the base, of points in one model; across it, where the y-parallax is not controlled; "
+        "image points in no model",
     )
 
     def metrics(self) -> dict[str, float | int | None]:

@@ -93,7 +93,9 @@ class Strips(Artifact):
     gaps: Gaps = table()
     suspects: Suspects = table()
     uncontrolled: Uncontrolled | None = table(
-        default=None, doc="along the base, of points in one model of their strip; connection points that nothing checks"
+        default=None,
+        doc="along the base, of points in one model of their strip; image points in no model; connection "
+        "points that nothing checks",
     )
 
     def metrics(self) -> dict[str, float | int | None]:

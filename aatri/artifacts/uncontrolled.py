@@ -17,4 +17,6 @@ class Uncontrolled(Table):
     image: Text = column("str", doc="id of the image, model or strip, empty if none")
     point: Text = column("str", doc="id of the point, name of the parameter, empty if none")
     redundancy: Float = column("f8", doc="redundancy number in that direction, below 0.01")
-    direction: Float = column("f8", 3, doc="the direction, of length 1, along the axes of residual", optional=True)
+    direction: Float = column(
+        "f8", 3, doc="the direction, of length 1, along the axes of residual; NaN: any", optional=True
+    )

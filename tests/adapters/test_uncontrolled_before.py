@@ -61,7 +61,7 @@ def out(artifact: Any) -> set[tuple[str, str]]:
 def test_an_error_along_a_listed_direction_shows_in_no_stage(made: Any) -> None:
     block, points, stages = made
     listed = stages[3].uncontrolled
-    k = int(np.flatnonzero(listed.kind == "image_point")[0])
+    k = int(np.flatnonzero((listed.kind == "image_point") & np.isfinite(listed.direction[:, 0]))[0])
     sigma = float(points.measurements.sigma_mm[listed.row[k], 0])
     after = before_the_bundle(block, moved(points, int(listed.row[k]), SIZE * sigma * listed.direction[k, :2]))
     for clean, spoilt in zip(stages, after):
@@ -84,6 +84,7 @@ def test_an_error_of_x_that_another_model_sees_is_found_and_not_listed(made: Any
 def test_every_image_point_of_one_model_is_listed_once_with_its_row(made: Any) -> None:
     block, _, (models, *_) = made
     p, o, u = models.model_points, models.orientations, models.uncontrolled
+    u = u.take(np.isfinite(u.direction[:, 0]))
     counts = np.bincount(p.point[p.active], minlength=len(block.points))
     rows = np.flatnonzero(p.active & (counts[p.point] == 1))
     wanted = {(str(block.images.id[i]), str(block.points.id[p.point[r]]))
@@ -93,6 +94,33 @@ def test_every_image_point_of_one_model_is_listed_once_with_its_row(made: Any) -
     m = block.image_points
     assert [(str(block.images.id[m.image[r]]), str(block.points.id[m.point[r]])) for r in u.row] == listed
     assert np.hypot(*u.direction[:, :2].T) == pytest.approx(np.ones(len(u)), abs=1e-12)
+
+
+def test_a_ray_in_no_model_is_listed_by_every_stage_without_direction_and_its_error_shows_nowhere(made: Any) -> None:
+    block, points, clean = made
+    m = points.measurements
+    strip, place = block.images.strip[m.image], block.images.sequence[m.image]
+    two = next(  # a point in two images of one strip, and in the other strip
+        p for p in range(len(block.points))
+        if (strip[m.point == p] == 0).sum() == 2 and (strip[m.point == p] == 1).sum() > 1
+    )  # fmt: skip
+    rows = np.flatnonzero((m.point == two) & (strip == 0))
+    active = m.active.copy()
+    active[rows[0]] = False
+    alone = replace(points, measurements=replace(m, active=active))
+    wanted = set()
+    for row in np.flatnonzero(active):
+        others = active & (m.point == m.point[row]) & (strip == strip[row]) & (np.abs(place - place[row]) == 1)
+        if not others.any():
+            wanted.add(row)
+    assert rows[1] in wanted
+    before, after = (before_the_bundle(block, p) for p in (alone, moved(alone, int(rows[1]), np.array([0.2, 0.2]))))
+    for one, spoilt in zip(before, after):
+        u = one.uncontrolled
+        nothing = u.take((u.kind == "image_point") & np.isnan(u.direction).all(axis=1))
+        assert set(nothing.row.tolist()) == wanted
+        assert out(spoilt) == out(one)
+    assert len(clean[0].uncontrolled)
 
 
 def test_five_points_control_no_parallax() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
@@ -14,6 +15,7 @@ from aatri.report.sections.reliability import reliability_tables
 from aatri.report.sections.solution import show
 from aatri.report.sections.suspects import suspects_tables
 from aatri.report.sections.tables import residual_classes
+from aatri.report.sections.uncontrolled import uncontrolled_counts
 from aatri.report.verdict import _far_off
 from tests.formats.results.test_readable import full_solution
 from tests.made_solutions import made_block, made_solution
@@ -97,3 +99,22 @@ def test_a_check_point_thousands_of_sigmas_off_is_named():
     (light,) = _far_off(replace(evaluation, differences=replace(d, difference_m=difference)))
     assert light.state == "bad"
     assert light.words.startswith(f"{d.point[row]} (6000 sigma, ")
+
+
+def test_uncontrolled_before_the_bundle_is_counted_by_kind_and_rays_in_no_model_apart() -> None:
+    nothing, along = np.full(3, np.nan), np.array([1.0, 0.0, np.nan])
+    found = Uncontrolled(
+        kind=np.array(["image_point", "image_point", "image_point", "model_tie"]),
+        row=np.array([0, 1, 2, -1], dtype=np.int32),
+        image=np.array(["a", "b", "a", "a-b"]),
+        point=np.array(["1", "1", "2", "3"]),
+        redundancy=np.zeros(4),
+        direction=np.stack([along, along, nothing, nothing]),
+    )
+    table = uncontrolled_counts(found)
+    assert table is not None
+    assert table.rows == [
+        ("image_point", "1", "2", "1"), ("image_point in no model", "2", "1", "1"), ("model_tie", "3", "1", "1"),
+    ]  # fmt: skip
+    assert uncontrolled_counts(found.take(np.zeros(4, dtype=bool))) is None
+    assert uncontrolled_counts(None) is None

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, triu
 
 from aatri.adapters.pairs.film_in_orientations import film_in_orientations
 from aatri.adapters.solution import stacked
-from aatri.adapters.uncontrolled_before import seen_by_one
+from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
@@ -183,7 +183,10 @@ def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: Rela
         ),
         suspects=stacked([image_points.suspects, _suspects(block, pairs, model, found)]),
     )
-    return replace(made, uncontrolled=_uncontrolled(block, made, parallax))
+    mine, m = model >= 0, image_points.measurements
+    in_models = np.concatenate([pairs.left_row[mine], pairs.right_row[mine]])
+    alone = in_no_model(block, m.active & finite_rows(m.xy_mm) & block.images.active[m.image], in_models)
+    return replace(made, uncontrolled=stacked([alone, _uncontrolled(block, made, parallax)]))
 
 
 def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontrolled:

@@ -1,4 +1,4 @@
-"""What strips do not control: image points in one model of their strip, joints of a single connection point."""
+"""What strips do not control: image points in one model of their strip or in none, joints of one connection point."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips.model_chains import Chain, active_rows
-from aatri.adapters.uncontrolled_before import seen_by_one, unchecked
+from aatri.adapters.uncontrolled_before import seen_by_one, still_in_no_model, unchecked
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import StripPoints
@@ -50,4 +50,4 @@ def uncontrolled_in_strips(
         models.orientations.id[joints.second[joints.of_row()[alone]]],
         block.points.id[p.point[active_rows(models)[joints.second_row[alone]]]],
     )
-    return stacked([seen_by_one(block, models, rows[single]), ties])
+    return stacked([still_in_no_model(models.uncontrolled), seen_by_one(block, models, rows[single]), ties])

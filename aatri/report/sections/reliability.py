@@ -12,16 +12,15 @@ from aatri.report.numbers import DASH, number
 from aatri.report.sections import tables
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Cells, PageTable
-
-UNCONTROLLED = 0.01
-"""A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
+from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
 
 
 def reliability_tables(solution: Solution) -> list[PageTable]:
     """By kind, and the observations with the largest tests, where they were computed; what nothing controls."""
+    loose = uncontrolled_table(solution.uncontrolled)
     if solution.tests is None:
-        return present(_uncontrolled(solution))
-    return present(_by_kind(solution), _largest(solution), _worst_effects(solution), _uncontrolled(solution))
+        return present(loose)
+    return present(_by_kind(solution), _largest(solution), _worst_effects(solution), loose)
 
 
 def variance_table(solution: Solution) -> PageTable | None:
@@ -96,28 +95,6 @@ def _worst_effects(solution: Solution) -> PageTable | None:
         "turns it (rad)": cell(tests.image_turned_rad),
     }
     return tables.all_rows("Detectable errors with the largest effect on the unknowns", order, columns, 5)
-
-
-def _uncontrolled(solution: Solution) -> PageTable | None:
-    """Observations with a direction in which no gross error can be seen."""
-    found = solution.uncontrolled
-    if found is None:
-        return None
-    columns: Cells = {
-        "observation": lambda k: str(found.kind[k]),
-        "image": lambda k: str(found.image[k]) or DASH,
-        "point": lambda k: str(found.point[k]) or DASH,
-        "redundancy": lambda k: number(float(found.redundancy[k])),
-        **{axis: tables.formatted(found.direction[:, i], _share) for i, axis in enumerate("xyz")},
-    }
-    caption = (
-        f"Uncontrolled, redundancy number below {UNCONTROLLED:g}: a gross error in the direction x, y, z shows nowhere"
-    )
-    return tables.all_rows(caption, found, columns, 3)
-
-
-def _share(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else DASH
 
 
 def _named(solution: Solution, order: Int, axis: Int, *, by_row: bool = True) -> Cells:
