@@ -31,6 +31,9 @@ from aatri.orientation.free_block.tied_solution import TiedProblem, tied_problem
 
 LIMIT = 4.0
 
+MOST_NAMED = 6
+"""Strips that fell alike, up to which each has a warning of its own."""
+
 
 @dataclass(frozen=True)
 class StripPolynomials:
@@ -130,15 +133,21 @@ def _with_free(problem: TiedProblem[Float], free: Bool) -> TiedProblem[Float]:
 
 
 def fall_notes(result: StripPolynomials, names: Sequence[str]) -> list[Note]:
-    """A warning for every strip that fell to a lower degree, for plan and height apart."""
+    """Warnings of strips that fell to a lower degree, for plan and height apart: one each, or one for many alike."""
+    fell: dict[tuple[str, str], dict[str, str]] = {}
+    for fall in result.falls:
+        model = result.basis.model(int(result.degree[fall.strip, PARTS.index(fall.part)]))
+        why = fell.setdefault((fall.part, model), {})
+        before = f"{why[names[fall.strip]]}; " if names[fall.strip] in why else ""
+        why[names[fall.strip]] = f"{before}degree {fall.degree + 1}: {fall.reason}"
     notes = []
-    for strip, name in enumerate(names):
-        for column, part in enumerate(PARTS):
-            falls = [fall for fall in result.falls if fall.strip == strip and fall.part == part]
-            if falls:
-                reasons = "; ".join(f"degree {fall.degree + 1}: {fall.reason}" for fall in falls)
-                model = result.basis.model(int(result.degree[strip, column]))
-                notes.append(Note("warning", f"strip {name}, {part}: {model}, as {reasons}"))
+    for (part, model), why in fell.items():
+        if len(why) <= MOST_NAMED:
+            notes += [Note("warning", f"strip {name}, {part}: {model}, as {reasons}") for name, reasons in why.items()]
+            continue
+        first, reasons = next(iter(why.items()))
+        text = f"{part}: {model} in {len(why)} of {len(names)} strips; in strip {first}, as {reasons}"
+        notes.append(Note("warning", text, tuple(why)))
     return notes
 
 

@@ -9,7 +9,7 @@ from aatri.geometry.polynomials import correction_design, strip_axes
 from aatri.geometry.strip_bases import strip_basis
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.strip_polynomials import adjust_strip_polynomials, textbook_counts
+from aatri.orientation.free_block.strip_polynomials import adjust_strip_polynomials, fall_notes, textbook_counts
 
 RNG = np.random.default_rng(21)
 
@@ -77,6 +77,20 @@ def test_the_degree_falls_where_control_is_too_little_and_says_why():
     assert [(fall.part, fall.degree) for fall in found.falls] == [("plan", 1), ("height", 1)]
     assert "rank 4 of 5" in found.falls[1].reason
     assert "c_UU" in found.falls[1].reason
+
+
+def test_many_strips_that_fall_alike_are_told_in_one_warning():
+    truth, points, axes = _block(n_strips=9)
+    four = [int(np.argmin(np.linalg.norm(truth[:, :2] - c, axis=1))) for c in ([0, 0], [0, 90], [90, 0], [90, 90])]
+    found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, four))
+    names = [f"S{k}" for k in range(10)]
+    assert len({fall.strip for fall in found.falls}) == 10
+    notes = fall_notes(found, names)
+    of_many = [note for note in notes if note.ids]
+    assert {name for note in of_many for name in note.ids} == {f"S{k}" for k in range(2, 10)}
+    assert all(f"in {len(note.ids)} of 10 strips; in strip {note.ids[0]}, as degree" in note.text for note in of_many)
+    assert len(of_many) == 2
+    assert len(notes) < 10
 
 
 def test_plan_and_height_fall_apart():
