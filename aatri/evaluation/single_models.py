@@ -26,7 +26,7 @@ from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.statistics import rmse
-from aatri.geometry.collinearity import collinearity, in_image_axes, project
+from aatri.geometry.collinearity import in_image_axes, project, project_derivatives
 from aatri.observations.poses import Poses
 
 FEWEST = 6
@@ -37,6 +37,9 @@ CORRECTED = ("none", "table", "brown")
 
 LEAST_BASE = 1e-3
 """Share of the distance of the points: images from one place, as of a rig, are no model."""
+
+CHUNK = 20_000
+"""Points restituted at once, which stay in the cache."""
 
 STEPS = 3
 """From the adjusted point the intersection has converged after two steps."""
@@ -145,21 +148,32 @@ def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Fl
     parallax_mm : (m,) float64, mm
         y-parallax; NaN where the base points along the view.
     """
-    X = start_m.copy()
     images = (rays.left[rays.model], rays.right[rays.model])
-    place = [(poses.position_m[i], poses.ground_from_image[i]) for i in images]
+    X, w, parallax = np.empty_like(start_m), np.empty(len(start_m)), np.empty(len(start_m))
+    for first in range(0, len(X), CHUNK):
+        some = slice(first, first + CHUNK)
+        pair = [(poses.position_m[i[some]], poses.ground_from_image[i[some]]) for i in images]
+        of = replace(rays, model=rays.model[some], xy_mm=rays.xy_mm[some], sigma_mm=rays.sigma_mm[some],
+                     c_mm=rays.c_mm[some])  # fmt: skip
+        X[some], w[some] = _least_squares(pair, of, start_m[some])
+        parallax[some] = y_parallax(poses, of)
+    return X, w, parallax
+
+
+def _least_squares(pair: list[tuple[Float, Float]], rays: RayPairs, X: Float) -> tuple[Float, Float]:
+    """Points of the two rays each, and the lengths of the residuals."""
     for step in range(STEPS + 1):
         N, right, squares = np.zeros((len(X), 3, 3)), np.zeros((len(X), 3)), np.zeros(len(X))
-        for k, (X0, R) in enumerate(place):
-            xy, _, B = collinearity(X0, R, X, rays.c_mm[:, k])
-            weight = rays.sigma_mm[:, k] ** -2.0
-            off = rays.xy_mm[:, k] - xy
-            N += np.einsum("nia,ni,nib->nab", B, weight, B)
-            right += np.einsum("nia,ni,ni->na", B, weight, off)
-            squares += (weight * off**2).sum(axis=1)
+        for k, (X0, R) in enumerate(pair):
+            xy, by_u = project_derivatives(in_image_axes(X0, R, X), rays.c_mm[:, k])
+            weight, off = rays.sigma_mm[:, k] ** -1.0, rays.xy_mm[:, k] - xy
+            B, v = weight[:, :, None] * (by_u @ R.swapaxes(1, 2)), weight * off
+            N += B.swapaxes(1, 2) @ B
+            right += (v[:, None] @ B)[:, 0]
+            squares += v**2 @ np.ones(2)
         if step < STEPS:
             X = X + np.linalg.solve(N, right[:, :, None])[:, :, 0]
-    return X, np.sqrt(squares), y_parallax(poses, rays)
+    return X, np.sqrt(squares)
 
 
 def y_parallax(poses: Poses, rays: RayPairs) -> Float:
