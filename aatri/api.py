@@ -167,18 +167,24 @@ def run_pipeline(
 
     Raises
     ------
+    GateError
+        If a quality gate failed; the results are written and `aatri.open` opens them.
     AatriError
         What is wrong with the pipeline, or the errors of stages that failed.
     """
     from aatri.cli.arguments.planning import Request, open_request
     from aatri.cli.terminal.narrator import Narrator
     from aatri.pipeline.run import runner
+    from aatri.pipeline.spec.gates import failure_of, judge
     from aatri.report.page import write_report
 
     request = Request(str(pipeline), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
     opened = open_request(request, quiet=quiet)
     how = runner.How(command="aatri.run", source=opened.source, request=opened.request.plain())
     with Narrator(quiet) as narrator:
-        runner.run_pipeline(opened.spec, opened.nodes, narrator, how)
+        records = runner.run_pipeline(opened.spec, opened.nodes, narrator, how)
     write_report(opened.spec.run)
+    failed = failure_of(judge(opened.spec, records))
+    if failed is not None:
+        raise failed
     return open_run(opened.spec.run)

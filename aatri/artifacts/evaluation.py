@@ -79,9 +79,13 @@ class Evaluation(Artifact):
     strip_errors: StripErrors | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
-        """All figures; counts as integers."""
+        """All figures; counts as integers. Those of the independent check are None where it has not been made."""
         values = zip(self.figures.name, self.figures.value)
-        return {str(n): int(v) if str(n).endswith(("_points", "models")) else _plain(float(v)) for n, v in values}
+        known = {str(n): int(v) if str(n).endswith(("_points", "models")) else _plain(float(v)) for n, v in values}
+        return known | {name: None for name in _OF_THE_CHECK if name not in known}
+
+
+_OF_THE_CHECK = tuple(f"check_{figure}_{axis}_m" for figure in ("rmse", "bias", "max") for axis in "xyz")
 
 
 def _plain(value: float) -> float | None:

@@ -23,11 +23,12 @@ def metrics(
     json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
 ) -> None:
     """Show the figures of all stages of a run."""
+    from aatri.pipeline.spec.gates import figures_of
     from aatri.pipeline.store import run_folder as store
 
     found = find_run(run)
     records = {entry["stage"]: store.current_record(found.folder, entry["stage"]) for entry in found.stages}
-    values = {name: {**r["metrics"], "seconds": r["seconds"]} for name, r in records.items() if r is not None}
+    values = {name: figures_of(record) for name, record in records.items() if record is not None}
     if not values:
         raise ArtifactError("has not been run", where=str(found.folder), remedy="aatri run")
     if json:

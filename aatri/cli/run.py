@@ -16,7 +16,9 @@ from aatri.cli.terminal.console import narrate, reports_errors, say, say_json
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
+    from aatri.errors import GateError
     from aatri.pipeline.plan.plan import Selection
+    from aatri.pipeline.spec.gates import Verdict
 
 TERMINATED = 143
 
@@ -76,6 +78,7 @@ def run(
     from aatri.errors import SpecError
     from aatri.pipeline.plan.plan import select
     from aatri.pipeline.run.workers import share_cores
+    from aatri.pipeline.spec.gates import failure_of, judge
 
     signal.signal(signal.SIGTERM, _terminate)
     share_cores(jobs)
@@ -101,19 +104,29 @@ def run(
         return
     how = {"jobs": jobs, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
     records, report = _carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
+    verdicts = judge(opened.spec, records, selection.stages)
     if json:
-        say_json({"run": str(opened.spec.run), "report": str(report), "stages": records})
-        return
-    _say_end(opened.spec.run, records, report)
+        say_json({"run": str(opened.spec.run), "report": str(report), "stages": records,
+                  "gates": [verdict.plain() for verdict in verdicts]})  # fmt: skip
+    else:
+        _say_end(opened.spec.run, records, report, verdicts)
+    failed = failure_of(verdicts)
     if all_variants:
         from aatri.cli.run_variants import run_variants
 
-        run_variants(opened, lambda one: _carry_out(
-            one, select(one.nodes, start=start, until=until, only=only or (), force=()), how, quiet=quiet, debug=debug
-        ))  # fmt: skip
+        def carry_out(one: Opened) -> GateError | None:
+            chosen = select(one.nodes, start=start, until=until, only=only or (), force=())
+            made, _ = _carry_out(one, chosen, how, quiet=quiet, debug=debug)
+            return failure_of(judge(one.spec, made, chosen.stages))
+
+        run_variants(opened, failed, carry_out)
+    elif failed is not None:
+        raise failed
 
 
-def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None) -> None:
+def _say_end(
+    folder: Path, records: list[dict[str, Any]], report: Path | None, verdicts: tuple[Verdict, ...]
+) -> None:  # fmt: skip
     """The result of a run and where it lies."""
     from aatri.cli.calibration import say_calibration
     from aatri.cli.terminal.figures import say_result
@@ -121,6 +134,8 @@ def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None) -
     say_result(records)
     say_calibration(folder, records)
     say()
+    if verdicts:
+        say(f"gates   {sum(verdict.passed for verdict in verdicts)} of {len(verdicts)} passed")
     say(f"run     {folder}")
     say(f"report  {report}" if report else "report  not written, see the warning above")
 

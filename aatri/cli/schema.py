@@ -47,6 +47,27 @@ def schema(
     say(str(out))
 
 
+_GATES = {
+    "type": ["object", "null"],
+    "description": "stage: metric: bounds that its figure is to keep, or off",
+    "additionalProperties": {
+        "type": "object",
+        "minProperties": 1,
+        "additionalProperties": {
+            "oneOf": [
+                {"const": "off"},
+                {
+                    "type": "object",
+                    "minProperties": 1,
+                    "additionalProperties": False,
+                    "properties": {"min": {"type": "number"}, "max": {"type": "number"}},
+                },
+            ]
+        },
+    },
+}
+
+
 def pipeline_schema(registry: Registry) -> dict[str, Any]:
     """JSON Schema of a pipeline file: each stage's `from` and `with` as its `use` says."""
     cards = [registry.card(name) for name in sorted(registry.variants)]
@@ -66,13 +87,19 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
                 "description": "what a block offers and no stage uses, knowingly: a warning instead of an error",
             },
             "stages": {**names, "minProperties": 1, "additionalProperties": {"$ref": "#/$defs/stage"}},
+            "gates": {"$ref": "#/$defs/gates"},
             "variants": {
                 "type": ["object", "null"],
-                "description": "named patches of stages",
-                "additionalProperties": {"type": ["object", "null"], "additionalProperties": {"$ref": "#/$defs/patch"}},
+                "description": "named patches of stages and gates",
+                "additionalProperties": {
+                    "type": ["object", "null"],
+                    "properties": {"gates": {"$ref": "#/$defs/gates"}},
+                    "additionalProperties": {"$ref": "#/$defs/patch"},
+                },
             },
         },
         "$defs": {
+            "gates": _GATES,
             "stage": {
                 "type": "object",
                 "$ref": "#/$defs/patch",

@@ -28,6 +28,7 @@ def status(
 ) -> None:
     """Show which stages of a run are up to date, and what a run would do, and why."""
     from aatri.cli.arguments.planning import open_run
+    from aatri.pipeline.spec.gates import verdicts_in
     from aatri.pipeline.store import run_folder as store
 
     opened = open_run(run, local_plugins=local_plugins)
@@ -36,11 +37,15 @@ def status(
     stages = [_state(opened, decision, node.method.name) for node, decision in zip(opened.nodes, plan.decisions)]
     ended = overview.get("status", "not run")
     if json:
-        say_json({"run": str(opened.spec.run), "status": ended, "stages": stages})
+        gates = [verdict.plain() for verdict in verdicts_in(overview)]
+        say_json({"run": str(opened.spec.run), "status": ended, "stages": stages, "gates": gates})
         return
     say(f"run {opened.spec.run}: {ended}")
     rows = [[s["stage"], s["use"], s["state"], s.get("ended", ""), _detail(s)] for s in stages]
     say_table(("stage", "method", "state", "ended (UTC)", ""), rows)
+    for verdict in verdicts_in(overview):
+        if not verdict.passed:
+            say(f"gate failed: {verdict}")
 
 
 def _state(opened: Opened, decision: Decision, use: str) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.pipeline.run.command import command_of
+from aatri.pipeline.spec.gates import verdicts_in
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.durable import on_disk
 from aatri.report.drawing.charts import sigma0_chart
@@ -26,7 +27,7 @@ from aatri.report.run_view import RunView, StageView, view
 from aatri.report.sections.evaluation import difference_pictures
 from aatri.report.sections.parts import Picture, Surroundings
 from aatri.report.sections.section import section
-from aatri.report.sections.tables import accuracy_table
+from aatri.report.sections.tables import PageTable, accuracy_table
 from aatri.report.verdict import external_lights, internal_lights
 
 
@@ -78,6 +79,7 @@ def render(run: RunView) -> str:
         failures=[s for s in run.stages if s.failure is not None],
         counts=_counts(run),
         accuracy=accuracy_table({s.name: s.metrics for s in run.of_kind(Evaluation)}),
+        gates=_gates(run),
         pictures=_first_page_pictures(run, around),
         sections=[section(run, stage, around) for stage in run.stages],
         environments=_environments(run.stages),
@@ -87,6 +89,16 @@ def render(run: RunView) -> str:
 def _verdict(run: RunView) -> str:
     evaluation = run.last(Evaluation)
     return evaluation.verdict if evaluation else "The accuracy was not evaluated."
+
+
+def _gates(run: RunView) -> PageTable | None:
+    """Every quality gate with its bounds and value, passed or failed."""
+    rows = [
+        (v.gate.stage, v.gate.metric, v.gate.bounds, "passed" if v.passed else "failed",
+         "no value" if v.value is None else number(v.value))
+        for v in verdicts_in(run.overview)
+    ]  # fmt: skip
+    return PageTable("Gates", ("stage", "metric", "wanted", "", "value"), rows, 4) if rows else None
 
 
 def _counts(run: RunView) -> Mapping[str, str]:

@@ -128,6 +128,10 @@ def test_the_demo_is_valid_by_the_schema(pipeline_schema: dict[str, Any]) -> Non
         (("seed",), -1, "/seed: minimum"),
         (("sed",), 1, "/sed: not allowed"),
         (("variants",), {"v": {"bundle": {"uses": "x"}}}, "/variants/v/bundle/uses: not allowed"),
+        (("variants",), {"v": {"gates": {"bundle": {}}}}, "/variants/v/gates/bundle: minProperties"),
+        (("gates",), {"bundle": {"sigma0": {}}}, "/gates/bundle/sigma0: oneOf"),
+        (("gates",), {"bundle": {"sigma0": 1.5}}, "/gates/bundle/sigma0: oneOf"),
+        (("gates",), {"bundle": {"sigma0": {"maxi": 1.5}}}, "/gates/bundle/sigma0: oneOf"),
     ],
 )
 def test_what_the_pipeline_refuses_the_schema_refuses(
@@ -139,6 +143,12 @@ def test_what_the_pipeline_refuses_the_schema_refuses(
         target = target[key]
     target[place[-1]] = value
     assert said in faults(pipeline, pipeline_schema, pipeline_schema)
+
+
+def test_gates_are_valid_by_the_schema(pipeline_schema: dict[str, Any]) -> None:
+    gates = {"bundle": {"sigma0": {"min": 0.5, "max": 1.5}, "suspects": "off"}}
+    pipeline = load(DEMO).value | {"gates": gates, "variants": {"v": {"gates": gates}}}
+    assert faults(pipeline, pipeline_schema, pipeline_schema) == []
 
 
 def test_a_variant_may_leave_out_what_it_does_not_change(pipeline_schema: dict[str, Any]) -> None:

@@ -1,7 +1,7 @@
 """Wiring: stages with their plugins, ports and options, checked before anything runs, in the order of execution.
 
 Plugins exist and keep to their role; every name under `from` is a port of the role and its source a stage of the right
-kind; required ports are there; options are valid; there is no cycle. All errors are reported at once.
+kind; required ports are there; options and gates are valid; there is no cycle. All errors are reported at once.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from aatri.errors import AatriError, PluginError, SpecError, raise_all
 from aatri.ids import did_you_mean
 from aatri.pipeline.methods.catalogue import Catalogue, Prepared
 from aatri.pipeline.methods.method import Method
+from aatri.pipeline.spec.gates import read_gates
 from aatri.pipeline.spec.spec import Spec, StageSpec
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def wire(spec: Spec, source: Catalogue | Registry) -> tuple[Node, ...]:
         if prepared is not None:
             _check_required(spec, stage, prepared.method, roles, errors)
             nodes[name] = _node(stage, prepared)
+    read_gates(spec, errors)
     order = _order(spec, errors)
     raise_all(errors)
     catalogue.save()

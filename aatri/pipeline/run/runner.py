@@ -1,5 +1,7 @@
 """Carries out a plan: makes what is stale, decides anew on what depends on it, and makes the results current.
 
+At the end the gates of the stages that were asked for are judged; run.json says how, and the caller tells it.
+
 Whatever ends a run - an error, a signal, a full disk, a loss of power - the results made before it stay, and the same
 command goes on from there.
 """
@@ -7,7 +9,7 @@ command goes on from there.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,10 +18,12 @@ from typing import Any, Protocol
 from aatri.errors import AatriError, ArtifactError, raise_all
 from aatri.pipeline.plan.graph import Node
 from aatri.pipeline.plan.plan import Decision, Plan, Selection, State, decide, plan
-from aatri.pipeline.plan.unused import Unused, unused
+from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
+from aatri.pipeline.run.overview import DONE, GATE_FAILED, is_settled, overview_of, plain_warnings
 from aatri.pipeline.run.task import Outcome, Source, task_of
 from aatri.pipeline.run.workers import Pool, pool
+from aatri.pipeline.spec.gates import Verdict, judge
 from aatri.pipeline.spec.spec import Spec
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
@@ -27,7 +31,7 @@ from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.events import Events
 from aatri.pipeline.store.lock import locked
 from aatri.pipeline.store.provenance import now
-from aatri.pipeline.store.records import SCHEMA, is_stage_name
+from aatri.pipeline.store.records import is_stage_name
 
 
 class Listener(Protocol):
@@ -71,6 +75,8 @@ def run_pipeline(
 ) -> list[dict[str, Any]]:
     """Bring all selected stages up to date; returns the records of the stages that are, in order.
 
+    A gate that fails is no error here: `gates.judge` gives the same verdicts to who is to tell of them.
+
     Raises
     ------
     AatriError
@@ -86,7 +92,7 @@ def run_pipeline(
         if not planned.stale:
             known = [d.record for d in planned.decisions if d.record is not None]
             found = unused(nodes, known, spec.ignore)
-            if not found.errors and _is_settled(spec, nodes, planned, found):
+            if not found.errors and is_settled(spec, nodes, planned, found, how.selection):
                 for stage, message in found.warnings:
                     listener.warned(stage, message)
                 return [dict(record) for record in known]
@@ -117,33 +123,6 @@ def check_inputs(nodes: tuple[Node, ...], planned: Plan) -> None:
     raise_all(errors)
 
 
-def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any]) -> dict[str, Any]:
-    """What run.json says of a pipeline."""
-    stages = [
-        {"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes
-    ]  # fmt: skip
-    return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
-
-
-def _is_settled(spec: Spec, nodes: tuple[Node, ...], planned: Plan, found: Unused) -> bool:
-    """Whether the run folder shows just the results that the plan finds fresh."""
-    if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
-        return False
-    if any(name.startswith(".tmp-") for name in inside.names_in(spec.run)):
-        return False  # killed while its report was written
-    try:
-        shown = store.read_overview(spec.run) or {}
-    except ArtifactError:
-        return False  # it is written anew
-    if shown.get("warnings", []) != _plain(found.warnings):
-        return False
-    return shown.get("status") == "done" and shown.get("stages") == overview_of(spec, nodes, {})["stages"]
-
-
-def _plain(warnings: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
-    return [{"stage": stage, "message": message} for stage, message in warnings]
-
-
 class _Run:
     """One run under way."""
 
@@ -158,6 +137,7 @@ class _Run:
         self.problems: list[AatriError] = []
         self.lost: set[str] = set()
         self.warnings: list[tuple[str, str]] = []
+        self.verdicts: tuple[Verdict, ...] = ()
 
     def carry_out(self) -> list[dict[str, Any]]:
         """Run to the end, and leave word in run.json of how it ended."""
@@ -170,15 +150,22 @@ class _Run:
             self.events.add("started", command=self.how.command, stale=[d.stage for d in self.planned.stale])
             with pool(self.how.jobs, self._tell) as workers:
                 self._work(workers)
-            status = "failed" if self.problems else "done"
+            status = "failed" if self.problems else self._judge()
         except AatriError:
             status = "failed"
             raise
         finally:
-            with contextlib.suppress(AatriError) if status != "done" else contextlib.nullcontext():
+            with contextlib.suppress(AatriError) if status not in (DONE, GATE_FAILED) else contextlib.nullcontext():
                 self._leave_word(status)
         raise_all(self.problems)
         return [dict(self.records[node.name]) for node in self.nodes if node.name in self.records]
+
+    def _judge(self) -> str:
+        """Judge the gates; returns the status of the run."""
+        self.verdicts = judge(self.spec, self.records.values(), self.how.selection.stages)
+        for verdict in self.verdicts:
+            self.events.add("gate", **verdict.plain())
+        return DONE if all(verdict.passed for verdict in self.verdicts) else GATE_FAILED
 
     def _leave_word(self, status: str) -> None:
         self.events.add("ended", status=status)
@@ -187,7 +174,8 @@ class _Run:
             store.write_json(self._last_word(status), self.spec.run, "run.json")
 
     def _last_word(self, status: str) -> dict[str, Any]:
-        return {**self.overview, "warnings": _plain(self.warnings), "status": status, "ended": now()}
+        told = {"warnings": plain_warnings(self.warnings), "gates": [verdict.plain() for verdict in self.verdicts]}
+        return {**self.overview, **told, "status": status, "ended": now()}
 
     def _show_what_is_fresh(self) -> None:
         """Put the fresh results into `current` and take all others out."""

@@ -13,7 +13,8 @@ from aatri.pipeline.plan.graph import Node
 from aatri.pipeline.plan.plan import Selection, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
-from aatri.pipeline.run.runner import How, Listener, check_inputs, overview_of
+from aatri.pipeline.run.overview import overview_of
+from aatri.pipeline.run.runner import How, Listener, check_inputs
 from aatri.pipeline.run.task import task_of
 from aatri.pipeline.run.workers import pool
 from aatri.pipeline.spec.spec import Spec

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
-from aatri.pipeline.spec.spec import USE, Spec, StageSpec
+from aatri.pipeline.spec.spec import GATES, USE, Spec, StageSpec
 from aatri.pipeline.store.inside import VARIANTS
 from aatri.strict_yaml import loads
 
@@ -17,24 +17,32 @@ from aatri.strict_yaml import loads
 def with_set(spec: Spec, texts: Sequence[str]) -> Spec:
     """The spec with options set; VALUE is YAML, OPTION may be dotted to reach into nested options.
 
+    `gates.STAGE.METRIC.BOUND=VALUE` sets a bound of a gate.
+
     Raises
     ------
     SpecError
         If the text is no STAGE.OPTION=VALUE, the stage is unknown or the value is no YAML.
     """
     stages, written_at = dict(spec.stages), dict(spec.written_at)
+    gates = copy.deepcopy(dict(spec.gates))
     for text in texts:
         where = f"--set {text}"
         target, equals, value = text.partition("=")
         name, *path = target.split(".")
         if not equals or not path or not all(path):
             raise SpecError("not STAGE.OPTION=VALUE", where=where, remedy="for example --set bundle.max_iterations=9")
+        if name == GATES:
+            _stage(stages, path[0], where)
+            _put(gates, path, loads(value, where).value, where)
+            written_at[(GATES, *path)] = where
+            continue
         stage = _stage(stages, name, where)
         options = copy.deepcopy(dict(stage.options))
         _put(options, path, loads(value, where).value, where)
         stages[name] = dataclasses.replace(stage, options=options)
         written_at[(name, "with", *path)] = where
-    return dataclasses.replace(spec, stages=stages, written_at=written_at)
+    return dataclasses.replace(spec, stages=stages, written_at=written_at, gates=gates)
 
 
 class Options(Protocol):
@@ -75,7 +83,7 @@ def with_variant(spec: Spec, name: str) -> Spec:
     """The spec with the patches of one of its variants; its run lies within that of the spec.
 
     A patch of `use` or `from` replaces what it names; options are set one by one, also those within others, unless the
-    method changes: then the patch has all of them.
+    method changes: then the patch has all of them. Bounds of gates are set one by one too.
 
     Raises
     ------
@@ -86,8 +94,15 @@ def with_variant(spec: Spec, name: str) -> Spec:
         hint = did_you_mean(name, spec.variants) or f"; there are {', '.join(spec.variants) or 'none'}"
         raise SpecError(f"no variant {name!r}{hint}", where=spec.document.where("variants"))
     stages, written_at = dict(spec.stages), dict(spec.written_at)
+    gates = dict(spec.gates)
     for stage_name, patch in (spec.variants[name] or {}).items():
         at = ("variants", name, stage_name)
+        if stage_name == GATES:
+            gates = _patched(gates, patch or {})
+            for gated, metrics in (patch or {}).items():
+                for path in [(gated, metric) for metric in metrics] if isinstance(metrics, dict) else [(gated,)]:
+                    written_at[(GATES, *path)] = spec.document.where(*at, *path)
+            continue
         stage = stages[stage_name]
         use = (patch or {}).get("use", stage.use)
         options = {} if use != stage.use else copy.deepcopy(dict(stage.options))
@@ -100,7 +115,8 @@ def with_variant(spec: Spec, name: str) -> Spec:
             written_at[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
         written_at[(stage_name, "use")] = spec.document.where(*at, "use")
         stages[stage_name] = dataclasses.replace(stage, use=use, inputs=inputs, options=options)
-    return dataclasses.replace(spec, stages=stages, written_at=written_at, variant=name, run=spec.run / VARIANTS / name)
+    return dataclasses.replace(spec, stages=stages, written_at=written_at, gates=gates, variant=name,
+                               run=spec.run / VARIANTS / name)  # fmt: skip
 
 
 def _patched(old: Any, new: Any) -> Any:

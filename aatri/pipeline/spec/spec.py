@@ -5,8 +5,10 @@
     ignore: [NAME, ...]            what the block offers and no stage uses, knowingly; enters no key
     stages:
       NAME: {use: ROLE/VARIANT, from: {PORT: STAGE}, with: {OPTION: VALUE}}
-    variants:                      named patches of stages
-      NAME: {STAGE: {use: ..., from: ..., with: ...}}
+    gates:                         bounds of figures, see `gates`; enter no key
+      STAGE: {METRIC: {min: VALUE, max: VALUE}}
+    variants:                      named patches of stages and gates
+      NAME: {STAGE: {use: ..., from: ..., with: ...}, gates: {STAGE: {METRIC: ...}}}
 
 `from: {block}` is short for `{block: block}`. Every error of the file is found and reported at once, with its place.
 Whether stages, ports and options exist is checked by `graph`; here only the shape.
@@ -28,7 +30,10 @@ from aatri.strict_yaml import Document, load
 
 USE = re.compile(r"[a-z][a-z0-9_]{0,99}/[a-z][a-z0-9_]{0,99}")
 
-_TOP_KEYS = ("run", "seed", "ignore", "stages", "variants")
+GATES = "gates"
+"""Key of the bounds of figures, beside the stages also in variants and in `--set`: no stage has this name."""
+
+_TOP_KEYS = ("run", "seed", "ignore", "stages", GATES, "variants")
 _STAGE_KEYS = ("use", "from", "with")
 
 
@@ -55,6 +60,7 @@ class Spec:
     written_at: Mapping[tuple[str, ...], str] = field(default_factory=dict, repr=False)
     variant: str = ""
     ignore: tuple[str, ...] = ()
+    gates: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def base(self) -> Path:
@@ -68,6 +74,14 @@ class Spec:
     def where_key(self, stage: str, *keys: str | int) -> str:
         """Place of a key of a stage, in the file or on the command line."""
         return self._given(stage, *keys) or self.document.where_key("stages", stage, *keys)
+
+    def where_gate(self, *keys: str) -> str:
+        """Place of a value under `gates`, in the file or on the command line."""
+        return self._given(GATES, *keys) or self.document.where(GATES, *keys)
+
+    def where_gate_key(self, *keys: str) -> str:
+        """Place of a key under `gates`, in the file or on the command line."""
+        return self._given(GATES, *keys) or self.document.where_key(GATES, *keys)
 
     def _given(self, stage: str, *keys: str | int) -> str | None:
         path = (stage, *map(str, keys))
@@ -103,9 +117,10 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
     if not written and not errors:
         errors.append(SpecError("no stages", where=document.where(), remedy="`aatri new` writes an example"))
     stages = {name: _stage(document, name, errors) for name in written}
+    gates = _gates(document, (GATES,), tuple(stages), errors)
     variants = _variants(document, tuple(stages), errors)
     raise_all(errors)
-    return Spec(path, run, seed, stages, variants, document, ignore=ignore)
+    return Spec(path, run, seed, stages, variants, document, ignore=ignore, gates=gates)
 
 
 def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: list[AatriError]) -> Path:
@@ -134,6 +149,9 @@ def _ignored(document: Document, top: Mapping[str, Any], errors: list[AatriError
 def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec:
     at = ("stages", name)
     _check_name(document, at, "stage", errors)
+    if name == GATES:
+        errors.append(SpecError(f"a stage cannot be named {name!r}: the key of the quality gates",
+                                where=document.where_key(*at), remedy="another name"))  # fmt: skip
     entry = _mapping(document, at, _STAGE_KEYS, errors)
     use = entry.get("use")
     if not isinstance(use, str) or not USE.fullmatch(use):
@@ -173,10 +191,10 @@ def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriErr
         _check_name(document, ("variants", variant), "variant", errors)
         for stage in _mapping(document, ("variants", variant), None, errors):
             at = ("variants", variant, stage)
-            if stage not in stages:
-                errors.append(
-                    SpecError(f"no stage {stage!r}{did_you_mean(stage, stages)}", where=document.where_key(*at))
-                )
+            if stage == GATES:
+                _gates(document, at, stages, errors)
+                continue
+            _check_stage(document, at, stages, errors)
             patch = _mapping(document, at, _STAGE_KEYS, errors)
             use = patch.get("use", "role/variant")
             if not isinstance(use, str) or not USE.fullmatch(use):
@@ -184,6 +202,24 @@ def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriErr
             _inputs(document, (*at, "from"), errors)
             _options(document, (*at, "with"), errors)
     return dict(variants)
+
+
+def _gates(
+    document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]
+) -> dict[str, Any]:  # fmt: skip
+    """Bounds by stage and metric; `gates.read_gates` checks them, with what variant and command line change."""
+    gates = _mapping(document, at, None, errors)
+    for stage in gates:
+        _check_stage(document, (*at, stage), stages, errors)
+    return dict(gates)
+
+
+def _check_stage(
+    document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]
+) -> None:  # fmt: skip
+    if at[-1] not in stages:
+        hint = did_you_mean(at[-1], stages)
+        errors.append(SpecError(f"no stage {at[-1]!r}{hint}", where=document.where_key(*at)))
 
 
 def _mapping(

@@ -200,10 +200,15 @@ _RECORD: dict[str, Check] = {
     "output": _with(kind=_text, file=lambda name: name == ARTIFACT, sha256=_text, size=_number, content_digest=_text),
 }  # fmt: skip
 _REQUEST = _with(pipeline=_text, into=_text, variant=_text, set_=_list_of(_text), use=_list_of(_text))
+_GATE = _with(
+    stage=is_stage_name, metric=_text, min=_optional(_number), max=_optional(_number),
+    value=_optional(_number), passed=lambda value: isinstance(value, bool),
+)  # fmt: skip
 _OVERVIEW: dict[str, Check] = {
     "stages": _list_of(_with(stage=is_stage_name, use=_text, kind=_text, **{"from": _by_name(is_stage_name)})),
     "request": _optional(lambda value: value == {} or _REQUEST(value)), "status": _text, "pipeline": _text,
     "started": _optional(_text), "warnings": _optional(_list_of(_with(stage=_text, message=_text))),
+    "gates": _optional(_list_of(_GATE)),
 }  # fmt: skip
 _FAILURE: dict[str, Check] = {
     "what": _text, "where": _text, "remedy": _text, "exit_code": _number, "ended": _text, "key": _optional(_text),

@@ -1,4 +1,4 @@
-"""Row 107: Image coordinates four times worse than they claim."""
+"""Row 107: Image coordinates four times worse than they claim, and a quality gate on sigma0."""
 
 from __future__ import annotations
 
@@ -18,4 +18,6 @@ def worse(row: Row) -> Row:
 
 def make(folder: Path) -> list[str] | None:
     film(folder, each("image_points.csv", worse))
+    with (folder / "pipeline.yaml").open("a", encoding="utf-8") as file:
+        file.write("gates: {bundle: {sigma0: {max: 1.5}}}\n")
     return None

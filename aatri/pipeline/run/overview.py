@@ -1,0 +1,55 @@
+"""run.json: what a run says of its pipeline and of how it ended, and whether that is all a run would leave.
+
+status   running, done, gate_failed (all is made, and a quality gate failed), failed, interrupted, stage by stage
+gates    every gate that was judged, with the value it met
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from aatri.errors import ArtifactError
+from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.plan import Plan, Selection
+from aatri.pipeline.plan.unused import Unused
+from aatri.pipeline.spec.gates import judge
+from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.store import inside
+from aatri.pipeline.store import run_folder as store
+from aatri.pipeline.store.records import SCHEMA
+
+DONE, GATE_FAILED = "done", "gate_failed"
+
+
+def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any]) -> dict[str, Any]:
+    """What run.json says of a pipeline."""
+    stages = [
+        {"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes
+    ]  # fmt: skip
+    return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
+
+
+def is_settled(
+    spec: Spec, nodes: tuple[Node, ...], planned: Plan, found: Unused, selection: Selection
+) -> bool:  # fmt: skip
+    """Whether the run folder shows just the results that the plan finds fresh, and the verdicts of their gates."""
+    if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
+        return False
+    if any(name.startswith(".tmp-") for name in inside.names_in(spec.run)):
+        return False  # killed while its report was written
+    try:
+        shown = store.read_overview(spec.run) or {}
+    except ArtifactError:
+        return False  # it is written anew
+    if shown.get("warnings", []) != plain_warnings(found.warnings):
+        return False
+    if shown.get("status") not in (DONE, GATE_FAILED) or shown.get("stages") != overview_of(spec, nodes, {})["stages"]:
+        return False
+    verdicts = judge(spec, [d.record for d in planned.decisions if d.record is not None], selection.stages)
+    return bool(shown.get("gates", []) == [verdict.plain() for verdict in verdicts])
+
+
+def plain_warnings(warnings: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
+    """Warnings as JSON takes them."""
+    return [{"stage": stage, "message": message} for stage, message in warnings]
