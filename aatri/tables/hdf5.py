@@ -71,7 +71,7 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
     """
     digest = content_digest(artifact)
     try:
-        in_memory = _size(artifact) <= IN_MEMORY_BYTES
+        in_memory = size_of(artifact) <= IN_MEMORY_BYTES
         how = {"driver": "core", "backing_store": False} if in_memory else {}
         with h5py.File(path, "w-", libver=_LIBVER, **how) as file:
             file.attrs["aatri_kind"] = _fixed(artifact.kind)
@@ -163,7 +163,7 @@ def read_plain(path: Path) -> dict[str, npt.NDArray[Any]]:
     return scalars | columns
 
 
-def _size(artifact: Artifact) -> int:
+def size_of(artifact: Artifact) -> int:
     """Bytes of all columns."""
     tables = [getattr(artifact, name) for name in tables_of(type(artifact))]
     columns = [getattr(rows, name) for rows in tables if rows is not None for name in columns_of(type(rows))]

@@ -9,6 +9,7 @@ fixed order, share the cores.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
 import sys
@@ -30,6 +31,9 @@ _KERNELS = "NUMBA_NUM_THREADS"
 
 LEAST_BYTES = 450_000_000
 """Address space below which OpenBLAS or LLVM cannot start: they end the process, or try for ever."""
+
+MOST_KEPT_BYTES = 500_000_000
+"""Artifacts that stay in memory though the next stage does not need them: to read them back takes a second a GB."""
 
 _queue: Any = None
 """In a worker process: leads to the process that started it."""
@@ -83,7 +87,7 @@ def pool(jobs: int, tell: Tell) -> Iterator[Pool]:
 
 
 class _Here:
-    """In this process; artifacts stay in memory until their last user has run."""
+    """In this process; artifacts stay in memory until their last user has run, large ones only for the next stage."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
@@ -91,7 +95,11 @@ class _Here:
 
     def submit(self, task: Task) -> Future[Outcome]:
         from aatri.pipeline.run.worker import perform
+        from aatri.tables.hdf5 import size_of
 
+        if sum(map(size_of, self._memory.values())) > MOST_KEPT_BYTES:
+            self.forget({str(record["output"]["content_digest"]) for record in task.inputs.values()})
+        _give_back()
         future: Future[Outcome] = Future()
         future.set_result(perform(task, lambda *event: self._tell(task.stage, *event), self._memory))
         return future
@@ -99,6 +107,12 @@ class _Here:
     def forget(self, needed: set[str]) -> None:
         for digest in [d for d in self._memory if d not in needed]:
             del self._memory[digest]
+
+
+def _give_back() -> None:
+    """Let the system have the memory that is free: the C library keeps what many small arrays have left behind."""
+    with contextlib.suppress(OSError, AttributeError):  # glibc alone has it
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 class _Processes:

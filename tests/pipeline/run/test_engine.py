@@ -13,6 +13,7 @@ import pytest
 from aatri.errors import AatriError, ArtifactError, ConvergenceError, Errors, ResourceError, SpecError
 from aatri.pipeline.plan.plan import State
 from aatri.pipeline.plan.reasons import Why
+from aatri.pipeline.run import worker, workers
 from aatri.pipeline.run.runner import How
 from aatri.pipeline.run.single import make_stage
 from aatri.pipeline.store import run_folder as store
@@ -45,6 +46,28 @@ def test_a_second_run_does_nothing_and_writes_nothing(path: Path) -> None:
     assert made == []
     assert list(records) == ["a", "r", "s", "t"]
     assert {p: p.stat().st_mtime_ns for p in folder.rglob("*") if p.name != ".lock"} == before
+
+
+def test_where_artifacts_are_large_only_those_of_the_next_stage_stay_in_memory(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+    load = worker.load_object
+
+    def counted(folder: Path, record: dict[str, str], kind: str) -> object:
+        read.append(record["stage"])
+        return load(folder, record, kind)
+
+    monkeypatch.setattr(worker, "load_object", counted)
+    kept = digests(run(path)[1])
+    assert read == []
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "data.txt").write_text("1 2 3\n")
+    monkeypatch.setattr(workers, "MOST_KEPT_BYTES", 0)
+    # `a` is made first and needed by `s` alone: it is dropped for `r`, which wants nothing.
+    assert digests(run(write_pipeline(other, LINES))[1]) == kept
+    assert read == ["a"]
 
 
 def test_equal_content_ends_the_work_below(path: Path) -> None:
