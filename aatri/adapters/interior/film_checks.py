@@ -21,7 +21,7 @@ from aatri.errors import AatriError, GeometryError, raise_all
 from aatri.geometry.plane_transformations import open_basis
 from aatri.ids import shown
 from aatri.notes import Note
-from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks
+from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, fit_fiducials, snooped_fiducials
 from aatri.orientation.interior.fiducial_numbering import is_misfit
 from aatri.orientation.interior.film_deformation import (
     prediction_sigma_mm,
@@ -32,6 +32,9 @@ from aatri.orientation.interior.film_deformation import (
 
 MOST_REJECTED = 0.05
 """More film images than this share without interior orientation are an error."""
+
+TOO_SIMPLE = 1.5
+"""A similarity whose sigma0 is so many times that of an affine transformation leaves out what the film has done."""
 
 LARGEST_SHEAR = 1e-3
 """Affine deformation of film beyond this is unusual."""
@@ -63,9 +66,12 @@ def check_film(block: Block, marks: FilmMarks, fit: FiducialFit, max_sigma0: flo
             reasons.append(f"{block.images.id[image]} ({reason})")
     if len(reasons) > MOST_REJECTED * len(usable):
         fewest = fewest_marks(fit.model)
+        simple = [note.text for note in _too_simple(marks)] if fit.model == "similarity" else []
         raise GeometryError(
             f"{len(reasons)} of {len(usable)} film images have no interior orientation: {shown(reasons)}",
-            remedy=f"a transformation that is {fit.model} needs at least {fewest} fiducial marks in every film image, "
+            remedy=simple[0]
+            if simple
+            else f"a transformation that is {fit.model} needs at least {fewest} fiducial marks in every film image, "
             f"{fewest + 1} to check them, well spread; or take a variant of interior_orientation with fewer parameters",
         )
     return usable, tuple(_notes(block, marks, fit, usable, reasons))
@@ -111,6 +117,8 @@ def _notes(block: Block, marks: FilmMarks, fit: FiducialFit, usable: Bool, reaso
         names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
         told = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
         yield Note("warning", f"{len(told)} fiducial marks are rejected", told)
+    if fit.model == "similarity" and (high.any() or rejected.any()):
+        yield from _too_simple(marks)
     linear = fit.photo_from_nominal
     if usable.any():
         yield _film_note(linear[usable])
@@ -119,6 +127,18 @@ def _notes(block: Block, marks: FilmMarks, fit: FiducialFit, usable: Bool, reaso
         text = "film deformed by more than 1e-3 (shear or unequal scales)"
         yield Note("warning", text, tuple(ids[skewed].tolist()))
     yield from _turned_scans(block, marks, linear, usable)
+
+
+def _too_simple(marks: FilmMarks) -> Iterator[Note]:
+    """Where an affine transformation fits the same marks and a similarity does not, the marks are not to blame."""
+    data, size = (marks.measured, marks.calibrated_mm, marks.sigma_mm), np.einsum("nii->ni", marks.nominal)
+    affine = snooped_fiducials("affine", *data, marks.present, size)
+    simple = fit_fiducials("similarity", *data, affine.used, size)
+    of_affine, of_simple = (pooled_test(fit.sigma0, fit.redundancy) for fit in (affine, simple))
+    if of_simple.sigma0 > of_simple.high and of_simple.sigma0 > TOO_SIMPLE * of_affine.sigma0:
+        text = f"a similarity is too simple for this film: sigma0 {of_simple.sigma0:.2f}, an affine transformation of "
+        text += f"the same marks has {of_affine.sigma0:.2f}; not the marks are wrong: use interior_orientation/affine"
+        yield Note("warning", text)
 
 
 def _film_note(linear: Float) -> Note:
