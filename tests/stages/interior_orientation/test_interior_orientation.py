@@ -298,20 +298,3 @@ def test_one_wrong_mark_among_eight_is_rejected_by_every_variant() -> None:
     broken = with_marks(block, 1, lambda xy: xy + 0.08 * (np.arange(8) == 3)[:, None])
     for variant in (similarity, affine, bilinear, projective):
         assert row in variant(broken).suspects.row.tolist()
-
-
-def sheared(block: Block, by: float) -> Block:
-    for image in range(len(block.images)):
-        block = with_marks(block, image, lambda xy: xy @ np.array([[1.0, 0.0], [by, 1.0]]))
-    return block
-
-
-def test_a_similarity_on_film_that_shears_is_called_too_simple(block: Block) -> None:
-    told, fits = Told(), Told()
-    similarity(sheared(block, 2e-4), context=told)
-    assert any("too simple for this film" in t and "interior_orientation/affine" in t for t in told.warnings)
-    affine(sheared(block, 2e-4), context=fits)
-    assert not any("too simple" in t for t in fits.warnings)
-    with pytest.raises(GeometryError) as caught:
-        similarity(sheared(block, 1e-3))
-    assert "too simple for this film" in str(caught.value)
