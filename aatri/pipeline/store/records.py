@@ -208,7 +208,7 @@ _OVERVIEW: dict[str, Check] = {
     "stages": _list_of(_with(stage=is_stage_name, use=_text, kind=_text, **{"from": _by_name(is_stage_name)})),
     "request": _optional(lambda value: value == {} or _REQUEST(value)), "status": _text, "pipeline": _text,
     "started": _optional(_text), "warnings": _optional(_list_of(_with(stage=_text, message=_text))),
-    "gates": _optional(_list_of(_GATE)),
+    "gates": _optional(_list_of(lambda gate: _GATE(gate) and (gate["min"], gate["max"]) != (None, None))),
 }  # fmt: skip
 _FAILURE: dict[str, Check] = {
     "what": _text, "where": _text, "remedy": _text, "exit_code": _number, "ended": _text, "key": _optional(_text),

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from aatri.errors import AatriError, Errors, GateError, SpecError
+from aatri.errors import AatriError, ArtifactError, Errors, GateError, SpecError
 from aatri.pipeline.spec.gates import Verdict, failure_of, judge, verdicts_in
 from aatri.pipeline.store.events import read_events
 from aatri.pipeline.store.records import read_overview
@@ -179,3 +179,24 @@ def test_a_variant_sets_bounds_one_by_one(tmp_path: Path) -> None:
     assert wrong(path)[0].startswith("4:26 no stage 'ss'")
     path = project(tmp_path, "", "variants: {far: {gates: {s: {total: {max: x}}}}}\n")
     assert wrong(path, variant="far")[0].startswith("4:37 gate of s.total: max is 'x'")
+
+
+GATE = {"stage": "s", "metric": "total", "min": None, "max": 3, "value": 2.5, "passed": True}
+
+
+@pytest.mark.parametrize(
+    "gates",
+    [[3], [{}], {}, [GATE | {"max": "1"}], [GATE | {"max": None}], [GATE | {"stage": "../x"}], [GATE | {"value": "1"}]],
+)
+def test_gates_of_another_shape_in_run_json_are_damage(tmp_path: Path, gates: object) -> None:
+    path = project(tmp_path, "gates: {s: {total: {max: 6}}}")
+    run(path)
+    place = tmp_path / "out" / "run.json"
+    whole = overview(path)
+    place.write_text(json.dumps(whole | {"gates": [GATE]}))
+    assert overview(path)["gates"] == [GATE]
+    place.write_text(json.dumps(whole | {"gates": gates}))
+    with pytest.raises(ArtifactError, match="damaged"):
+        overview(path)
+    run(path)
+    assert overview(path)["gates"] == whole["gates"]
