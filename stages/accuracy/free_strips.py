@@ -20,7 +20,7 @@ from aatri.evaluation.free_strips import free_strip_errors
 from aatri.plugin import SILENT, Context, stage
 
 
-@stage(version=1)
+@stage(version=1, uses=())
 def free_strips(block: Block, strips: Strips, *, context: Context = SILENT) -> Evaluation:
     """Errors of free strips by number of the model.
 

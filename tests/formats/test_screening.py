@@ -109,6 +109,7 @@ def test_a_pixel_point_may_lie_as_much_outside_from_its_own_origin(
     for value, is_out in ((low[axis] + 0.1, False), (low[axis] - 0.1, True), (high[axis] - 0.1, False),
                           (high[axis] + 0.1, True)):  # fmt: skip
         of = Written(camera)
+        of.points[29] = "i2,p9,2500,1500"  # all in a corner would be another unit
         xy = [13.0, 13.0]
         xy[axis] = value
         of.points[13] = f"i1,p3,{xy[0]!r},{xy[1]!r}"
@@ -241,6 +242,7 @@ def test_sigmas_of_pixels_are_millimetres_on_the_image(tmp_path: Path) -> None:
     camera = {**PIXEL, "pixel": {"size": 0.005, "origin": "top-left-corner", "y": "down"}}
     for apart, is_refused in ((8.48, False), (8.49, True)):
         of = Written(camera)
+        of.points[29] = "i2,p9,2500,1500"
         of.points.append(f"i1,p3,{13 + apart},13")
         if is_refused:
             with pytest.raises(InputError, match=r"measured twice, 8\.49 apart"):

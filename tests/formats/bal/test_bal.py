@@ -10,6 +10,7 @@ import pytest
 
 from aatri.artifacts import image_points as ip
 from aatri.artifacts.block import APPROXIMATE, Block
+from aatri.artifacts.block_images import CameraParameters
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.models.forward_models import bal
@@ -121,7 +122,10 @@ def test_a_film_block_is_written_from_its_corrected_image_points(tmp_path: Path)
     solution: Solution = made_solution(block)
     (written,) = write_bal_problem(solution, block, tmp_path, image_points=None)  # photo coordinates, no distortion
     assert _cost_of_the_file_near(written) < 1e-18
-    bent = dataclasses.replace(block, cameras=dataclasses.replace(block.cameras, distortion=np.array(["brown"])))
+    k1 = CameraParameters(camera=np.array([0]), name=np.array(["k1"]), value=np.array([1e-8]),
+                          sigma=np.array([np.nan]), free=np.array([False]))  # fmt: skip
+    brown = dataclasses.replace(block.cameras, distortion=np.array(["brown"]))
+    bent = dataclasses.replace(block, cameras=brown, camera_parameters=k1)
     with pytest.raises(InputError, match="camera cam: distortion brown is a correction"):
         write_bal_problem(solution, bent, tmp_path)
     corrected = _image_points(block)
