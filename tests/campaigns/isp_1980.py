@@ -14,7 +14,8 @@ over the format, all smooth Gaussian processes of the place (sums of random wave
 - film: shrinkage, a random field in x and one in y;
 - platen: unflatness dz, a random field of heights, which moves a point outwards by dz r / c.
 
-gain = 1 - truth RMSE with parameters / without, of all points, X, Y and Z apart. Asserted are
+gain = 1 - truth RMSE with parameters / without, of all points, X, Y and Z apart. Of `FEWEST` blocks and more it is
+asserted that
 
 - the mean gain of the small sets is above zero by two of its standard errors (over blocks);
 - it fluctuates: its scatter over blocks and coordinates is at least a quarter of its mean;
@@ -49,6 +50,9 @@ from tests.stages.chain import Chain, from_refined, simulated
 SMALL = ("brown_conrady", "ebner12", "bauer3")
 SETS = (*SMALL, "gruen44", "legendre")
 TEST_FIELD = "test field"
+
+FEWEST = 30
+"""Blocks from which on the signs are asserted: fewer say too little of a mean gain."""
 
 FIELDS = ("lens", "film", "platen")
 SIZE_UM = 5.0
@@ -178,7 +182,7 @@ def main() -> None:
     best, times = best_of(np.stack([found[name] for name in SETS]))
     ratio = ((1 - found["brown_conrady"]) / (1 - found[TEST_FIELD])).mean()
     lines.append(f"best most often: {best}, in {times:.0%}; self-calibration over test field: {ratio:.3f}")
-    wrong = judged(found)
+    wrong = judged(found) if given.blocks >= FEWEST else []
     lines += [f"WRONG: {text}" for text in wrong]
     sys.stdout.write("\n".join(lines) + "\n")
     sys.exit(1 if wrong else 0)

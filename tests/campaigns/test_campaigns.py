@@ -17,7 +17,7 @@ CAMPAIGNS = {
     "variance_components": ["--count", "2"],
     "ackermann": [], "classical_blocks": [], "rank_defects": ["--count", "10"], "near_defects": ["--count", "12"],
     "calibration": ["--count", "4", "--injections", "1"],
-    "isp_1980": ["40"],
+    "isp_1980": ["3"],
     "convergence_basin": ["1"], "fuzz": ["all", "--count", "25"], "opened_files": ["--short"],
     "mutants": ["--count", "2", "--near", "--under", "aatri/geometry/vectors.py", "--at-least", "0"],
 }  # fmt: skip
