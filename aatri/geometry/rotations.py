@@ -160,3 +160,20 @@ def angle_covariance(rotation: npt.ArrayLike, covariance: npt.ArrayLike, system:
         a3 = (first @ _axis(angles[:, 1], 0))[..., :, 2]
     G_inverse = np.linalg.pinv(np.stack([a1, a2, a3], axis=-1))
     return np.asarray(G_inverse @ np.asarray(covariance) @ G_inverse.swapaxes(-1, -2))
+
+
+def levelling(up: Float) -> Float:
+    """The smallest rotation that turns a direction to Z, (3, 3).
+
+    Parameters
+    ----------
+    up : (3,) float64
+        Of any length but zero.
+    """
+    u = up / np.linalg.norm(up)
+    # For u opposite to Z any half turn about a horizontal axis does.
+    if u[2] < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    # 1 + u_Z without cancellation, where u is nearly opposite
+    v = np.array([u[0], u[1], 1.0 + u[2] if u[2] > 0 else (u[0] ** 2 + u[1] ** 2) / (1.0 - u[2])])
+    return np.asarray(np.diag([-1.0, -1.0, 1.0]) @ (2 * np.outer(v, v) / (v @ v) - np.eye(3)))

@@ -14,6 +14,7 @@ from aatri.geometry.rotations import (
     angle_covariance,
     angles_from_rotation,
     exp_rotation,
+    levelling,
     log_rotation,
     nearest_rotation,
     rotation_from_angles,
@@ -93,3 +94,14 @@ def test_angle_covariance_is_that_of_sampled_increments(system: AngleSystem) -> 
     expected = angle_covariance(R[None], Q[None], system)[0]
     sigma = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(np.cov(angles.T) / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=0.03)
+
+
+@pytest.mark.parametrize(
+    "up", [(0.0, 0.0, 2.0), (3.0, 0.0, 0.0), (0.3, -0.4, 0.5), (1e-3, 0.0, -1.0), (0.0, 0.0, -5.0)]
+)
+def test_levelling_turns_a_direction_to_z_by_the_angle_between_them(up: tuple[float, float, float]) -> None:
+    R, u = levelling(np.array(up)), np.array(up) / np.linalg.norm(up)
+    np.testing.assert_allclose(R @ u, [0.0, 0.0, 1.0], atol=1e-15)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    assert np.trace(R) == pytest.approx(1.0 + 2.0 * u[2], abs=1e-12)

@@ -22,11 +22,12 @@ import numpy as np
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
+from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, compose, robust_closed_form, transform
 from aatri.ids import shown
 from aatri.orientation.free_block.datum import Datum
 from aatri.orientation.free_block.datum_analysis import UNDETERMINED, DatumAnalysis, analyse_datum
-from aatri.orientation.free_block.datum_start import attitude_of, levelled_start, levelling, turned_start
+from aatri.orientation.free_block.datum_start import attitude_of, levelled_start, turned_start
 from aatri.orientation.free_block.similarity_ties import Similarities, similarities_of, similarity_ties
 from aatri.orientation.free_block.tie_records import Given, GivenPoints
 from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_tied

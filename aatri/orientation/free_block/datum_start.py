@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
-from aatri.geometry.rotations import nearest_rotation
+from aatri.geometry.rotations import levelling, nearest_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form
 from aatri.geometry.two_point import two_point_frame
 from aatri.orientation.free_block.datum import Datum
@@ -94,16 +94,6 @@ def distance_scale(datum: Datum, x: Float, rotation: Float) -> float | None:
         line[d.plan, 2] = 0.0
         ratios.append(d.value_m / np.maximum(np.linalg.norm(line, axis=1), 1e-300))
     return float(np.median(np.concatenate(ratios))) if ratios else None
-
-
-def levelling(up: Float) -> Float:
-    """The smallest rotation that turns `up` to Z."""
-    u = up / np.linalg.norm(up)
-    # For u opposite to Z any half turn about a horizontal axis does.
-    if u[2] < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    v = np.array([u[0], u[1], u[2] + 1.0])
-    return np.asarray(np.diag([-1.0, -1.0, 1.0]) @ (2 * np.outer(v, v) / (v @ v) - np.eye(3)))
 
 
 def levelled_start(datum: Datum, rotation: Float, use: Bool, what: str, *, two_points: bool) -> Similarity:

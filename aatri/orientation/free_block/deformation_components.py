@@ -67,7 +67,6 @@ def deformation_components(
         M = root[:, None] * S * (root / phi)
         np.einsum("ii->i", M)[:] += 1.0
         L_inverse = dtrtri(dpotrf(M, lower=True, overwrite_a=True)[0], lower=True, overwrite_c=True)[0]
-        L_inverse = np.tril(L_inverse)
         z = root * (L_inverse.T @ (L_inverse @ (root * g))) / phi
         r = np.bincount(component, 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), minlength=n).astype(np.float64)
         theta = np.bincount(component, z**2, minlength=n) / np.maximum(r, 1e-12)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, transform
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import Component
@@ -28,16 +29,7 @@ def first_base_one(component: Component) -> tuple[Component, Similarity]:
     up = rotation[:, :, 2].mean(axis=0)
     turn = rotation[0].T
     if np.linalg.norm(up) > ALIKE:
-        turn = _levelling(turn @ up) @ turn
+        turn = levelling(turn @ up) @ turn
     similarity = Similarity(-scale * turn @ centre[0], scale, turn)
     poses = Poses(transform(similarity, component.poses.position_m), turn @ component.poses.ground_from_image)
     return replace(component, poses=poses, xyz=transform(similarity, component.xyz)), similarity
-
-
-def _levelling(up: np.ndarray) -> np.ndarray:
-    """The smallest rotation that turns `up` to Z."""
-    u = up / np.linalg.norm(up)
-    if u[2] < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    v = np.array([u[0], u[1], u[2] + 1.0])
-    return np.asarray(np.diag([-1.0, -1.0, 1.0]) @ (2 * np.outer(v, v) / (v @ v) - np.eye(3)))
