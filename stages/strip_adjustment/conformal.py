@@ -62,7 +62,8 @@ def conformal(
     block, start = inside.block, inside.initial or initial
     basis = strip_basis("conformal", highest_degree(options.degree, options.degrees), narrow=options.narrow)
     adjusted = adjust_strips(
-        block, strips, start, basis, degree=options.degree, degrees=options.degrees, limit=options.limit,
+        block, strips, start, basis, degree=options.degree, degrees=options.degrees,
+        asked=bool({"degree", "degrees"} & options.model_fields_set), limit=options.limit,
         max_sigma0=options.max_sigma0,
     )  # fmt: skip
     solution, resected = strip_block_solution(

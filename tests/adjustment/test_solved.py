@@ -109,6 +109,24 @@ def test_solution_covariances_and_tests_of_one_factor_equal_dense_algebra(monkey
     assert len(count) == 1
 
 
+@pytest.mark.parametrize("left", [0, 1])
+def test_unknowns_that_are_all_held_but_one_leave_the_points_determined(left: int) -> None:
+    unknowns, records, start = strips()
+    free = np.zeros_like(unknowns[0].free)
+    free[0, :left] = True
+    held = (replace(unknowns[0], free=free), unknowns[1])
+    solved = solve(prepare(held, records), start)
+    J, v = dense_jacobian(unknowns, records, start)
+    J = J[:, [*range(left), *range(90, J.shape[1])]]
+    Q = np.linalg.inv(J.T @ J)
+    dx = -Q @ J.T @ v
+    np.testing.assert_allclose(solved.state["strip"][0, :left], dx[:left], atol=1e-9)
+    np.testing.assert_allclose(solved.state["point"].ravel(), dx[left:], atol=1e-9)
+    covariance = solved.covariances().groups["point"]
+    np.testing.assert_allclose(np.einsum("nii->ni", covariance).ravel(), np.diag(Q)[left:], atol=1e-9)
+    assert solved.n_unknowns == len(dx)
+
+
 def test_a_rejected_record_that_is_a_gross_error_shows_its_size_in_the_prediction() -> None:
     unknowns, records, start = strips(2)
     exact, whole = start, records[0].evaluate

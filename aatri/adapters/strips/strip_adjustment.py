@@ -110,9 +110,9 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 def adjust_strips(
     block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, degree: int, degrees: Mapping[str, int],
-    limit: float, max_sigma0: float,
+    asked: bool, limit: float, max_sigma0: float,
 ) -> AdjustedStrips:  # fmt: skip
-    """Adjust the strips that `initial` orients.
+    """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `asked` for.
 
     Raises
     ------
@@ -146,7 +146,8 @@ def adjust_strips(
     if len(left):
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
-    notes += [*fall_notes(result, names.tolist()), *strip_notes(block, ground, result, names)]
+    notes += fall_notes(result, names.tolist(), "warning" if asked else "note")
+    notes += strip_notes(block, ground, result, names)
 
     def called(rows: Int) -> list[str]:
         ties, given = rows[rows < len(point)], rows[rows >= len(point)] - len(point)

@@ -2,7 +2,8 @@
 
 A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices
 too. A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit
-diagonal.
+diagonal. Where nothing, or next to nothing, is left to be kept, one held block keeps its columns: a front of the tree
+has two rows at least.
 """
 
 from __future__ import annotations
@@ -80,11 +81,12 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
     first_of: dict[str, int] = {}
     n = 0
     block = np.zeros(0, dtype=np.int32)
+    filler = _filler(unknowns)
     for u in unknowns:
         if u.joins:
             continue
         mates = [w for w in unknowns if w.joins == u.name]
-        wanted = u.free.any(axis=1)
+        wanted = u.free.any(axis=1) | ((u.name == filler) & (np.arange(len(u.free)) == 0))
         for w in mates:
             wanted = wanted | w.free.any(axis=1)
         if u.eliminated:
@@ -106,6 +108,14 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
     name = eliminated[0].name if eliminated else ""
     nothing = np.zeros(int(start[-1]), dtype=bool)
     return with_held(Layout(vertex, within, size, start, nothing, np.concatenate(positions), name, block), unknowns)
+
+
+def _filler(unknowns: Sequence[Unknowns]) -> str:
+    """The group whose first block keeps its columns though it is held, where fewer than two are left; or empty."""
+    kept = [u for u in unknowns if not u.eliminated]
+    if sum(int(u.free.any(axis=1).sum()) * u.size for u in kept) > 1:
+        return ""
+    return next((u.name for u in kept if not u.joins and u.size > 1 and len(u.free)), "")
 
 
 def with_held(layout: Layout, unknowns: Sequence[Unknowns]) -> Layout:

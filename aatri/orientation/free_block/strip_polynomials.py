@@ -20,7 +20,7 @@ from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.polynomials import StripAxes
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
-from aatri.notes import Note
+from aatri.notes import Level, Note
 from aatri.observations.control import Control
 from aatri.orientation.free_block.component_growth import StripPoints
 from aatri.orientation.free_block.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
@@ -132,8 +132,11 @@ def _with_free(problem: TiedProblem[Float], free: Bool) -> TiedProblem[Float]:
     return tied_problem(ties, problem.given, np.zeros(free.shape), problem.what)
 
 
-def fall_notes(result: StripPolynomials, names: Sequence[str]) -> list[Note]:
-    """Warnings of strips that fell to a lower degree, for plan and height apart: one each, or one for many alike."""
+def fall_notes(result: StripPolynomials, names: Sequence[str], level: Level = "warning") -> list[Note]:
+    """Notes of strips that fell to a lower degree, for plan and height apart: one each, or one for many alike."""
+    if (result.degree < 0).all():
+        text = "no strip is corrected: control determines nothing of its own, they stay as `initial` has put them"
+        return [Note("note", text)]
     fell: dict[tuple[str, str], dict[str, str]] = {}
     for fall in result.falls:
         model = result.basis.model(int(result.degree[fall.strip, PARTS.index(fall.part)]))
@@ -143,11 +146,11 @@ def fall_notes(result: StripPolynomials, names: Sequence[str]) -> list[Note]:
     notes = []
     for (part, model), why in fell.items():
         if len(why) <= MOST_NAMED:
-            notes += [Note("warning", f"strip {name}, {part}: {model}, as {reasons}") for name, reasons in why.items()]
+            notes += [Note(level, f"strip {name}, {part}: {model}, as {reasons}") for name, reasons in why.items()]
             continue
         first, reasons = next(iter(why.items()))
         text = f"{part}: {model} in {len(why)} of {len(names)} strips; in strip {first}, as {reasons}"
-        notes.append(Note("warning", text, tuple(why)))
+        notes.append(Note(level, text, tuple(why)))
     return notes
 
 
