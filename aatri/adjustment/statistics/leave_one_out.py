@@ -1,0 +1,52 @@
+"""Which one of a kind is wrong, and whether that can be told: each record is left out in turn.
+
+One record too many is in the adjustment. To leave out record j lets the sum of squares fall by
+
+    gain_j = v_j' R_j^-1 v_j        with R_j = I - H_j, v_j whitened: what its own estimated gross error explains
+
+in the linear model exactly, whatever the start, the path and the order. Several gains that differ by less than
+`SEPARABLE` explain the same (two contradicting bars; the four corners of a stretched sheet): nothing tells which is
+wrong, all are named, and all go or none.
+
+Source: Baarda 1968; Foerstner 1983, Reliability and discernability of extended Gauss-Markov models.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.arrays import Bool, Float
+
+CONTROLLED = 1e-9
+"""Directions of a record with a smaller redundancy are explained by nothing."""
+
+
+def gains_of_leaving_out(v: Float, H: Float) -> Float:
+    """What the sum of squares falls by without each record alone, (n,).
+
+    Parameters
+    ----------
+    v : (n, m) float64
+        Whitened residuals, of an adjustment with all of them; zero for components that are not observed.
+    H : (n, m, m) float64
+        Covariances of the whitened adjusted values.
+    """
+    values, vectors = np.linalg.eigh(np.eye(v.shape[1]) - H)
+    along = np.einsum("nji,nj->ni", vectors, v)
+    known = values > CONTROLLED
+    return np.asarray(np.where(known, along**2 / np.where(known, values, 1.0), 0.0).sum(axis=1))
+
+
+def as_good(gain: Float, unit: float = 1.0) -> Bool:
+    """Records whose leaving out explains as much as that of the best, (n,): one of them is wrong.
+
+    Parameters
+    ----------
+    gain : (n,) float64
+        NaN where a record is not to be left out.
+    unit : float
+        The scale of the residuals, where their standard deviations are wrong by a known factor.
+    """
+    known = np.where(np.isfinite(gain), gain, -np.inf)
+    return np.asarray(known >= known.max(initial=0.0) - SEPARABLE * unit**2)

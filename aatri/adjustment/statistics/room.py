@@ -1,0 +1,55 @@
+"""How many records of a kind may be rejected: as many as its redundancy can answer for.
+
+A kind of n records has the redundancy R = sum tr(R_i) / m_i, counted in records. R - g of them are left to test the
+others when g are out. Up to half of R may go; of a small kind three may, as long as R allows it: thirteen control
+points in a block of strong rays have R = 10 and room for five, six have R = 3.7 and room for three. Where more
+contradict the rest, single gross errors explain nothing: the kind is named, and all of it stays, never a part.
+
+Source: Rousseeuw and Leroy 1987 (half is the most that a fit can bear); Foerstner 1979 (redundancy of groups).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+
+SMALL_ROOM = 3
+"""So many of the smallest kind may be wrong, if its redundancy allows it."""
+
+
+def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> Int:
+    """How many records of each kind may be rejected.
+
+    Parameters
+    ----------
+    redundancy : (g,) float64
+        Of each kind, in records.
+    count : (g,) int
+        Its records.
+    max_share : float, optional
+        No more than this share of a kind, where the user says so.
+
+    Returns
+    -------
+    (g,) int
+    """
+    half, whole = np.floor(0.5 * redundancy), np.floor(redundancy + 1e-9)
+    room = np.minimum(np.maximum(half, SMALL_ROOM), np.maximum(whole, 0.0)).astype(np.int64)
+    return room if max_share is None else np.minimum(room, np.ceil(max_share * count).astype(np.int64))
+
+
+def redundancy_in_records(redundancy: Float, components: Float, kind: Int, n_kinds: int) -> Float:
+    """R of each kind: sum of tr(R_i) / m_i, (n_kinds,).
+
+    Parameters
+    ----------
+    redundancy : (n,) float64
+        tr(R_i) of each record; NaN counts as none.
+    components : (n,) float64
+        m_i, the components observed.
+    kind : (n,) int
+    n_kinds : int
+    """
+    share = np.where((components > 0) & np.isfinite(redundancy), redundancy / np.maximum(components, 1), 0.0)
+    return np.asarray(np.bincount(kind, share, minlength=n_kinds), dtype=np.float64)
