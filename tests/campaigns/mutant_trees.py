@@ -57,7 +57,7 @@ class Tree:
         """The tree with another text of one file."""
         path = self.root / file
         self.original = (file, path.read_text(encoding="utf-8"))
-        compiled = set(self.root.parent.glob("numba/kernels-*"))
+        compiled = set(self.root.parent.glob("numba/*"))
         try:
             self._write(file, text)
             yield
@@ -65,7 +65,7 @@ class Tree:
             self._write(*self.original)
             self.original = None
             if "kernels" in Path(file).parts:
-                for folder in set(self.root.parent.glob("numba/kernels-*")) - compiled:
+                for folder in set(self.root.parent.glob("numba/*")) - compiled:
                     shutil.rmtree(folder)
 
     def _write(self, file: str, text: str) -> None:

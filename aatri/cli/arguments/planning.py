@@ -16,6 +16,7 @@ from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
+    from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.plan.graph import Node
     from aatri.pipeline.plan.plan import Plan, Selection
     from aatri.pipeline.plan.view import StoreView
@@ -77,7 +78,6 @@ def open_request(request: Request, *, quiet: bool = False) -> Opened:
     """
     from aatri.cli.arguments.plugins_option import local_stages
     from aatri.pipeline.methods.catalogue import Catalogue
-    from aatri.pipeline.methods.kernel_cache import use_kernel_cache
     from aatri.pipeline.plan.graph import wire
     from aatri.pipeline.run.task import Source
     from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
@@ -97,14 +97,30 @@ def open_request(request: Request, *, quiet: bool = False) -> Opened:
         spec = with_variant(spec, request.variant)
     spec, notes = with_use(spec, request.use, catalogue)
     spec = with_set(spec, request.set_)
-    compiled = use_kernel_cache(catalogue.plugin_folders([stage.use for stage in spec.stages.values()]))
-    if compiled is not None and not compiled.exists() and not quiet:
-        narrate("compiling the inner loops for this processor, once; it takes some 35 s, here and in the first stages")
+    _compile(catalogue, [stage.use for stage in spec.stages.values()], quiet=quiet)
     with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
         nodes = wire(spec, catalogue)
     for note in notes:
         narrate(f"note: {note}")
     return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins))
+
+
+def _compile(catalogue: Catalogue, uses: list[str], *, quiet: bool) -> None:
+    """Compile the kernels that stages reach, where this has not been done on this machine."""
+    from aatri.pipeline.methods.compile_kernels import compile_side_by_side, kernels_of, missing
+    from aatri.pipeline.methods.kernel_cache import remove_unused, use_kernel_cache
+
+    folder = use_kernel_cache()
+    if folder is None:
+        return
+    kernels = kernels_of(catalogue.codes(uses))
+    lacking = missing(kernels)
+    if lacking and not quiet:
+        narrate(f"compiling the inner loops for this processor, once: {len(lacking)} modules, a second or two each")
+    if lacking:
+        with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
+            compile_side_by_side(lacking)
+    remove_unused(folder, kernels)
 
 
 def open_run(

@@ -7,12 +7,13 @@ registry, which imports the stage.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.metadata
 import inspect
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,10 +136,15 @@ class Catalogue:
         self._codes.save()
         self._methods.save()
 
-    def plugin_folders(self, uses: Sequence[str]) -> list[Path]:
-        """Folders of the packages that stages of others come from."""
-        origins = [self._found[use] for use in uses if use in self._found]
-        return sorted({o.file.parent for o in origins if o.file is not None and o.source != discovery.BUILT_IN})
+    def codes(self, uses: Iterable[str]) -> list[Code]:
+        """The code of stages, as far as it can be read without importing them."""
+        origins = [self._found[use] for use in sorted(set(uses)) if use in self._found]
+        found = []
+        for origin in origins:
+            if origin.file is not None:
+                with contextlib.suppress(OSError):
+                    found.append(self._reader.code_of(origin.module, origin.file))
+        return found
 
     def _entry(self, stage: StageSpec, code: Code, base: Path | None = None) -> str:
         """Name of an entry; `base` counts only where options name files."""

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from aatri.pipeline.methods import kernel_cache
 from aatri.pipeline.methods.code_digest import PACKAGE, CodeReader
-from aatri.pipeline.methods.kernel_cache import use_kernel_cache
 from aatri.pipeline.store.cache import Cache
 
 FILES = {
@@ -92,20 +90,3 @@ def test_a_second_edit_of_equal_size_within_a_tick_of_the_clock_is_seen(toy: Pat
 def test_a_damaged_cache_is_as_good_as_none(toy: Path, tmp_path: Path) -> None:
     (tmp_path / "cache.json").write_text('{"a": ')
     assert CodeReader(Cache(tmp_path / "cache.json")).code_of("toy.stage", toy / "stage.py").digest == digest(toy)
-
-
-def test_compiled_code_has_a_folder_per_state_of_the_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("numba")
-    monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path)
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
-    kernel = tmp_path / "field" / "kernels" / "rays.py"
-    kernel.parent.mkdir(parents=True)
-    kernel.write_text("x = 1\n")
-    first = use_kernel_cache()
-    assert first is not None
-    assert first.parent == tmp_path / "numba"
-    assert use_kernel_cache() == first  # as a process that this one starts would
-    kernel.write_text("x = 2\n")
-    assert use_kernel_cache() != first
-    kernel.write_text("x = 1\n")
-    assert use_kernel_cache() == first

@@ -1,0 +1,101 @@
+"""Compiled kernels: a folder per state of a module and of what it calls, found from any clone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("numba")
+
+from aatri.pipeline.methods import kernel_cache
+from aatri.pipeline.methods.compile_kernels import compile_side_by_side, missing
+from aatri.pipeline.methods.kernel_cache import folder_name, is_compiled, remove_unused, use_kernel_cache
+
+INNER = """from numba import njit
+
+
+@njit("float64(float64)", cache=True)
+def twice(x):
+    return {factor} * x
+"""
+OUTER = """from numba import njit
+from field.kernels.inner import twice
+
+
+@njit("float64(float64)", cache=True)
+def more(x):
+    return twice(x) + 1.0
+"""
+CALL = """
+import sys
+from aatri.pipeline.methods.kernel_cache import use_kernel_cache
+use_kernel_cache()
+from field.kernels.outer import more
+print(more(3.0), sum(more.stats.cache_hits.values()))
+"""
+
+
+def _clone(folder: Path, factor: float) -> dict[str, Path]:
+    kernels = folder / "field" / "kernels"
+    kernels.mkdir(parents=True)
+    for empty in (kernels.parent / "__init__.py", kernels / "__init__.py"):
+        empty.write_text("")
+    (kernels / "inner.py").write_text(INNER.format(factor=factor))
+    (kernels / "outer.py").write_text(OUTER)
+    return {f"field.kernels.{name}": kernels / f"{name}.py" for name in ("inner", "outer")}
+
+
+def _called(clone: Path, cache: Path) -> str:
+    path = os.pathsep.join([str(clone), *filter(None, sys.path)])
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", CALL], env=environment, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_a_second_clone_compiles_nothing_and_an_edit_of_what_is_called_compiles_again(tmp_path: Path) -> None:
+    cache = tmp_path / "numba"
+    for name, factor in (("first", 2.0), ("second", 2.0), ("edited", 5.0)):
+        _clone(tmp_path / name, factor)
+    assert _called(tmp_path / "first", cache) == "7.0 0"
+    assert _called(tmp_path / "second", cache) == "7.0 1"
+    assert _called(tmp_path / "edited", cache) == "16.0 0"
+    assert _called(tmp_path / "first", cache) == "7.0 1"
+
+
+def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    kernels = _clone(tmp_path, 2.0)
+    assert use_kernel_cache() == tmp_path / "numba"
+    assert missing(kernels) == kernels
+    compile_side_by_side(kernels)
+    assert missing(kernels) == {}
+    assert len(list((tmp_path / "numba").iterdir())) == 2
+
+
+def test_a_module_that_fails_is_left_to_who_needs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
+    kernels = _clone(tmp_path, 2.0)  # not on the path: no process can import it
+    compile_side_by_side(kernels)
+    assert missing(kernels) == kernels
+
+
+def test_folders_that_nobody_has_used_for_long_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
+    kernels = _clone(tmp_path / "clone", 2.0)
+    long_ago = time.time() - (kernel_cache.KEPT_DAYS + 1) * 86_400
+    names = [folder_name(module, file) for module, file in kernels.items()]
+    for name in (*names, "old-1", "new-1"):
+        (tmp_path / "numba" / name).mkdir(parents=True)
+    for name in (*names, "old-1"):
+        os.utime(tmp_path / "numba" / name, (long_ago, long_ago))
+    remove_unused(tmp_path / "numba", kernels)
+    assert {p.name for p in (tmp_path / "numba").iterdir()} == {*names, "new-1"}
+    assert min(p.stat().st_mtime for p in (tmp_path / "numba").iterdir()) > time.time() - 3600
+    assert not is_compiled("field.kernels.inner", kernels["field.kernels.inner"])  # a folder alone is not enough
