@@ -8,17 +8,18 @@ Each is evaluated at the coordinates the one before has left, x, y and r from th
 aatri.camera.
 
 Earth curvature is corrected only where the block says `earth_curvature: correct` (a map frame with levelled heights);
-in a Cartesian frame there is nothing to correct. Curvature, and refraction without `solution`, hold for near-vertical
-images: with known attitudes of more than 5 degrees they are refused. With `solution`, a finished orientation, every ray
-is corrected for refraction in its own vertical plane, whatever the tilt of the image.
+in a Cartesian frame there is nothing to correct. The closed forms hold for near-vertical images. Rays of images whose
+attitudes are known, and tilted by more than 5 degrees, are corrected each in its own vertical plane; with `solution`, a
+finished orientation, those of all images.
 
 `atmosphere`: the closed form of the Manual of Photogrammetry (ARDC 1959), or `standard`, the layered U.S. Standard
 Atmosphere 1976; below 1 km the former is about 22 % smaller.
 
 The height of a station is that of its exterior position, observed or approximate (of the antenna where that is what it
-refers to). Without positions it is estimated: c times ground over photo distances of the control points in the image,
-above their mean height, the median over the strip. The height of the terrain is the block's `terrain_height`, or the
-mean of the control.
+refers to). Without a position it is estimated: c times ground over photo distances of the control points in the image,
+above their mean height, the median over the strip; else the median of the stations that are known. The height of the
+terrain is the block's `terrain_height`, or the mean of the control, or what c times base over parallax of neighbouring
+images with positions leaves. Where none of this is known the correction is left out, and told with its size.
 """
 
 from __future__ import annotations

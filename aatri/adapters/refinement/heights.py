@@ -1,4 +1,4 @@
-"""Heights of stations and terrain above sea level, and tilts, as far as the block tells them."""
+"""Heights of stations and terrain above sea level, and level axes, as far as block and orientations tell them."""
 
 from __future__ import annotations
 
@@ -9,85 +9,98 @@ import numpy as np
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.errors import GeometryError
+from aatri.artifacts.solution import Solution
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
-from aatri.geometry.rotations import rotation_from_angles
-from aatri.ids import shown
+from aatri.geometry.carrier import angle_axes, body_from_mount
+from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
-from aatri.orientation.refinement.flying_height import station_heights_m
+from aatri.orientation.refinement.flying_height import heights_by_bases_m, station_heights_m
+from aatri.units import EARTH_RADIUS_M
 
 MOST_TILT_RAD = np.deg2rad(5.0)
-"""Refraction and curvature corrections assume near-vertical images."""
+"""Up to this tilt the closed forms for vertical images serve."""
+
+UP_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""Axes east, north, up from north, east, down."""
 
 
 @dataclass(frozen=True)
-class Heights:
-    """Heights above sea level.
+class Stations:
+    """What is known of the stations of all images of a block.
 
     Attributes
     ----------
-    station_m : (n,) float64, m
-        Of the projection centre of each image of the Block; NaN for images without image points.
+    height_m : (n,) float64, m
+        Above sea level; NaN where not known.
     terrain_m : float, m
+        Mean height of the terrain above sea level; NaN where not known.
+    level_from_image : (n, 3, 3) float64
+        Rotations of the images to level axes at their stations, z up; NaN where not known.
+    by_rays : (n,) bool
+        Images whose rays are corrected each in its own vertical plane: oriented, or tilted too much for closed forms.
     """
 
-    station_m: Float
+    height_m: Float
     terrain_m: float
+    level_from_image: Float
+    by_rays: Bool
 
 
-def heights_of(block: Block, image_points: ImagePoints) -> tuple[Heights, tuple[Note, ...]]:
-    """Heights of the stations from their positions, else estimated by the photo scale; height of the terrain.
-
-    Raises
-    ------
-    GeometryError
-        If the block does not tell the heights, or a station lies below the terrain.
-    """
+def stations_of(block: Block, image_points: ImagePoints, poses: Solution | None) -> tuple[Stations, tuple[Note, ...]]:
+    """Stations as orientations tell them, else their positions and attitudes, else the photo scale."""
     tangent = is_tangent_frame(str(block.frames.crs[0]) if len(block.frames) else "")
-    terrain = terrain_height(block, tangent)
-    station = np.full(len(block.images), np.nan)
-    station[block.exterior.image] = height_above_sea_level(block.exterior.position_m, tangent=tangent)
+    place = np.full((len(block.images), 3), np.nan)
+    place[block.exterior.image] = block.exterior.position_m
+    level = np.full((len(block.images), 3, 3), np.nan)
+    level[block.exterior.image] = _level_by_angles(block, tangent)
+    oriented = np.zeros(len(block.images), dtype=bool)
+    if poses is not None:
+        oriented = poses.images.oriented & finite_rows(poses.images.position_m)
+        place[oriented] = poses.images.position_m[oriented]
+        R = poses.images.ground_from_image[oriented]
+        level[oriented] = _level_axes(place[oriented]) @ R if tangent else R
+    station = height_above_sea_level(place, tangent=tangent)
     notes: list[Note] = []
-    needed = np.zeros(len(station), dtype=bool)
-    needed[image_points.measurements.image[np.isfinite(image_points.measurements.xy_mm).all(axis=1)]] = True
-    missing = needed & np.isnan(station)
+    terrain = _terrain_height(block, tangent)
+    if np.isnan(terrain):
+        terrain = _terrain_by_bases(block, image_points, place, station)
+        if np.isfinite(terrain):
+            text = f"height of the terrain, {terrain:.0f} m, estimated from the photo scale at neighbouring positions"
+            notes.append(Note("note", text))
+    missing = np.isnan(station)
+    missing &= np.isin(np.arange(len(station)), image_points.measurements.image)
     if missing.any():
-        station = np.where(missing, _estimated_by_strip(block, image_points, tangent), station)
-        _refuse_unknown(block, needed & np.isnan(station))
-        text = f"flying height of {int(missing.sum())} images estimated from the photo scale at control points"
-        notes.append(Note("note", text))
-    below = needed & ~(station > terrain)
-    if below.any():
-        raise GeometryError(
-            f"stations not above the terrain ({terrain:.1f} m): {shown(block.images.id[below])}",
-            remedy="check terrain_height and the heights in exterior.csv: both count from sea level",
-        )
-    return Heights(np.where(needed, station, np.nan), terrain), tuple(notes)
+        estimated = _estimated_by_strip(block, image_points, station, tangent)
+        station = np.where(missing, estimated, station)
+        of = int((missing & np.isfinite(station)).sum())
+        if of:
+            text = f"flying height of {of} images estimated from the photo scale at control points, or the other images"
+            notes.append(Note("note", text))
+    tilted = level[:, 2, 2] < np.cos(MOST_TILT_RAD)
+    by_rays = tilted if poses is None else oriented | tilted | np.isnan(level[:, 2, 2])
+    return Stations(station, terrain, level, by_rays), tuple(notes)
 
 
-def refuse_tilted(block: Block, corrections: list[str]) -> None:
-    """Refuse near-vertical corrections where attitudes tell that images are not near-vertical.
+def _level_by_angles(block: Block, tangent: bool) -> Float:
+    """Of the rows of the exterior; NaN where an angle is not given."""
+    exterior = block.exterior
+    known = finite_rows(exterior.angles_rad) & block.images.active[exterior.image]
+    angles = np.where(known[:, None], exterior.angles_rad, 0.0)
+    level: Float = angle_axes(angles, block.rotation)[0]
+    if block.rotation == "roll-pitch-heading":
+        level = UP_FROM_NED @ level @ body_from_mount(block.cameras.mount_deg[block.images.camera[exterior.image]])
+    elif tangent:
+        level = _level_axes(np.nan_to_num(exterior.position_m)) @ level
+    return np.where(known[:, None, None], level, np.nan)
 
-    Raises
-    ------
-    GeometryError
-        Naming the images tilted by more than 5 degrees.
-    """
-    known = np.isfinite(block.exterior.angles_rad).all(axis=1) & block.images.active[block.exterior.image]
-    angles = block.exterior.angles_rad[known]
-    if block.rotation in ("omega-phi-kappa", "phi-omega-kappa"):
-        cosine = rotation_from_angles(angles, block.rotation)[:, 2, 2]  # type: ignore[arg-type]
-    else:  # roll and pitch of the carrier
-        cosine = np.cos(angles[:, 0]) * np.cos(angles[:, 1])
-    tilted = block.exterior.image[known][cosine < np.cos(MOST_TILT_RAD)]
-    if len(tilted):
-        names = " and ".join(n.replace("_", " ") for n in corrections if n != "distortion")
-        raise GeometryError(
-            f"{names} corrections hold for near-vertical images; tilted by more than 5 degrees: "
-            f"{shown(block.images.id[tilted])}",
-            remedy="give orientations (`solution` in `from:`) for refraction by rays; for earth curvature adjust in a "
-            "tangent frame (earth_curvature: frame)",
-        )
+
+def _level_axes(place: Float) -> Float:
+    """Rotations from a tangent frame of the sphere to axes with z up at places of it, (n, 3, 3)."""
+    up = place + np.array([0.0, 0.0, EARTH_RADIUS_M])
+    up = up / np.linalg.norm(up, axis=1, keepdims=True)
+    east = np.cross(np.broadcast_to([0.0, 1.0, 0.0], up.shape), up)
+    east = east / np.linalg.norm(east, axis=1, keepdims=True)
+    return np.stack([east, np.cross(up, east), up], axis=1)
 
 
 def _control_rows(block: Block, coordinates: list[int]) -> Bool:
@@ -96,29 +109,33 @@ def _control_rows(block: Block, coordinates: list[int]) -> Bool:
     return np.asarray(control[:, coordinates].all(axis=1))
 
 
-def terrain_height(block: Block, tangent: bool) -> float:
-    """Height of the terrain above sea level, m: that of the block, or the mean of the control.
-
-    Raises
-    ------
-    GeometryError
-        If neither tells it.
-    """
+def _terrain_height(block: Block, tangent: bool) -> float:
+    """Height of the terrain above sea level, m: that of the block, or the mean of the control; NaN without."""
     if np.isfinite(block.terrain_height_m):
         return block.terrain_height_m
     xyz = block.ground_points.xyz_m[_control_rows(block, [2])]
     if tangent:  # where plan is not given, the height at the origin is as good as can be known
         xyz = np.column_stack([np.nan_to_num(xyz[:, :2]), xyz[:, 2]])
-    if not len(xyz):
-        raise GeometryError(
-            "refraction and earth curvature need the height of the terrain",
-            remedy="give terrain_height in block.yaml, or control points with heights; or switch them off",
-        )
-    return float(height_above_sea_level(xyz, tangent=tangent).mean())
+    return float(height_above_sea_level(xyz, tangent=tangent).mean()) if len(xyz) else float("nan")
 
 
-def _estimated_by_strip(block: Block, image_points: ImagePoints, tangent: bool) -> Float:
-    """Per image the median over its strip of the flying heights that the photo scale gives, m above sea level."""
+def _terrain_by_bases(block: Block, image_points: ImagePoints, place: Float, station: Float) -> float:
+    """Height of the stations less what the photo scale at neighbouring ones gives; NaN where none have positions."""
+    images, m = block.images, image_points.measurements
+    order = np.lexsort((images.sequence, images.strip))
+    order = order[np.isfinite(station[order])]
+    first, second = order[:-1], order[1:]
+    of_strip = images.strip[first] == images.strip[second]
+    first, second = first[of_strip], second[of_strip]
+    use = m.active & finite_rows(m.xy_mm)
+    c = block.cameras.principal_distance_mm[images.camera]
+    above = heights_by_bases_m(first, second, m.image[use], m.point[use], m.xy_mm[use], place[:, :2], c)
+    known = np.isfinite(above)
+    return float(np.median(station[first][known] - above[known])) if known.any() else float("nan")
+
+
+def _estimated_by_strip(block: Block, image_points: ImagePoints, known_m: Float, tangent: bool) -> Float:
+    """Heights of stations above sea level, m: the median of the strip by photo scale, or of those that are known."""
     full = np.flatnonzero(_control_rows(block, [0, 1, 2]))
     ground = np.full((len(block.points), 3), np.nan)
     ground[block.ground_points.point[full]] = block.ground_points.xyz_m[full]
@@ -129,19 +146,12 @@ def _estimated_by_strip(block: Block, image_points: ImagePoints, tangent: bool) 
     c = block.cameras.principal_distance_mm[block.images.camera]
     single = station_heights_m(image, xy, ground[point, :2], height[point], c)
     strip = block.images.strip
+    strips = [strip == s for s in np.unique(strip[strip >= 0])]
     estimated = single.copy()
-    for s in np.unique(strip[strip >= 0]):
-        mine = strip == s
-        if np.isfinite(single[mine]).any():
-            estimated[mine] = np.nanmedian(single[mine])
+    # The last choice first: all that is known of the block, of the strip, and the photo scale in the strip.
+    every = np.ones(len(strip), dtype=bool)
+    for values, parts in ((known_m, [every]), (single, [every]), (known_m, strips), (single, strips)):
+        for mine in parts:
+            if np.isfinite(values[mine]).any():
+                estimated[mine] = np.nanmedian(values[mine])
     return estimated
-
-
-def _refuse_unknown(block: Block, unknown: Bool) -> None:
-    if unknown.any():
-        raise GeometryError(
-            f"refraction and earth curvature need the flying height; not known for {int(unknown.sum())} images: "
-            f"{shown(block.images.id[unknown])}",
-            remedy="give approximate positions in exterior.csv, or two control points in one image of each strip; "
-            "or switch both corrections off",
-        )

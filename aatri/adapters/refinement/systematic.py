@@ -7,16 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adapters.refinement.corrected import largest_length, with_corrections
-from aatri.adapters.refinement.heights import Heights, heights_of, refuse_tilted
+from aatri.adapters.refinement.earth import earth_correction
+from aatri.adapters.refinement.heights import stations_of
 from aatri.adapters.refinement.lens import lens_correction
-from aatri.adapters.refinement.tilted import refraction_by_poses
-from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.camera.corrections.atmospheres import Atmosphere, constant_of
-from aatri.camera.corrections.earth_curvature import earth_curvature_correction
-from aatri.camera.corrections.refraction import refraction_correction
+from aatri.camera.corrections.atmospheres import Atmosphere
 from aatri.errors import SpecError
 from aatri.notes import Note
 
@@ -35,15 +32,13 @@ def systematically_corrected(
     image_points : ImagePoints
     wanted : sequence of str
     poses : Solution, optional
-        Orientations: refraction is corrected ray by ray, in images of any tilt.
+        Orientations: every ray is corrected in its own vertical plane.
     atmosphere : str
 
     Raises
     ------
     SpecError
         If a correction has been made before.
-    GeometryError
-        If images are not near-vertical, or the block does not tell the heights.
     InputError
         If a distortion is not known or folds.
     """
@@ -52,23 +47,16 @@ def systematically_corrected(
     xy = m.xy_mm.copy()
     rows = np.isfinite(xy).all(axis=1)
     image = m.image[rows]
-    heights = None
-    near_vertical = [name for name in wanted if name == "earth_curvature" or (name == "refraction" and poses is None)]
-    if near_vertical:
-        refuse_tilted(block, near_vertical)
-        heights, told = heights_of(block, image_points)
-        notes += told
-    largest = []
+    largest, stations = [], None
     for name in wanted:
         if name == "distortion":
             correction, told = lens_correction(block, image, xy[rows])
-            notes += told
-        elif name == "refraction" and poses is not None:
-            correction, told = refraction_by_poses(block, poses, image, xy[rows], atmosphere)
-            notes += told
         else:
-            assert heights is not None
-            correction = _near_vertical(name, xy[rows], heights, block, image, atmosphere)
+            if stations is None:
+                stations, told = stations_of(block, image_points, poses)
+                notes += told
+            correction, told = earth_correction(name, block, stations, image, xy[rows], m.sigma_mm[rows], atmosphere)
+        notes += told
         xy[rows] += correction
         largest.append(largest_length(correction, m.active[rows]))
         notes.append(Note("note", f"{name}: at most {1e3 * largest[-1]:.2f} um"))
@@ -107,13 +95,3 @@ def _to_apply(block: Block, image_points: ImagePoints, wanted: Sequence[str]) ->
         notes.append(Note("note", "no distortion is corrected: the cameras have none"))
         names.remove("distortion")
     return names, notes
-
-
-def _near_vertical(
-    name: str, xy_mm: Float, heights: Heights, block: Block, image: Int, atmosphere: Atmosphere
-) -> Float:
-    station = heights.station_m[image]
-    c = block.cameras.principal_distance_mm[block.images.camera[image]]
-    if name == "refraction":
-        return refraction_correction(xy_mm, constant_of(atmosphere, station, heights.terrain_m), c)
-    return earth_curvature_correction(xy_mm, station - heights.terrain_m, c)

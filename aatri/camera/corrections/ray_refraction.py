@@ -16,8 +16,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-FLATTEST_RAD = np.deg2rad(80.0)
-"""Largest angle from the nadir."""
+from aatri.camera.corrections.vertical_planes import turned_rays
 
 
 def refraction_of_rays(
@@ -42,13 +41,4 @@ def refraction_of_rays(
     (n, 2) float64, mm
         NaN where a ray is flatter than `FLATTEST_RAD`.
     """
-    c = principal_distance_mm
-    u = np.concatenate([xy_mm, -c[:, None]], axis=1)
-    w = np.einsum("nij,nj->ni", level_from_image, u)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        tan2 = (w[:, 0] ** 2 + w[:, 1] ** 2) / w[:, 2] ** 2
-    steep = (w[:, 2] < 0) & (tan2 <= np.tan(FLATTEST_RAD) ** 2)
-    factor = np.where(steep, 1.0 - constant_rad * (1.0 + tan2), np.nan)
-    bent = np.concatenate([w[:, :2] * factor[:, None], w[:, 2:]], axis=1)
-    u = np.einsum("nji,nj->ni", level_from_image, bent)
-    return np.asarray(-c[:, None] * u[:, :2] / u[:, 2:] - xy_mm)
+    return turned_rays(xy_mm, principal_distance_mm, level_from_image, lambda tan2: 1.0 - constant_rad * (1.0 + tan2))

@@ -7,11 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aatri.artifacts.block import Block, Exterior
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ImageOrientations
-from aatri.errors import GeometryError, InputError, SpecError
+from aatri.camera.corrections.earth_curvature import earth_curvature_of_rays
+from aatri.camera.corrections.ray_refraction import refraction_of_rays
+from aatri.camera.corrections.refraction import refraction_constant
+from aatri.errors import InputError, SpecError
+from aatri.geometry.rotations import rotation_from_angles
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -94,30 +99,101 @@ def test_without_positions_the_flying_height_comes_from_the_photo_scale(block: B
     assert any("photo scale" in line for line in told.lines)
 
 
-def test_without_positions_and_control_the_images_are_named(block: Block, points: ImagePoints) -> None:
-    blind = replace(block, exterior=Exterior.empty(), ground_points=block.ground_points.take(np.zeros(0, int)))
-    with pytest.raises(GeometryError, match="flying height; not known for 10 images") as caught:
-        systematic(replace(blind, terrain_height_m=6.0), points)
-    assert "exterior.csv" in caught.value.remedy
-    with pytest.raises(GeometryError, match="height of the terrain"):
-        systematic(replace(blind, terrain_height_m=np.nan), points)
+def test_images_without_a_position_fly_as_high_as_the_others(block: Block, points: ImagePoints) -> None:
+    some = replace(block, exterior=block.exterior.take(np.arange(len(block.exterior)) % 4 == 0))
+    no_control = replace(some, ground_points=block.ground_points.take(np.zeros(0, int)))
+    wanted = systematic(block, points).measurements.xy_mm
+    for given in (some, no_control):
+        told = Told()
+        found = systematic(given, points, context=told)
+        assert np.abs(found.measurements.xy_mm - wanted).max() < 2e-4
+        assert told.warnings == []
+        assert any("flying height of 7 images estimated" in line for line in told.lines)
 
 
-def test_stations_below_the_terrain_are_refused(block: Block, points: ImagePoints) -> None:
-    with pytest.raises(GeometryError, match="not above the terrain"):
-        systematic(replace(block, terrain_height_m=5000.0), points)
+def test_the_terrain_follows_from_positions_and_parallaxes(block: Block, points: ImagePoints) -> None:
+    told = Told()
+    alone = replace(block, terrain_height_m=np.nan, ground_points=block.ground_points.take(np.zeros(0, int)))
+    found = systematic(alone, points, context=told)
+    # 10 % of the flying height would be 10 % of 1.3 um
+    assert np.abs(found.measurements.xy_mm - systematic(block, points).measurements.xy_mm).max() < 2e-4
+    [line] = [line for line in told.lines if "height of the terrain" in line]
+    assert abs(float(line.split(",")[1].split(" m")[0]) - 6.0) < 0.05 * 385
 
 
-def test_tilted_images_are_refused_by_name(block: Block, points: ImagePoints) -> None:
+@pytest.mark.parametrize("terrain_m", [6.0, np.nan])
+def test_without_any_height_the_corrections_are_left_out_and_their_size_is_told(
+    block: Block, points: ImagePoints, terrain_m: float
+) -> None:
+    told = Told()
+    blind = replace(block, exterior=Exterior.empty(), ground_points=block.ground_points.take(np.zeros(0, int)),
+                    terrain_height_m=terrain_m)  # fmt: skip
+    found = systematic(blind, points, context=told)
+    only_lens = systematic(block, points, options=SystematicOptions(refraction=False, earth_curvature=False))
+    assert np.array_equal(found.measurements.xy_mm, only_lens.measurements.xy_mm)
+    # r = 157 mm in the corner, c = 153.84 mm, H' = 1 km: H' r^3 / (2 R c^2) = 12.8 um, more than the 5 um of a point
+    r = float(np.hypot(*only_lens.measurements.xy_mm.T).max())
+    size = 1e3 * 1000.0 * r**3 / (2 * 6_371_000.0 * 153.84**2)
+    assert any("earth curvature" in text and f"{size:.1f} um for each 1000 m" in text for text in told.warnings)
+    assert any("refraction" in line and "um for each 1000 m" in line for line in told.lines)
+
+
+def test_stations_below_the_terrain_are_named_and_not_corrected(block: Block, points: ImagePoints) -> None:
+    told = Told()
+    found = systematic(replace(block, terrain_height_m=5000.0), points, context=told)
+    assert (found.corrections.largest_mm[-2:] == 0.0).all()
+    assert all("not above the terrain (5000.0 m)" in text for text in told.warnings)
+    assert len(told.warnings) == 2
+
+
+def test_curvature_of_tilted_images_is_that_of_their_rays() -> None:
+    """Points on a sphere, seen by a tilted camera: the map has them at their distance and height."""
+    R_EARTH, H, c = 6_371_000.0, 4000.0, 150.0
+    X = np.array([[1500.0, -800.0], [-2500.0, 100.0], [3000.0, 3000.0]])
+    turn = rotation_from_angles(np.radians([[20.0, 10.0, 40.0]]), "omega-phi-kappa")[0]
+
+    def seen(depth: Any) -> Any:
+        u = np.column_stack([X, -depth]) @ turn
+        return -c * u[:, :2] / u[:, 2:]
+
+    curved, flat = seen(H + (X**2).sum(axis=1) / (2 * R_EARTH)), seen(np.full(3, H))
+    found = earth_curvature_of_rays(curved, np.full(3, H), np.full(3, c), np.tile(turn, (3, 1, 1)))
+    assert np.abs(flat - curved).max() > 0.01
+    assert np.abs(curved + found - flat).max() < 1e-3 * np.abs(flat - curved).max()
+
+
+@pytest.mark.parametrize("system", ["omega-phi-kappa", "phi-omega-kappa", "roll-pitch-heading"])
+def test_tilted_images_are_corrected_by_their_attitudes(block: Block, points: ImagePoints, system: Any) -> None:
+    """As a finished orientation would correct them; the others as they are without attitudes."""
     angles = np.zeros((len(block.exterior), 3))
-    angles[3] = [np.deg2rad(5.2), 0.0, 1.0]
-    angles[4] = [np.deg2rad(4.8), 0.0, 1.0]
-    oblique = replace(block, exterior=replace(block.exterior, angles_rad=angles))
-    with pytest.raises(GeometryError, match="near-vertical") as caught:
-        systematic(oblique, points)
-    assert caught.value.what.endswith(str(block.images.id[block.exterior.image[3]]))
-    off = SystematicOptions(refraction=False, earth_curvature=False)
-    assert systematic(oblique, points, options=off).corrections.name[-1] == "distortion"
+    angles[3] = [np.deg2rad(25.0), np.deg2rad(-10.0), 1.0]
+    angles[4] = [np.deg2rad(4.0), 0.0, 1.0]
+    oblique = replace(block, rotation=system, exterior=replace(block.exterior, angles_rad=angles))
+    options = SystematicOptions(distortion=False)
+    found, plain = (systematic(b, points, options=options).measurements.xy_mm for b in (oblique, block))
+    tilted = points.measurements.image == block.exterior.image[3]
+    assert np.array_equal(found[~tilted], plain[~tilted])
+    if system == "roll-pitch-heading":  # north, east, down; x forward, y right, z down: the camera has y to its left
+        ned = Rotation.from_euler("ZYX", angles[3, ::-1]).as_matrix()
+        level = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]) @ ned @ np.diag([1.0, -1, -1])
+    else:
+        level = rotation_from_angles(angles[[3]], system)[0]
+    xy, n = points.measurements.xy_mm[tilted], int(tilted.sum())
+    K = refraction_constant(block.exterior.position_m[3, 2], block.terrain_height_m)
+    turned, c = np.tile(level, (n, 1, 1)), np.full(n, 153.84)
+    xy = xy + refraction_of_rays(xy, c, turned, np.full(n, K))
+    above = np.full(n, block.exterior.position_m[3, 2] - block.terrain_height_m)
+    xy = xy + earth_curvature_of_rays(xy, above, c, turned)
+    assert np.abs(found[tilted] - xy).max() < 1e-12
+
+
+def test_rays_too_flat_are_left_and_counted(block: Block, points: ImagePoints) -> None:
+    angles = np.zeros((len(block.exterior), 3))
+    angles[3] = [np.deg2rad(60.0), 0.0, 0.0]
+    told = Told()
+    found = systematic(replace(block, exterior=replace(block.exterior, angles_rad=angles)), points, context=told)
+    assert np.isfinite(found.measurements.xy_mm).all()
+    assert any("flatter than 80 degrees" in line for line in told.lines)
 
 
 def test_a_distortion_of_more_than_5_percent_is_told_with_both_readings(block: Block, points: ImagePoints) -> None:
@@ -163,5 +239,6 @@ def test_oblique_images_are_freed_from_refraction_ray_by_ray() -> None:
     assert off_um(a) > 0.3
     assert off_um(corrected) < 0.01 * off_um(a)
     low = replace(poses, images=replace(poses.images, position_m=true.position_m - [0.0, 0.0, 5000.0]))
-    with pytest.raises(GeometryError, match="not above the terrain"):
-        systematic(bent, a, low, options=options)
+    told = Told()
+    systematic(bent, a, low, options=options, context=told)
+    assert any("not above the terrain" in text for text in told.warnings)
