@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command line starts without it
@@ -14,6 +14,8 @@ if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command 
 
 MAX_BYTES = 255
 """Longest id, in UTF-8 bytes."""
+OF_IDS = "at most 255 bytes, no control characters, no outer blanks"
+"""What an id is, for messages."""
 MAX_COMPARED_LENGTH, MOST_LOOKED_AT, MOST_COMPARED = 80, 5000, 100
 """Bounds of the search for the nearest name."""
 
@@ -46,6 +48,17 @@ def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.ND
 def is_valid(text: str) -> bool:
     """Whether the text may serve as an id: not empty, at most 255 bytes, no control characters, no outer blanks."""
     return bool(text) and text == text.strip() and len(text.encode("utf-8")) <= MAX_BYTES and text.isprintable()
+
+
+def invalid(texts: Collection[str]) -> list[str]:
+    """Those of the texts that may not serve as ids; quick where there are none."""
+    listed = list(texts)
+    together = "\n".join(listed)
+    plain = together.replace("\n", "").isprintable() and together.count("\n") == max(len(listed) - 1, 0)
+    inner = not any(blank in f"\n{together}\n" for blank in ("\n ", " \n", "\n\n"))
+    if not listed or (plain and inner and 4 * max(map(len, listed)) <= MAX_BYTES):
+        return []
+    return [text for text in listed if not is_valid(text)]
 
 
 def shown(texts: Iterable[str], most: int = 20) -> str:

@@ -20,12 +20,11 @@ import yaml
 from aatri.errors import AatriError, SpecError
 from aatri.ids import clipped, did_you_mean
 from aatri.regular_file import leads_nowhere, open_regular
+from aatri.units import LARGEST
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
 MAX_DIGITS = 300
-LARGEST = 1e100
-"""No quantity is as large; squares and products of what is smaller are still numbers."""
 
 _PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -24,19 +24,5 @@ EARTH_RADIUS_M = 6_371_000.0
 """Radius of the spherical earth used for the curvature correction."""
 
 
-def rad_from_dms(text: str) -> float:
-    """Angle in radians of `d-m-s`, `d:m:s`, `d m s` or a plain number of degrees; the sign leads.
-
-    Raises
-    ------
-    ValueError
-        If the text is none of these, or minutes or seconds are not in [0, 60).
-    """
-    body = text.strip()
-    negative = body.startswith("-")
-    parts = body.lstrip("+-").replace(":", " ").replace("-", " ").replace("°", " ").replace("'", " ").split()
-    numbers = [float(part) for part in parts]
-    if not 1 <= len(numbers) <= 3 or any(not 0 <= n < 60 for n in numbers[1:]):
-        raise ValueError(f"{text!r} is not an angle in degrees, minutes and seconds")
-    degrees = sum(number / 60.0**place for place, number in enumerate(numbers))
-    return math.radians(-degrees if negative else degrees)
+LARGEST = 1e100
+"""No quantity is as large; squares and products of what is smaller are still numbers."""

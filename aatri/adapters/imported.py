@@ -21,6 +21,6 @@ class Imported(Protocol):
 
 
 def read_at(block: Block, rows: Imported, row: int) -> str:
-    """`file:line` of a row of a table of the Block; empty if it was not imported."""
-    file = int(rows.file[row])
-    return f"{block.files.path[file]}:{int(rows.line[row])}" if file >= 0 else ""
+    """`file:line` of a row of a table of the Block, the file of one that has no lines; empty if it was not imported."""
+    file, line = int(rows.file[row]), int(rows.line[row])
+    return "" if file < 0 else f"{block.files.path[file]}:{line}" if line > 0 else str(block.files.path[file])

@@ -1,7 +1,7 @@
 """Screening: what of a block cannot be used is set aside, by name and with the reason, and nothing else.
 
-Every reader of blocks ends with `screen_block`. It works on the tables of a `Block` in which everything read is still
-active, and repeats until nothing changes:
+Every reader of blocks ends with `screen_block`. What does not pass the `gate` is refused. On the tables of a `Block` in
+which everything read is still active this is repeated until nothing changes:
 
 1. image point outside the image format by more than 5 % of the format -> rejected;
 2. point seen in one image only, without control and without other observations -> its image points are rejected;
@@ -27,6 +27,7 @@ from aatri.adapters.sanity_as_given import as_given
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
+from aatri.formats.gate import faults_of
 from aatri.formats.positions_screened import without_impossible_positions
 from aatri.ids import printable
 from aatri.notes import Note, tell
@@ -85,8 +86,9 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     Raises
     ------
     InputError
-        If two measurements of one point in one image disagree, or more than the share of a class would be rejected.
+        If the block does not pass the gate, measurements disagree, or more than the share of a class would be rejected.
     """
+    raise_all(faults_of(block))
     block, impossible = without_impossible_positions(block, max_reject_share)
     problems = [*repeated_measurements(block), *impossible]
     images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
@@ -140,16 +142,13 @@ def repeated_measurements(block: Block) -> list[InputError]:
         a, b = int(leader[k]), int(order[k])
         name = _point_name(block, b)
         gap = np.abs(rows.xy[b] - rows.xy[a]).max()
-        what = f"image point {name} measured twice, {gap:g} apart (first: {_measured_at(block, a)})"
+        what = f"image point {name} measured twice, {gap:g} apart (first: {read_at(block, block.image_points, a)})"
         errors.append(
-            InputError(what, where=_measured_at(block, b), remedy="remove the wrong one, or rename the point")
+            InputError(
+                what, where=read_at(block, block.image_points, b), remedy="remove the wrong one, or rename the point"
+            )
         )
     return errors
-
-
-def _measured_at(block: Block, row: int) -> str:
-    """`file:line` of an image point, or empty."""
-    return read_at(block, block.image_points, row)
 
 
 def _mm_per_unit(block: Block) -> Float:
@@ -242,8 +241,8 @@ def _too_many(block: Block, images: _Set, points: _Set, share: float) -> list[In
     single = sorted({int(rows.point[r]): r for r in sorted(by_reason[SEEN_ONCE], reverse=True)}.values())
     image_rows = sorted(images.reasons)
     image_lines = [(str(block.images.id[r]), read_at(block, block.images, r)) for r in image_rows]
-    point_lines = [(_point_name(block, r), _measured_at(block, r)) for r in single]
-    outside_lines = [(_point_name(block, r), _measured_at(block, r)) for r in sorted(by_reason[OUTSIDE])]
+    point_lines = [(_point_name(block, r), read_at(block, block.image_points, r)) for r in single]
+    outside_lines = [(_point_name(block, r), read_at(block, block.image_points, r)) for r in sorted(by_reason[OUTSIDE])]
     measured = int(np.count_nonzero(np.bincount(rows.point)))
     found = [
         _share_error("image points", outside_lines, len(rows), share, OUTSIDE,

@@ -45,11 +45,11 @@ from aatri.formats.plain_block import approximate_exterior, image_table, pixel_c
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
-from aatri.formats.text.number_text import LARGEST
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.ids import canonical, clipped, is_valid, rows_of
+from aatri.ids import canonical, rows_of
 from aatri.progress import SILENT, Reporter
+from aatri.units import LARGEST
 
 PIXEL_MM = 0.001
 """Width given to a pixel; the model has none."""
@@ -155,8 +155,6 @@ def _check(model: ColmapModel) -> None:
             )
         if not any(image.quaternion):
             problems.append(InputError(f"image {image.name} has no rotation: its quaternion is 0", where=where))
-        if not is_valid(image.name):
-            problems.append(InputError(f"{clipped(image.name)!r} is no name of an image", where=where))
         if seen.setdefault(image.name, image.id) != image.id:
             problems.append(InputError(f"images {seen[image.name]} and {image.id} have one name", where=where))
         unknown = np.setdiff1d(image.point[image.point != NO_POINT], model.points)

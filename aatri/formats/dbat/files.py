@@ -27,7 +27,7 @@ from pathlib import Path, PureWindowsPath
 from aatri.errors import InputError, raise_all
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine
-from aatri.ids import clipped, is_valid
+from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
 
 ROUNDING_MM = 6e-4
@@ -183,8 +183,6 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
     if len(head.words) < 2 or head.words[0] != str(row):
         raise head.error(f"{clipped(head.words[0])!r} where photo {row} should begin", "photos count from 0")
     name = PureWindowsPath(" ".join(head.words[1:])).name
-    if not is_valid(name):
-        raise head.error(f"{clipped(name)!r} is no name of an image")
     orientation = source.next(7, "photo X Y Z kappa phi omega")
     source.next(7, "their standard deviations")
     source.skip_blank()
@@ -236,8 +234,6 @@ def _control_point(entry: TextLine) -> ObjectPoint:
 
 def _add(points: dict[str, ObjectPoint], point: ObjectPoint, entry: TextLine) -> None:
     name = entry.words[0]
-    if not is_valid(name):
-        raise entry.error(f"{clipped(name)!r} is no id")
     if name in points:
         earlier = points[name].entry.line
         raise entry.error(f"point {clipped(name)} twice, first in line {earlier}", "remove one")

@@ -13,8 +13,10 @@ from xml.parsers import expat
 
 from aatri.errors import InputError
 from aatri.formats.gama.network import GivenPoint, Network, Row
-from aatri.ids import printable
-from aatri.units import ANGLE_RAD, rad_from_dms
+from aatri.formats.gama.xml_text import xml_text
+from aatri.formats.text.number_text import number_of, rad_from_dms, whole_number_of
+from aatri.ids import clipped
+from aatri.units import ANGLE_RAD
 
 NAMESPACE = "http://www.gnu.org/software/gama/gama-local"
 
@@ -44,7 +46,7 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         self.path, self.network = path, Network()
         self.line: dict[ElementTree.Element, int] = {}
-        self.stdev: Attributes = {}
+        self.stdev: dict[str, list[float]] = {}
         self.sets = 0
 
     def read(self) -> Network:
@@ -62,7 +64,7 @@ class _Reader:
 
     def _tree(self) -> ElementTree.Element:
         """The document, with the line of each element: expat tells it where an element starts."""
-        parser, builder = expat.ParserCreate(), ElementTree.TreeBuilder()
+        parser, builder = expat.ParserCreate("utf-8"), ElementTree.TreeBuilder()
 
         def start(name: str, attributes: Attributes) -> None:
             self.line[builder.start(name, attributes)] = parser.CurrentLineNumber
@@ -70,10 +72,9 @@ class _Reader:
         parser.StartElementHandler = start
         parser.EndElementHandler = lambda name: builder.end(name)
         parser.CharacterDataHandler = builder.data
+        text = xml_text(self.path)
         try:
-            parser.Parse(self.path.read_bytes(), True)
-        except OSError as error:
-            raise InputError(f"cannot read: {error.strerror}", where=str(self.path)) from error
+            parser.Parse(text.encode(), True)
         except expat.ExpatError as error:
             where = f"{self.path}:{error.lineno}:{error.offset + 1}"
             raise InputError(f"no XML: {expat.ErrorString(error.code)}", where=where,
@@ -94,7 +95,7 @@ class _Reader:
     def _content(self, part: ElementTree.Element) -> None:
         names = [f"{kind}-stdev" for kind in ("distance", "direction", "angle", "zenith-angle", "azimuth")]
         self._attributes(part, names)
-        self.stdev = {name: part.get(name, "") for name in names}
+        self.stdev = {name: self._default_sigma(part, name) for name in names}
         for child in self._children(part, ("point", "obs", "height-differences", "coordinates", "vectors")):
             tag = _tag(child)
             if tag == "point":
@@ -147,9 +148,9 @@ class _Reader:
             for i, j, value in self._matrix(matrix, len(rows)):
                 self.network.covariances.append((first + i, first + j, value * rows[i].unit * rows[j].unit))
         for k, row in enumerate(rows if matrix is None else ()):
-            if not row.sigma > 0:
-                where = f"{self.path}:{row.line}"
-                raise InputError(f"observation {k + 1} of the cluster has no stdev", where=where, remedy="give stdev")
+            if not 0 < row.sigma < math.inf:
+                what = f"observation {k + 1} of the cluster has {'no' if row.sigma == 0 else 'an impossible'} stdev"
+                raise InputError(what, where=f"{self.path}:{row.line}", remedy="give stdev, more than 0")
 
     def _row(self, e: ElementTree.Element, cluster: ElementTree.Element) -> Row:
         tag = _tag(e)
@@ -184,38 +185,45 @@ class _Reader:
             self.network.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, self.line[e], "", "", *heights))
 
     def _sigma(self, e: ElementTree.Element, tag: str, unit: float, value: float) -> float:
-        """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km."""
+        """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km; 0: none."""
         own = e.get("stdev")
         if own is not None:
             return self._number(e, "stdev") * unit
         name = {"s-distance": "distance", "z-angle": "zenith-angle"}.get(tag, tag)
-        words = self.stdev.get(f"{name}-stdev", "").split()
-        if tag == "dh" or not words:
+        given = self.stdev.get(f"{name}-stdev", ())
+        if not given:
             return 0.0
-        a, b, c = (*map(float, words), *(0.0, 0.0, 1.0)[len(words) :])
-        return (a + b * (value / 1000.0) ** c) * unit if tag in LENGTHS else a * unit
+        a, b, c = (*given, *(0.0, 0.0, 1.0)[len(given) :])
+        try:
+            return (a + b * max(value / 1000.0, 0.0) ** c if tag in LENGTHS else a) * unit
+        except (OverflowError, ZeroDivisionError):
+            return math.inf
+
+    def _default_sigma(self, part: ElementTree.Element, name: str) -> list[float]:
+        """The numbers of a standard deviation by type: `a b c` of distances, else `a`."""
+        words = part.get(name, "").split()
+        if len(words) > (3 if name == "distance-stdev" else 1):
+            form = "`a b c`, the last two of distances only"
+            raise self._fault(part, f"{name} has {len(words)} numbers", f"write {form}")
+        return [self._parsed(part, name, word) for word in words]
 
     def _angle(self, e: ElementTree.Element) -> tuple[float, float]:
         text = self._text(e, "val")
-        if "-" in text.lstrip("-+"):
-            try:
-                return rad_from_dms(text), SECOND_RAD
-            except ValueError as error:
-                raise self._fault(e, str(error), "write d-m-s or gon") from error
-        return self._number(e, "val") * ANGLE_RAD["gon"], CC_RAD
+        if "-" not in text.lstrip("-+"):
+            return self._number(e, "val") * ANGLE_RAD["gon"], CC_RAD
+        try:
+            return rad_from_dms(text), SECOND_RAD
+        except ValueError as error:
+            raise self._fault(e, f"val is {clipped(text)!r}, not an angle", "write d-m-s or gon") from error
 
     def _matrix(self, e: ElementTree.Element, n: int) -> list[tuple[int, int, float]]:
         """Upper band by rows: row, column, value."""
         self._attributes(e, ("dim", "band"))
-        dim, band = int(self._number(e, "dim")), int(self._number(e, "band"))
+        dim, band = self._count(e, "dim"), self._count(e, "band")
         if dim != n:
             raise self._fault(e, f"cov-mat of dimension {dim} for {n} observations", "both are to be equal")
         places = [(i, j) for i in range(dim) for j in range(i, min(dim, i + band + 1))]
-        words = (e.text or "").split()
-        try:
-            values = [float(word) for word in words]
-        except ValueError as error:
-            raise self._fault(e, f"cov-mat: {error}", "numbers are wanted") from error
+        values = [self._parsed(e, "cov-mat", word) for word in (e.text or "").split()]
         if len(values) != len(places):
             raise self._fault(e, f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
         return [(i, j, value) for (i, j), value in zip(places, values)]
@@ -223,17 +231,17 @@ class _Reader:
     def _children(self, e: ElementTree.Element, known: tuple[str, ...]) -> list[ElementTree.Element]:
         for child in e:
             if _tag(child) not in known:
-                raise self._fault(child, f"element {printable(_tag(child))!r} is not supported",
+                raise self._fault(child, f"element {clipped(_tag(child))!r} is not supported",
                                   f"inside {_tag(e)} there may be {', '.join(known)}")  # fmt: skip
         return list(e)
 
     def _attributes(self, e: ElementTree.Element, known: tuple[str, ...] | list[str]) -> None:
         for name in e.attrib:
             if name not in known and name not in OF_GAMA and name not in ("latitude", "ellipsoid"):
-                raise self._fault(e, f"attribute {printable(name)!r} of {_tag(e)} is not supported", "remove it")
+                raise self._fault(e, f"attribute {clipped(name)!r} of {_tag(e)} is not supported", "remove it")
 
     def _text(self, e: ElementTree.Element, name: str) -> str:
-        value = (e.get(name) or "").strip()
+        value = (e.get(name) or "").strip(" \t\r\n")
         if not value:
             raise self._fault(e, f"{_tag(e)} has no {name!r}", "give it")
         return value
@@ -241,15 +249,19 @@ class _Reader:
     def _number(self, e: ElementTree.Element, name: str, default: float | None = None) -> float:
         if e.get(name) is None and default is not None:
             return default
+        return self._parsed(e, name, self._text(e, name))
+
+    def _parsed(self, e: ElementTree.Element, name: str, text: str) -> float:
         try:
-            value = float(self._text(e, name))
+            return number_of(text)
         except ValueError as error:
-            if isinstance(error, InputError):
-                raise
-            raise self._fault(e, f"{name} is {printable(str(e.get(name)))!r}, not a number", "give a number") from error
-        if not math.isfinite(value):
-            raise self._fault(e, f"{name} is {value}", "give a finite number")
-        return value
+            raise self._fault(e, f"{name} is {clipped(text)!r}: {error}", "write it like -1234.5") from error
+
+    def _count(self, e: ElementTree.Element, name: str) -> int:
+        try:
+            return abs(whole_number_of(self._text(e, name)))
+        except ValueError as error:
+            raise self._fault(e, f"{name} is {clipped(e.get(name) or '')!r}, {error}", "write digits only") from error
 
     def _fault(self, e: ElementTree.Element, what: str, remedy: str) -> InputError:
         return InputError(what, where=f"{self.path}:{self.line.get(e, 0)}", remedy=remedy)

@@ -9,6 +9,7 @@ times the sigma0 of a bundle.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +33,9 @@ from aatri.formats.gama.elements import read_network
 from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.formats.plain_block import plain_block
 from aatri.formats.screening import screen_block
-from aatri.formats.tables.geodetic import geodetic_order
+from aatri.formats.tables.geodetic import geodetic_order, rejects_of, unusable
 from aatri.formats.tables.source import texts
-from aatri.ids import canonical
+from aatri.ids import canonical, clipped
 from aatri.progress import SILENT, Reporter
 
 Axes = dict[str, tuple[int, float]]
@@ -61,13 +62,15 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     _check_ends(network.rows, points, path)
     ground = _ground(network, points, ids, axes)
     rows, covariances = _geodetic(network, axes)
+    reasons = unusable(rows)
     if any(p.datum for p in points.values()):
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
     block = plain_block(
         name=path.stem, files=[path], cameras=Cameras.empty(), images=Images.empty(), point_ids=ids,
         image_points=ImagePoints.empty(), ground_points=ground,
         ground_point_covariances=_between_points(network, axes, ids),
-        geodetic=rows, geodetic_covariances=covariances,
+        geodetic=replace(rows, active=np.array([not reason for reason in reasons], dtype=bool)),
+        geodetic_covariances=covariances, rejects=rejects_of(rows, reasons),
         frames=FrameTable(id=texts(["local"]), axes=texts(["east,north,up"]), crs=texts(["local"]),
                           vertical=texts([""])),
     )  # fmt: skip
@@ -77,7 +80,9 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
 def _axes(letters: str, path: Path) -> Axes:
     found = {axis: AXES.get(letter) for axis, letter in zip("xyz", letters.strip() + "u")}
     if len(letters.strip()) != 2 or None in found.values() or len({a[0] for a in found.values() if a}) != 3:
-        raise InputError(f"axes-xy is {letters!r}", where=str(path), remedy="two of n, s, e, w across each other")
+        raise InputError(
+            f"axes-xy is {clipped(letters)!r}", where=str(path), remedy="two of n, s, e, w across each other"
+        )
     return {axis: place for axis, place in found.items() if place is not None}
 
 
@@ -86,7 +91,7 @@ def _points(network: Network, path: Path) -> dict[str, GivenPoint]:
     found: dict[str, GivenPoint] = {}
     for p in network.points:
         if p.id in found:
-            raise InputError(f"point {p.id!r} is given twice", where=f"{path}:{p.line}", remedy="remove one")
+            raise InputError(f"point {clipped(p.id)!r} is given twice", where=f"{path}:{p.line}", remedy="remove one")
         found[p.id] = p
     return found
 
@@ -95,7 +100,7 @@ def _check_ends(rows: list[Row], points: dict[str, GivenPoint], path: Path) -> N
     for row in rows:
         for name in (row.start, row.end, row.via):
             if name and name not in points:
-                raise InputError(f"there is no point {name!r}", where=f"{path}:{row.line}",
+                raise InputError(f"there is no point {clipped(name)!r}", where=f"{path}:{row.line}",
                                  remedy="add <point id=... adj=...>; coordinates may be left out")  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
 from aatri.formats.text.text_file import missing, read_lines
 from aatri.formats.text.text_line import TextLine
-from aatri.ids import canonical, clipped, is_valid, rows_of
+from aatri.ids import canonical, is_valid, rows_of
 from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
@@ -122,7 +122,7 @@ def _add(
     """A point pair."""
     if len(row.words) != 5:
         raise row.error(f"{len(row.words)} words", "each line is `point x1 y1 x2 y2`")
-    point = _id(row)
+    point = row.words[0]
     places = [(row.number(k) * unit_mm, row.number(k + 1) * unit_mm) for k in (1, 3)]
     for photo, place in zip(photos, places):
         if (photo, point) not in measured:
@@ -136,12 +136,6 @@ def _add(
                 f"point {point} of photo {photo} has other coordinates than in {entry.path.name}:{entry.line}",
                 "measure a photo once, or give the points of one of the files another number",
             )
-
-
-def _id(row: TextLine) -> str:
-    if not is_valid(row.words[0]):
-        raise row.error(f"{clipped(row.words[0])!r} is no id", "use letters, digits and signs")
-    return row.words[0]
 
 
 def _camera(interior: list[float]) -> Cameras:
@@ -186,7 +180,7 @@ def _ground(known: list[tuple[TextLine, int]], points: list[str], paths: list[Pa
     for entry, role in known:
         if len(entry.words) != 4:
             raise entry.error(f"{len(entry.words)} words", "each line is `point X Y Z`")
-        if _id(entry) in found:
+        if entry.words[0] in found:
             raise entry.error(f"point {entry.words[0]} twice", "remove one")
         found[entry.words[0]] = entry, role
     names, n = canonical(found), len(found)

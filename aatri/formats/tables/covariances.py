@@ -3,7 +3,7 @@
 Rows of table `geodetic` are counted from 1 in the order of geodetic.csv; their values are in the units of the two
 observations. Rows of table `ground_points` are point ids with a coordinate X, Y or Z each; their values are in the
 square of units.sigma_ground. One point's own variances and covariances may stand here where its cells sX ... sYZ in
-ground_points.csv are empty. Every set of correlated figures must have a positive definite covariance matrix.
+ground_points.csv are empty.
 """
 
 from __future__ import annotations
@@ -11,10 +11,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Geodetic, GeodeticCovariances, GroundPointCovariances, GroundPoints
 from aatri.errors import InputError
 from aatri.formats.tables.positions import COVARIANCES, SIGMAS
@@ -78,10 +76,7 @@ def geodetic_covariances(
     pair = np.sort(np.argsort(order)[given], axis=1)
     first = _without_repeats(table, chosen, pair)
     pair, value = pair[first], value[first]
-    result = GeodeticCovariances(row_a=pair[:, 0].astype(np.int32), row_b=pair[:, 1].astype(np.int32), value=value)
-    own = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
-    _check_definite(table, chosen[first], pair, value, rows.sigma[order] ** 2, own)
-    return result
+    return GeodeticCovariances(row_a=pair[:, 0].astype(np.int32), row_b=pair[:, 1].astype(np.int32), value=value)
 
 
 def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTable:
@@ -146,11 +141,6 @@ def ground_point_covariances(
     first = _without_repeats(covariances, chosen, pair)
     pair = pair[first]
     value = covariances.number["value"][chosen[first]] * source.settings.units.sigma_ground_m**2
-    point, i, j = (index.ravel() for index in np.indices((len(rows), 3, 3)))
-    own = np.nan_to_num(rows.covariance_m2).ravel()
-    inside = (i < j) & (own != 0)
-    within = 3 * point[inside] + i[inside], 3 * point[inside] + j[inside], own[inside]
-    _check_definite(covariances, chosen[first], pair, value, np.nan_to_num(variance).ravel(), within)
     a, b = pair.astype(np.int32).T
     return GroundPointCovariances(row_a=a // 3, axis_a=a % 3, row_b=b // 3, axis_b=b % 3, value=value)
 
@@ -202,34 +192,3 @@ def _without_repeats(table: CsvTable, chosen: Int, pair: Int) -> Int:
     twice = np.flatnonzero((np.diff(pair[first], axis=0) == 0).all(axis=1))
     table.complain(chosen[first[twice + 1]], "row_a", "this pair of rows is given twice", "remove one")
     return first
-
-
-def _check_definite(table: CsvTable, place: Int, pair: Int, value: Float, variance: Float,
-                    own: tuple[Int, Int, Float]) -> None:  # fmt: skip
-    """A fault for each set of correlated figures whose covariance matrix is not positive definite.
-
-    Parameters
-    ----------
-    place : (m,) int
-        Rows of the table, for the messages.
-    pair : (m, 2) int
-    value : (m,) float64
-    variance : (n,) float64
-    own : rows, rows and covariances known from elsewhere
-    """
-    n = len(variance)
-    i, j = np.concatenate([pair[:, 0], own[0]]), np.concatenate([pair[:, 1], own[1]])
-    covariance = np.concatenate([value, own[2]])
-    _, label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
-    for group in np.unique(label[pair[:, 0]]).tolist():
-        members: Bool = label == group
-        local = np.cumsum(members) - 1
-        sigma = np.sqrt(variance[members])
-        matrix = np.eye(len(sigma))
-        inside = label[i] == group
-        a, b = local[i[inside]], local[j[inside]]
-        matrix[a, b] = matrix[b, a] = covariance[inside] / (sigma[a] * sigma[b])
-        if np.linalg.eigvalsh(matrix).min() <= 0:
-            table.complain([int(place[np.flatnonzero(label[pair[:, 0]] == group)[0]])], "value",
-                           "covariance {}: the matrix is not positive definite",
-                           "a covariance is smaller than the product of its two sigmas")  # fmt: skip

@@ -75,7 +75,7 @@ def geodetic_tables(
     order = geodetic_order(rows)
     unit = np.array([_unit(source, t) for t in types])
     correlated = geodetic_covariances(source, covariances, rows, unit, order)
-    rejects = _rejects(rows, reasons)
+    rejects = rejects_of(rows, reasons)
     active = rows.active & np.array([not reason for reason in reasons], dtype=bool)
     return GeodeticTables(dataclasses.replace(rows, active=active).take(order), correlated, rejects)
 
@@ -168,7 +168,8 @@ def reject_name(rows: Geodetic, k: int) -> str:
     return f"{rows.type[k]} {rows.start[k]} {rows.end[k]}"
 
 
-def _rejects(rows: Geodetic, reasons: list[str]) -> Rejects:
+def rejects_of(rows: Geodetic, reasons: list[str]) -> Rejects:
+    """Observations that are set aside, each with its reason."""
     found = [k for k, reason in enumerate(reasons) if reason and rows.active[k]]
     if not found:
         return Rejects.empty()

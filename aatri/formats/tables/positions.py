@@ -77,15 +77,6 @@ def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
     for name, (i, j) in COVARIANCES.items():
         value = np.nan_to_num(table.number[name]) * (factor * factor)
         covariance[:, i, j] = covariance[:, j, i] = np.where(np.isnan(s[:, i] + s[:, j]), np.nan, value)
-    bad = []
-    for k in np.flatnonzero(np.any([np.nan_to_num(table.number[name]) != 0 for name in COVARIANCES], axis=0)):
-        block = np.nan_to_num(covariance[k])
-        if np.linalg.eigvalsh(block).min() < -1e-12 * np.trace(block):
-            bad.append(int(k))
-    if bad:
-        column = next((name for name in COVARIANCES if name in table.header), "sXY")
-        table.complain(bad, column, "sX ... sYZ form no covariance matrix: it has a negative eigenvalue",
-                       "sXY, sXZ, sYZ are covariances, not standard deviations or correlations")  # fmt: skip
     undefined = np.isnan(s)
     covariance[undefined[:, :, None] | undefined[:, None, :]] = np.nan
     return covariance

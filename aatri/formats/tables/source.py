@@ -15,11 +15,11 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import AatriError, Errors, InputError
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
-from aatri.formats.text.number_text import number_of
+from aatri.formats.text.number_text import number_of, rad_from_dms
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
-from aatri.units import ANGLE_RAD, rad_from_dms
+from aatri.units import ANGLE_RAD
 
 FILES = ("block.yaml", "images.csv", "image_points.csv", "fiducials.csv", "ground_points.csv", "exterior.csv",
          "geodetic.csv", "covariances.csv", "relative_control.yaml")  # fmt: skip
@@ -177,6 +177,4 @@ def rad_of(text: str, unit: str | None) -> float:
     """
     if unit != "dms":
         return number_of(text) * ANGLE_RAD[unit or "rad"]
-    if not text.isascii() or any(sign not in "0123456789+-.: '" for sign in text):
-        raise ValueError(f"{text!r} is not an angle")
     return rad_from_dms(text)

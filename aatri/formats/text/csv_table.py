@@ -23,7 +23,7 @@ from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell, unshielded
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import clipped, did_you_mean, is_valid
+from aatri.ids import OF_IDS, clipped, did_you_mean, invalid
 from aatri.progress import SILENT, Reporter
 
 MOST_PER_COLUMN = 20
@@ -210,9 +210,6 @@ def _check_cells(table: CsvTable, columns: Mapping[str, Column], bad_number: Map
             else:
                 rows = [k for k, text in enumerate(table.text[name]) if not text] if "" in table.text[name] else []
             table.complain(rows, name, f"{name} is empty", "every row needs it")
-        if declared.kind != "number":
-            valid = {text: is_valid(text) for text in set(table.text[name]) if text}
-            if not all(valid.values()):
-                rows = [k for k, text in enumerate(table.text[name]) if text and not valid[text]]
-                remedy = "at most 255 bytes, no control characters, no outer blanks"
-                table.complain(rows, name, f"{name} {{}} is no id or name", remedy)
+        if declared.kind != "number" and (wrong := set(invalid(set(table.text[name]) - {""}))):
+            rows = [k for k, text in enumerate(table.text[name]) if text in wrong]
+            table.complain(rows, name, f"{name} {{}} is no id or name", OF_IDS)

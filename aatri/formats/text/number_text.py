@@ -6,21 +6,22 @@ it alone does not decide. A column is checked whole; only when that fails cell b
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.units import LARGEST
 
 TOO_LARGE = "too large for a quantity"
 MAX_LENGTH = 400
 """Longest text of a number: the smallest double takes some 330 digits."""
-LARGEST = 1e100
-"""No quantity is as large; squares and products of what is smaller are still numbers."""
 
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _WHOLE = re.compile(r"[+-]?[0-9]+")
+_DMS = re.compile(r"([+-]?)([0-9]+)[-:° ] ?([0-9]{1,2})(?:[-:' ] ?([0-9]{1,2}(?:\.[0-9]*)?)\"?|(\.[0-9]*)?'?)")
 _FOREIGN = re.compile(r"[^0-9+\-.eE\n]")
 
 
@@ -53,6 +54,26 @@ def whole_number_of(text: str, largest: int = 2**63 - 1) -> int:
     if abs(value := int(text)) > largest:
         raise ValueError(f"beyond {largest}")
     return value
+
+
+def rad_from_dms(text: str) -> float:
+    """Angle in radians of `d-m-s`, `d:m:s`, `d m s`, the same without seconds, or a plain number of degrees.
+
+    The sign leads. Seconds may be 60, as programs that round them print.
+
+    Raises
+    ------
+    ValueError
+        If the text is none of these, or minutes or seconds are 60 and more.
+    """
+    body = " ".join(text.split())
+    if len(body) > MAX_LENGTH or (angle := _DMS.fullmatch(body)) is None:
+        return math.radians(number_of(body))
+    sign, degrees, minutes, seconds, part = angle.groups()
+    m, s = float(minutes + (part or "")), float(seconds or 0)
+    if m >= 60 or s > 60:
+        raise ValueError(f"{text!r} is not an angle in degrees, minutes and seconds")
+    return math.radians((-1 if sign == "-" else 1) * (number_of(degrees) + m / 60 + s / 3600))
 
 
 def numbers_of(cells: Sequence[str]) -> tuple[Float, list[int]]:

@@ -21,7 +21,7 @@ from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
 from aatri.formats.text.text_file import missing, read_lines
 from aatri.formats.text.text_line import TextLine
-from aatri.ids import clipped, did_you_mean, is_valid
+from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
@@ -152,7 +152,7 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
         row = _of_width(entries, k, 3, path, "fiducial x y")
         if row.words[0] in fiducials:
             raise row.error(f"fiducial {row.words[0]} twice", "remove one")
-        fiducials[_id(row, 0)] = row.number(1), row.number(2)
+        fiducials[row.words[0]] = row.number(1), row.number(2)
     if len(fiducials) != head.count(1):
         raise head.error(f"{head.words[1]} fiducials announced, {len(fiducials)} found", "mend the number or the list")
     return Camera(values, fiducials)
@@ -171,7 +171,7 @@ def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo],
                 if _ends(entry):
                     photo = ""
                 else:
-                    measured.append(Measured(photo, _id(entry, 0), (entry.number(1), entry.number(2)), entry))
+                    measured.append(Measured(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
             elif photo:
                 raise entry.error(f"{len(entry.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
             elif len(entry.words) == 4:
@@ -179,7 +179,7 @@ def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo],
                     raise entry.error(
                         "a new strip, but the last one has no last photo", "make its last number negative"
                     )
-                numbers.append(_id(entry, 0))
+                numbers.append(entry.words[0])
                 last = False
             elif len(entry.words) == 2 and numbers and not _ends(entry):
                 photo, last = entry.words[0].removeprefix("-"), entry.words[0].startswith("-")
@@ -197,8 +197,6 @@ def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo],
 
 
 def _add_photo(photos: dict[str, Photo], name: str, strip: int, entry: TextLine) -> None:
-    if not is_valid(name):
-        raise entry.error(f"{clipped(name)!r} is no photo number")
     if name in photos:
         earlier = photos[name].entry.line
         raise entry.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
@@ -214,7 +212,7 @@ def _ground(entries: list[TextLine], path: Path) -> dict[str, GroundPoint]:
             break
         try:
             row = _of_width(entries, k, 4, path, "id X Y H")
-            name = _id(row, 0)
+            name = row.words[0]
             if name in ground:
                 raise row.error(f"point {clipped(name)} twice, first in line {ground[name].entry.line}", "remove one")
             ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), entry)
@@ -264,9 +262,3 @@ def _of_width(entries: list[TextLine], k: int, width: int, path: Path, what: str
 
 def _ends(entry: TextLine) -> bool:
     return entry.words[0] in END
-
-
-def _id(entry: TextLine, k: int) -> str:
-    if not is_valid(entry.words[k]):
-        raise entry.error(f"{clipped(entry.words[k])!r} is no id")
-    return entry.words[k]
