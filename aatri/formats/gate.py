@@ -36,6 +36,8 @@ PATHS = ("files", "frames", "rejects")
 NAMED_ONCE = {"cameras": "camera", "strips": "strip", "images": "image", "points": "point"}
 """Tables whose column `id` names the row, and what it is."""
 
+NO_SIGMA = "not the standard deviation of a measurement"
+OF_SIGMAS = "check its unit and exponent; leave out what is not measured, 0 is exact where it may be"
 LEAST_EIGENVALUE = 1e-12
 """Of a matrix of correlations; below, two figures are one to all the digits a solution has."""
 
@@ -81,25 +83,27 @@ def _faults_of_names(block: Block, name: str, column: str) -> Iterator[InputErro
 def _faults_of_numbers(block: Block, name: str, column: str, values: Float) -> Iterator[InputError]:
     """Numbers too large, and standard deviations out of bounds."""
     per_row = values.reshape(len(values), int(np.prod(values.shape[1:])))
-    large = (np.abs(per_row) > LARGEST).any(axis=1)
-    yield from _of_rows(block, name, large, column, per_row, "too large for a quantity", "check unit and digits")
+    size = np.abs(per_row)
+    yield from _of_rows(
+        block, name, column, per_row, size > LARGEST, "too large for a quantity", "check unit and digits"
+    )
     if "sigma" not in column:
         return
     low = (per_row < 0) | ((per_row == 0) & (name in MEASURED))
-    limit = "more than 0" if name in MEASURED else "0 (exact) or more"
-    yield from _of_rows(
-        block, name, low.any(axis=1), column, per_row, "out of bounds", f"a standard deviation is {limit}"
-    )
-    odd = (per_row > 0) & ((per_row < SMALLEST_SIGMA) | (per_row > LARGEST_SIGMA))
-    yield from _of_rows(block, name, odd.any(axis=1), column, per_row, "not the standard deviation of a measurement",
-                        "check its unit and exponent; leave out what is not measured")  # fmt: skip
+    least = "more than 0" if name in MEASURED else "0 (exact) or more"
+    yield from _of_rows(block, name, column, per_row, low, "out of bounds", f"a standard deviation is {least}")
+    yield from _of_rows(block, name, column, per_row, _no_sigma(per_row), NO_SIGMA, OF_SIGMAS)
 
 
-def _of_rows(block: Block, name: str, wrong: Bool, column: str, per_row: Float, what: str,
+def _no_sigma(sigma: Float) -> Bool:
+    return np.asarray((sigma > 0) & ((sigma < SMALLEST_SIGMA) | (sigma > LARGEST_SIGMA)))
+
+
+def _of_rows(block: Block, name: str, column: str, values: Float, wrong: Bool, what: str,
              remedy: str) -> Iterator[InputError]:  # fmt: skip
-    """An error for each of the rows, that of the value farthest off."""
-    for row in np.flatnonzero(wrong)[:MOST_PER_COLUMN].tolist():
-        value = per_row[row][np.nanargmax(np.abs(np.log10(np.maximum(np.abs(per_row[row]), 1e-300))))]
+    """An error for each of the rows that have wrong values, with the first of them."""
+    for row in np.flatnonzero(wrong.any(axis=1))[:MOST_PER_COLUMN].tolist():
+        value = values[row][wrong[row]][0]
         yield InputError(f"{name}.{column} is {value:g}, {what}", where=_place(block, name, row), remedy=remedy)
 
 
@@ -111,10 +115,9 @@ def _faults_of_points(block: Block) -> Iterator[InputError]:
         wrong = np.zeros(len(matrix), dtype=bool)
         wrong[known] = ~_definite(matrix[known])
         sigma = np.sqrt(np.maximum(np.nan_to_num(matrix[:, range(3), range(3)]), 0.0))
-        odd = ((sigma > 0) & ((sigma < SMALLEST_SIGMA) | (sigma > LARGEST_SIGMA))).any(axis=1)
-        yield from _of_rows(block, name, odd, "sigma", sigma, "not the standard deviation of a measurement",
-                            "check its unit and exponent; 0 is exact")  # fmt: skip
-        for row in np.flatnonzero(wrong & ~odd)[:MOST_PER_COLUMN].tolist():
+        odd = _no_sigma(sigma)
+        yield from _of_rows(block, name, "sigma", sigma, odd, NO_SIGMA, OF_SIGMAS)
+        for row in np.flatnonzero(wrong & ~odd.any(axis=1))[:MOST_PER_COLUMN].tolist():
             remedy = "sXY, sXZ, sYZ are covariances, not standard deviations or correlations"
             what = "sX ... sYZ form no covariance matrix: it has a negative eigenvalue, or one of 0"
             yield InputError(what, where=_place(block, name, row), remedy=remedy)
