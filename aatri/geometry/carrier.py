@@ -64,6 +64,14 @@ def angle_axes(angles_rad: Float, system: str) -> tuple[Float, Float]:
     return rotation, np.stack(columns, axis=-1)
 
 
+def carrier_angles(rotation: Float) -> Float:
+    """Roll, pitch and heading (n, 3), rad, of R_ned_body; the inverse of `angle_axes`. Pitch is in [-pi/2, pi/2]."""
+    R = rotation
+    level = np.hypot(R[:, 0, 0], R[:, 1, 0])
+    roll, heading = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    return np.stack([roll, np.arctan2(-R[:, 2, 0], level), heading], axis=1)
+
+
 def body_from_mount(mount_deg: npt.ArrayLike) -> Float:
     """The body of the carrier from the axes of its camera, (n, 3, 3)."""
     return np.asarray(_turn(np.radians(np.asarray(mount_deg, dtype=np.float64)), 2) @ np.diag([1.0, -1.0, -1.0]))

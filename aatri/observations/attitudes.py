@@ -11,17 +11,19 @@ fixed, weighted or free. R_obs is made of the three observed angles,
 
 with north, east and down in the axes of the block - by the meridian convergence where headings count from true north -
 and M the mount: image x clockwise from the nose, y to its left, z up. G are the axes about which the angles turn, so
-that v is a rotation vector expressed in the three angles, with their standard deviations. s and d are shift and drift
-of a drift group, where asked for. With J the left Jacobian of the rotation group
+that v is a rotation vector expressed in the three angles, with their standard deviations; of a heading or kappa alone v
+is that angle of R_pred less the observed one (`angle_differences`). Angles of standard deviation zero are exact:
+constraints. s and d are shift and drift of a drift group, where asked for. With J the left Jacobian of the rotation
+group
 
-    dv/dd = G^-1 J(w)^-1 B',    dv/db = -G^-1 J(w)^-1 R_pred J(b),    w = log(R_pred R_obs')
+    dv/dd = dv/dw B',    dv/db = -dv/dw R_pred J(b),    dw a turn of R_pred from the left
 
-Source: docs/formulas.md 5.6; Baeumker and Heimes 2001 (OEEPE), calibration of IMU and camera; Sola 2018 for J.
+Source: docs/formulas.md 5.6; Baeumker and Heimes 2001 (OEEPE), calibration of IMU and camera.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -30,13 +32,19 @@ from pydantic import Field
 
 from aatri.adjustment.records import Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State, Unknowns, add_step
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import OBSERVED_VALUE
-from aatri.geometry.carrier import angle_axes, body_from_mount, exp_matrix, left_jacobian, log_vector
+from aatri.geometry.carrier import exp_matrix, left_jacobian
 from aatri.geometry.vectors import finite_rows
+from aatri.observations.angle_differences import (
+    CARRIER,
+    ObservedAngles,
+    partial_differences,
+    whole_differences,
+)
 from aatri.observations.attitude_notes import remarks_on
 from aatri.observations.coordinates import value_records
-from aatri.observations.drift import group_times
+from aatri.observations.drift import free_drift, group_times
 from aatri.observations.observed import Given, Observed, named
 from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
@@ -77,12 +85,15 @@ class Attitudes:
     row, image, camera : (n,) int
         Rows in exterior, images and cameras of the Block.
     observed : (n, 3, 3) float64
-        R_obs: axes of the block from the axes of the camera without boresight.
+        R_obs: axes of the block from the axes of the camera without boresight; NaN where angles are given in part.
     turning : (n, 3, 3) float64
         G, columns.
     sigma_rad : (n, 3) float64, rad
+        NaN where not given, 0 exact.
     axes : (n, 3, 3) float64
         B.
+    angles : ObservedAngles, optional
+        As given; None: all three of every image.
     """
 
     row: Int
@@ -92,6 +103,17 @@ class Attitudes:
     turning: Float
     sigma_rad: Float
     axes: Float
+    angles: ObservedAngles | None = None
+
+    @property
+    def whole(self) -> Bool:
+        """Images with all three angles, (n,)."""
+        return np.ones(len(self.row), dtype=bool) if self.angles is None else self.angles.whole
+
+    def take(self, some: Int) -> Attitudes:
+        """The chosen ones."""
+        columns = {name: getattr(self, name)[some] for name in self.__dataclass_fields__ if name != "angles"}
+        return replace(self, **columns, angles=None if self.angles is None else self.angles.take(some))
 
 
 def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
@@ -104,73 +126,65 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
     time = np.zeros(len(rows.row))
     if options.drift == "linear":
         time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
-    ids, number = np.unique(group, return_inverse=True)
+    drift = _drift(group, time, rows.sigma_rad, LABELS[block.rotation])
     boresights = _boresights(block, np.unique(rows.camera))
-    unknowns, start = [boresights.unknowns], {BORESIGHT: block.cameras.boresight_rad.copy()}
+    new = {BORESIGHT: (boresights.unknowns, block.cameras.boresight_rad.copy())}
     found: list[Observed] = []
-    labels = LABELS[block.rotation]
     for drifting in (False, True):
-        some = np.flatnonzero((group != "") == drifting)
-        if not len(some):
-            continue
-        part = Attitudes(*(getattr(rows, name)[some] for name in rows.__dataclass_fields__))
-        own = list(unknowns)
-        if drifting:
-            free = np.ones((len(ids), 6), dtype=bool)
-            free[:, 3:] = (np.bincount(number, np.abs(time), len(ids)) > 0)[:, None]
-            names = tuple(f"{word} {label}" for word in ("shift", "drift") for label in labels)
-            own.append(Unknowns(DRIFT, free & (ids != "")[:, None], names, ids, add_step))
-            start[DRIFT] = np.zeros((len(ids), 6))
-        records = attitude_records(part, (number[some].astype(np.int32), time[some]) if drifting else None)
-        names_of = named(image=block.images.id[part.image])
-        remarks = remarks_on(block, part, records, boresights.fixed)
-        found.append(Observed(records, part.row, names_of, "rad", unknowns=tuple(own), start=dict(start),
-                              remarks=remarks))  # fmt: skip
-        unknowns = []
-        start = {}
+        for exact in (False, True):
+            observed = (rows.sigma_rad == 0) if exact else rows.sigma_rad > 0
+            some = np.flatnonzero(((group != "") == drifting) & observed.any(axis=1))
+            if not len(some):
+                continue
+            if drifting and not any(u.name == DRIFT for o in found for u in o.unknowns):
+                new[DRIFT] = (drift.unknowns, np.zeros((len(drift.unknowns.free), 6)))
+            part = rows.take(some)
+            records = attitude_records(part, (drift.group[some], time[some]) if drifting else None, exact=exact)
+            remarks = None if exact else remarks_on(block, part, records, boresights.fixed)
+            found.append(
+                Observed(records, part.row, named(image=block.images.id[part.image]), "rad", exact=exact,
+                         unknowns=tuple(u for u, _ in new.values()), remarks=remarks,
+                         start={name: start for name, (_, start) in new.items()})
+            )  # fmt: skip
+            new = {}
     return (*found, *boresights.priors)
+
+
+@dataclass(frozen=True)
+class _Drift:
+    """Shift and drift of groups, and the group of each attitude."""
+
+    unknowns: Unknowns
+    group: Int
+
+
+def _drift(group: Text, time: Float, sigma_rad: Float, labels: tuple[str, ...]) -> _Drift:
+    ids, number = np.unique(group, return_inverse=True)
+    block = np.where(group != "", number, -1)
+    names = tuple(f"{word} {label}" for word in ("shift", "drift") for label in labels)
+    free = free_drift(block, len(ids), time, np.isfinite(sigma_rad))
+    return _Drift(Unknowns(DRIFT, free, names, ids, add_step), number.astype(np.int32))
 
 
 def attitudes_of(given: Given) -> Attitudes:
     """Observed attitudes of a block, in the order of its exterior table."""
     block, e = given.block, given.block.exterior
-    known = finite_rows(e.angles_rad) & (e.angle_use == OBSERVED_VALUE) & block.images.active[e.image]
+    known = np.isfinite(e.angles_rad).any(axis=1) & (e.angle_use == OBSERVED_VALUE) & block.images.active[e.image]
     row = np.flatnonzero(known)
     image = e.image[row]
     camera = block.images.camera[image]
     place = np.where(finite_rows(e.position_m)[row, None], given.placed(e.position_m[row])[0],
                      given.start[POSE].position_m[image] + given.origin_m)  # fmt: skip
-    axes = given.axes_at(place)
-    ground = ground_of_angles(given, place)
-    observed, turning = ground_from_camera(
-        e.angles_rad[row], block.rotation, ground, body_from_mount(block.cameras.mount_deg[camera])
-    )
-    return Attitudes(row, image, camera, observed, turning, e.angle_sigma_rad[row], axes)
-
-
-def ground_from_camera(angles_rad: Float, rotation: str, ground: Float, mount: Float) -> tuple[Float, Float]:
-    """R_obs and G of observed angles.
-
-    Parameters
-    ----------
-    angles_rad : (n, 3) float64, rad
-    rotation : str
-        System of the angles.
-    ground : (n, 3, 3) float64
-        Axes of the block from those the angles refer to: I, or (north, east, down).
-    mount : (n, 3, 3) float64
-        Body of the carrier from the camera; used for roll, pitch, heading.
-    """
-    factors, axes = angle_axes(angles_rad, rotation)
-    if rotation != "roll-pitch-heading":
-        return factors, axes
-    return ground @ factors @ mount, ground @ axes
+    angles = ObservedAngles(e.angles_rad[row], block.rotation, ground_of_angles(given, place),
+                            block.cameras.mount_deg[camera])  # fmt: skip
+    observed, turning = angles.rotations()
+    return Attitudes(row, image, camera, observed, turning, e.angle_sigma_rad[row], given.axes_at(place), angles)
 
 
 def ground_of_angles(given: Given, place: Float) -> Float:
     """What the angles refer to, in the axes of the block: its own axes, or north, east, down of each place."""
     n = len(place)
-    if given.block.rotation != "roll-pitch-heading":
+    if given.block.rotation != CARRIER:
         return np.broadcast_to(np.eye(3), (n, 3, 3))
     return given.north_east_down_at(place)
 
@@ -208,19 +222,30 @@ def _boresights(block: Block, cameras: Int) -> _Boresights:
     return _Boresights(unknowns, priors, np.asarray(~free.any(axis=1)))
 
 
-def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None) -> Records:
-    """Records of observed attitudes; they touch pose, boresight, and drift where there is one."""
-    back = np.linalg.inv(rows.turning)
+def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None, *, exact: bool = False) -> Records:
+    """Records of observed attitudes, of their weighted angles or of their exact ones.
+
+    They touch pose, boresight, and drift where there is one.
+    """
     image, camera = rows.image.astype(np.int32), rows.camera.astype(np.int32)
+
+    def differences(predicted: Any, some: Int) -> tuple[Any, Any]:
+        whole = rows.whole[some]
+        if whole.all():
+            return whole_differences(predicted, rows.observed[some], rows.turning[some])
+        assert rows.angles is not None
+        v, by_turn = np.zeros((len(some), 3)), np.zeros((len(some), 3, 3))
+        mine, part = some[whole], some[~whole]
+        v[whole], by_turn[whole] = whole_differences(predicted[whole], rows.observed[mine], rows.turning[mine])
+        v[~whole], by_turn[~whole] = partial_differences(predicted[~whole], rows.angles.take(part))
+        return v, by_turn
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
         b: Any = state[BORESIGHT][camera[some]]
         B = rows.axes[some].swapaxes(1, 2)
         predicted = B @ poses.ground_from_image[image[some]] @ exp_matrix(-b)
-        w = log_vector(predicted @ rows.observed[some].swapaxes(1, 2))
-        by_turn = back[some] @ np.linalg.inv(left_jacobian(w))
-        v = np.einsum("nij,nj->ni", back[some], w)
+        v, by_turn = differences(predicted, some)
         nothing = np.zeros((len(some), 3, 3))
         by_pose = np.concatenate([nothing, by_turn @ B], axis=2)
         jacobians = [by_pose, -by_turn @ predicted @ left_jacobian(b)]
@@ -234,6 +259,9 @@ def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None) ->
     touches: list[tuple[str, Int]] = [(POSE, image), (BORESIGHT, camera)]
     if drift is not None:
         touches.append((DRIFT, drift[0]))
-    active = np.ones(len(image), dtype=bool)
-    return Records(KIND, tuple(touches), evaluate, whitener_of_sigmas(np.where(rows.sigma_rad > 0, rows.sigma_rad,
-                                                                              1e-9)), active)  # fmt: skip
+    whitener = np.where(rows.sigma_rad == 0, 1.0, 0.0) if exact else whitener_of_sigmas(_weighted(rows.sigma_rad))
+    return Records(KIND, tuple(touches), evaluate, whitener, np.ones(len(image), dtype=bool))
+
+
+def _weighted(sigma_rad: Float) -> Float:
+    return np.where(sigma_rad > 0, sigma_rad, np.nan)

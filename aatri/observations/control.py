@@ -1,16 +1,13 @@
 """Control points: given ground coordinates, each coordinate observed or exact.
 
-    v = D (X - X_given),    dv/dX = D
+    v = D (X - X_given),    dv/dX = D        or x(X) - x_given in plan or in height only, see `given_coordinates`
 
-A coordinate of variance zero is exact: it is held at its value. Any other is an observation. D is I where the
-adjustment is in the axes of the block, else it turns the residual into them (`Given.placed`). Control in plan or in
-height only has no place there; it is compared in the coordinates of the block, v = x(X) - x_given, so that it stays
-right at any distance from the origin; x is the map of the frame (`frames.expanded`).
+A coordinate of variance zero is exact: it is held at its value. Any other is an observation.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +16,8 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
-from aatri.frames.expanded import Expanded
-from aatri.frames.tangent import TangentFrame
 from aatri.observations.correlated import joined
+from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
 from aatri.observations.observed import NEARLY_EXACT, Given, Holds, Observed, named
 from aatri.observations.poses import POINT
 
@@ -96,7 +92,9 @@ def control_of(block: Block) -> Control:
 
 def control(given: Given) -> tuple[Observed, ...]:
     """Control points of the block."""
-    observed = _control(given)
+    found = control_of(given.block)
+    coordinates = given_coordinates(given, found.xyz_m, found.given)
+    observed = observed_control(found, given.origin_m, given.block.points.id[found.point], coordinates)
     c = given.block.ground_point_covariances
     if not len(c) or not observed:
         return observed
@@ -104,57 +102,22 @@ def control(given: Given) -> tuple[Observed, ...]:
     return joined(observed, 3 * c.row_a + c.axis_a, 3 * c.row_b + c.axis_b, np.asarray(c.value), scalars)
 
 
-def _control(given: Given) -> tuple[Observed, ...]:
-    """Control points, each by itself."""
-    found = control_of(given.block)
-    if given.frame is None:
-        return observed_control(found, given.origin_m, given.block.points.id[found.point])
-    full = found.given.all(axis=1)
-    whole, part = found.take(np.flatnonzero(full)), found.take(np.flatnonzero(~full))
-    xyz_m, derivatives = given.placed(whole.xyz_m)
-    ids = given.block.points.id
-    return (
-        *observed_control(replace(whole, xyz_m=xyz_m), given.origin_m, ids[whole.point], derivatives),
-        *_control_in_part(part, given.frame, given.origin_m, ids[part.point]),
-    )
-
-
 def observed_control(
-    rows: Control, origin_m: Float, names: Text, derivatives: Float | None = None
+    rows: Control, origin_m: Float, names: Text, coordinates: GivenCoordinates | None = None
 ) -> tuple[Observed, ...]:
-    """Control points, given their names and the D of each; none if there is no point."""
+    """Control points, given their names and their coordinates in the adjustment; none if there is no point."""
     if not len(rows.row):
         return ()
-    held = rows.exact
-    if derivatives is not None:  # exact coordinates of the block are none of the adjustment, but for whole points
-        held = rows.exact & rows.exact.all(axis=1, keepdims=True)
-    used = rows.given
-    xyz_m = np.where(used, rows.xyz_m - origin_m, 0.0)
-    D = np.eye(3) * used[:, :, None] if derivatives is None else derivatives
+    given = in_own_axes(rows.xyz_m, origin_m, rows.given) if coordinates is None else coordinates
+    # Exact coordinates of the block are coordinates of a turned adjustment only where all three of a point are exact.
+    held = rows.exact if given.expanded is None else rows.exact & rows.exact.all(axis=1, keepdims=True)
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        away = np.where(used[some], state[POINT][rows.point[some]] - xyz_m[some], 0.0)
-        return np.einsum("nij,nj->ni", D[some], away), (D[some],)
+        v, D = given.residuals(state[POINT][rows.point[some]], some)
+        return v, (D,)
 
-    whitener = whitener_of_covariances(rows.nearly_exact(held), used & ~held)
+    whitener = whitener_of_covariances(rows.nearly_exact(held), rows.given & ~held)
     active = np.ones(len(rows.row), dtype=bool)
     records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, active)
-    holds = Holds(POINT, rows.point, held, xyz_m) if held.any() else None
-    return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=used),)
-
-
-def _control_in_part(rows: Control, frame: TangentFrame, origin_m: Float, names: Text) -> tuple[Observed, ...]:
-    """Control in plan or in height only, compared in the coordinates of the block."""
-    if not len(rows.row):
-        return ()
-    used, reference = rows.given, frame.to_block(origin_m[None])[0]
-    expanded, given_m = Expanded(frame, reference), rows.xyz_m - reference
-
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        x, D = expanded.coordinates(state[POINT][rows.point[some]] + origin_m)
-        return np.where(used[some], x - given_m[some], 0.0), (D * used[some][:, :, None],)
-
-    none = np.zeros_like(rows.exact)
-    whitener = whitener_of_covariances(rows.nearly_exact(none), used)
-    records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, np.ones(len(rows.row), dtype=bool))
-    return (Observed(records, rows.row, named(point=names), "m", parts=PARTS, sees=used),)
+    holds = Holds(POINT, rows.point, held, given.place_m) if held.any() else None
+    return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=rows.given),)

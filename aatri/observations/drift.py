@@ -4,7 +4,8 @@
     dv/ds = I,   dv/dd = (t - t_mean) I,   dv/da = D R,   dv/d(dt) = u
 
 D turns into the axes of the block (`positions`), along which shift and drift run. s is the shift and d the drift per
-unit of time that the positions of a group, of the block, of a strip or of a flight share, both free; t is the time of
+unit of time that the positions of a group, of the block, of a strip or of a flight share, both free along the
+coordinates that its positions give; t is the time of
 exposure in seconds, where a group has none the sequence of its images; t_mean the mean over the group. A group whose
 images have one time has no drift. The lever arm a is unknown where the block says so (`lever_arms`), dt where the
 options do (`exposure_time`). Differences of the positions of a group, with their correlations, say the same as the
@@ -21,10 +22,11 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA
 from aatri.geometry.rotations import skew
 from aatri.observations.exposure_time import offset_unknowns, velocities
+from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
 from aatri.observations.lever_arms import LEVER_ARM, arm_priors, arm_unknowns, open_arms
 from aatri.observations.lever_arms import USES as OF_ARMS
 from aatri.observations.observed import Given, Observed, named
@@ -33,10 +35,8 @@ from aatri.observations.positions import (
     PositionOptions,
     Positions,
     drift_groups,
-    placed,
     position_records,
     positions_of,
-    taken,
     with_unknowns,
 )
 
@@ -72,10 +72,10 @@ def drift(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     rows = np.flatnonzero(with_unknowns(block, found, options))
     if not len(rows) or not options.use:
         return ()
-    found = taken(found, rows)
+    found = found.take(rows)
     terms, names = terms_of(given, found, options), block.images.id[found.image]
-    found, derivatives = placed(given, found)
-    observed = observed_terms(found, given.origin_m, terms, names, derivatives)
+    coordinates = given_coordinates(given, found.position_m, found.given)
+    observed = observed_terms(found, given.origin_m, terms, names, coordinates)
     touched = {group for o in observed for group, _ in o.records.touches}
     return (*observed, *(arm_priors(block) if LEVER_ARM in touched else ()))
 
@@ -86,7 +86,7 @@ def terms_of(given: Given, found: Positions, options: PositionOptions) -> list[T
     group = drift_groups(block, found, options)
     if (group != "").any():
         time = group_times(block.images.time_s[found.image], block.images.sequence[found.image], group)
-        terms.append(drift_term(group, time, linear=options.drift == "linear"))
+        terms.append(drift_term(group, time, found.given, linear=options.drift == "linear"))
     camera = block.images.camera[found.image]
     armed = np.asarray(open_arms(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[found.row] == ANTENNA)
     if armed.any():
@@ -97,16 +97,29 @@ def terms_of(given: Given, found: Positions, options: PositionOptions) -> list[T
     return terms
 
 
-def drift_term(group: Text, time: Float, *, linear: bool = True) -> Term:
-    """Shift and drift of groups; an empty name has none."""
+def drift_term(group: Text, time: Float, given: Bool | None = None, *, linear: bool = True) -> Term:
+    """Shift and drift of groups, along the coordinates that are `given` (n, 3); an empty name has none."""
     ids = np.unique(group[group != ""])
     block = np.where(group != "", np.searchsorted(ids, group), -1)
     basis = np.concatenate([np.broadcast_to(np.eye(3), (len(group), 3, 3)), time[:, None, None] * np.eye(3)], axis=2)
-    free = np.ones((len(ids), 6), dtype=bool)
-    some = block >= 0
-    free[:, 3:] = linear & (np.bincount(block[some], np.abs(time[some]), len(ids)) > 0)[:, None]
+    free = free_drift(block, len(ids), time, np.ones((len(group), 3), bool) if given is None else given, linear=linear)
     labels = ("shift X", "shift Y", "shift Z", "drift X", "drift Y", "drift Z")
     return Term(Unknowns(DRIFT, free, labels, ids, add_step), np.zeros((len(ids), 6)), block, basis)
+
+
+def free_drift(block: Int, n: int, time: Float, given: Bool, *, linear: bool = True) -> Bool:
+    """Which shifts and drifts of n groups have something to be found from, (n, 6); rows of no group have block -1.
+
+    A drift needs two times among the values of its coordinate.
+    """
+    free = np.zeros((n, 6), dtype=bool)
+    for k in range(3):
+        some = np.flatnonzero((block >= 0) & given[:, k])
+        first, last = np.full(n, np.inf), np.full(n, -np.inf)
+        np.minimum.at(first, block[some], time[some])
+        np.maximum.at(last, block[some], time[some])
+        free[:, k], free[:, 3 + k] = np.isfinite(first), linear & (last > first)
+    return free
 
 
 def group_times(time_s: Float, sequence: Float, group: Text) -> Float:
@@ -120,30 +133,31 @@ def group_times(time_s: Float, sequence: Float, group: Text) -> Float:
     return found
 
 
-def observed_drift(
-    rows: Positions, origin_m: Float, group: Text, time: Float, names: Text, derivatives: Float | None = None
-) -> tuple[Observed, ...]:
+def observed_drift(rows: Positions, origin_m: Float, group: Text, time: Float, names: Text) -> tuple[Observed, ...]:
     """Positions with shift and drift, given group, reduced time and image of each."""
-    return observed_terms(rows, origin_m, [drift_term(group, time)], names, derivatives)
+    return observed_terms(rows, origin_m, [drift_term(group, time)], names)
 
 
 def observed_terms(
-    rows: Positions, origin_m: Float, terms: list[Term], names: Text, derivatives: Float | None = None
+    rows: Positions, origin_m: Float, terms: list[Term], names: Text, coordinates: GivenCoordinates | None = None
 ) -> tuple[Observed, ...]:
-    """Positions with their unknowns; those that touch the same kinds of unknowns are one `Observed`."""
+    """Positions with their unknowns; those that touch the same kinds of unknowns, weighted or exact, are together."""
+    given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
     touched = np.stack([t.block >= 0 for t in terms], axis=1)
     found, told = [], set[str]()
     for pattern in np.unique(touched, axis=0)[::-1]:
-        some = np.flatnonzero((touched == pattern).all(axis=1))
-        mine = [_taken(t, some) for t, has in zip(terms, pattern) if has]
-        new = [t for t in mine if t.unknowns.name not in told]
-        told |= {t.unknowns.name for t in new}
-        own, D = taken(rows, some), None if derivatives is None else derivatives[some]
-        start = {t.unknowns.name: t.start for t in new}
-        found.append(
-            Observed(_records(own, origin_m, mine, D), own.row, named(image=names[some]), "m",
-                     unknowns=tuple(t.unknowns for t in new), start=start)
-        )  # fmt: skip
+        for exact, chosen in rows.by_exactness():
+            some = chosen[(touched[chosen] == pattern).all(axis=1)]
+            if not len(some):
+                continue
+            mine = [_taken(t, some) for t, has in zip(terms, pattern) if has]
+            new = [t for t in mine if t.unknowns.name not in told]
+            told |= {t.unknowns.name for t in new}
+            records = _records(rows.take(some), given.take(some), mine, exact=exact)
+            found.append(
+                Observed(records, rows.row[some], named(image=names[some]), "m", exact=exact,
+                         unknowns=tuple(t.unknowns for t in new), start={t.unknowns.name: t.start for t in new})
+            )  # fmt: skip
     return tuple(found)
 
 
@@ -151,8 +165,8 @@ def _taken(term: Term, some: Int) -> Term:
     return replace(term, block=term.block[some], basis=None if term.basis is None else term.basis[some])
 
 
-def _records(rows: Positions, origin_m: Float, terms: list[Term], derivatives: Float | None) -> Records:
-    plain = position_records(rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m, derivatives)
+def _records(rows: Positions, coordinates: GivenCoordinates, terms: list[Term], *, exact: bool) -> Records:
+    plain = position_records(rows, coordinates, exact=exact)
     arm = next((t for t in terms if t.basis is None), None)
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:

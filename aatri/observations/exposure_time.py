@@ -37,11 +37,12 @@ def velocities(block: Block, image: Int, position_m: Float) -> Float:
     image : (n,) int
         Row in images.
     position_m : (n, 3) float64, m
+        NaN where not given; the velocity there is zero.
 
     Raises
     ------
     InputError
-        If an image has no time, or its strip no other position of another time.
+        If an image has no time, or a given coordinate no other of another time beside it in the strip.
     """
     time, strip = block.images.time_s[image], block.images.strip[image]
     found = np.full((len(image), 3), np.nan)
@@ -55,11 +56,11 @@ def velocities(block: Block, image: Int, position_m: Float) -> Float:
         span = time[after] - time[before]
         moved = position_m[after] - position_m[before]
         found[rows] = np.where(span[:, None] > 0, moved / np.where(span > 0, span, 1.0)[:, None], np.nan)
-    without = np.flatnonzero(~np.isfinite(found).all(axis=1))
+    without = np.flatnonzero((~np.isfinite(found) & np.isfinite(position_m)).any(axis=1))
     if len(without):
         raise InputError(
             f"positions.time_offset: no velocity for {len(without)} observed positions, of images "
             f"{shown(block.images.id[image[without]].tolist())}: they need a time, a strip, and a neighbour in it",
             remedy="give `time` and `strip` in images.csv, or leave out time_offset",
         )
-    return found
+    return np.where(np.isfinite(found), found, 0.0)

@@ -2,15 +2,18 @@
 
     v = D (X0 + R a - X_observed),    dv/dX0 = D,    dv/dd = -D [R a]x
 
-D turns the residual into the axes of the block where the adjustment has other ones (`Given.placed`); else it is I.
-a is the lever arm, antenna minus projection centre in the axes of the camera; zero where the projection centre itself
-was observed. Positions with unknowns of their own (shift and drift, unknown lever arm, exposure time): see `drift`.
+D turns the residual into the axes of the block where the adjustment has other ones; positions given in part, such as
+heights of a statoscope, are compared in its coordinates (`given_coordinates`). a is the lever arm, antenna minus
+projection centre in the axes of the camera; zero where the projection centre itself was observed. Coordinates of
+variance zero are exact: constraints, whatever the arm. Positions with unknowns of their own (shift and drift, unknown
+lever arm, exposure time): see `drift`.
 Source: docs/formulas.md 5.2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -23,6 +26,7 @@ from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.geometry.rotations import skew
 from aatri.ids import shown
+from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
 from aatri.observations.lever_arms import open_arms
 from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POSE, Poses
@@ -60,7 +64,9 @@ class Positions:
     image : (n,) int32
         Row in images.
     position_m : (n, 3) float64, m
+        NaN where not given.
     covariance_m2 : (n, 3, 3) float64, m^2
+        A zero variance means exact.
     lever_arm_m : (n, 3) float64, m, camera axes
         Zero where the projection centre itself was observed.
     """
@@ -71,11 +77,32 @@ class Positions:
     covariance_m2: Float
     lever_arm_m: Float
 
+    @property
+    def given(self) -> Bool:
+        """Coordinates that are observed or exact, (n, 3)."""
+        return np.isfinite(self.position_m)
+
+    @property
+    def exact(self) -> Bool:
+        """Coordinates that are exact, (n, 3)."""
+        return np.asarray(self.given & (np.einsum("nii->ni", self.covariance_m2) == 0))
+
+    def take(self, some: Int | Bool) -> Positions:
+        """The chosen positions."""
+        return Positions(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+
+    def by_exactness(self) -> Iterator[tuple[bool, Int]]:
+        """False with the rows that have weighted coordinates, True with those that have exact ones, where there are."""
+        for exact, components in ((False, self.given & ~self.exact), (True, self.exact)):
+            rows = np.flatnonzero(components.any(axis=1))
+            if len(rows):
+                yield exact, rows
+
 
 def positions_of(block: Block) -> Positions:
     """Observed positions of a block, in the order of its exterior table."""
     exterior = block.exterior
-    known = np.isfinite(exterior.position_m).all(axis=1) & (exterior.position_use == OBSERVED_VALUE)
+    known = np.isfinite(exterior.position_m).any(axis=1) & (exterior.position_use == OBSERVED_VALUE)
     row = np.flatnonzero(known & block.images.active[exterior.image]).astype(np.int32)
     image = exterior.image[row]
     arm = block.cameras.lever_arm_m[block.images.camera[image]]
@@ -88,16 +115,9 @@ def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     found = positions_of(given.block)
     if not options.use:
         return ()
-    alone = np.flatnonzero(~with_unknowns(given.block, found, options))
-    found = taken(found, alone)
-    found, derivatives = placed(given, found)
-    return observed_positions(found, given.origin_m, given.block.images.id[found.image], derivatives)
-
-
-def placed(given: Given, rows: Positions) -> tuple[Positions, Float]:
-    """Positions in the frame of the adjustment, and D of each."""
-    position_m, derivatives = given.placed(rows.position_m)
-    return replace(rows, position_m=position_m), derivatives
+    found = found.take(~with_unknowns(given.block, found, options))
+    coordinates = given_coordinates(given, found.position_m, found.given)
+    return observed_positions(found, given.origin_m, given.block.images.id[found.image], coordinates)
 
 
 def with_unknowns(block: Block, found: Positions, options: PositionOptions) -> Bool:
@@ -141,47 +161,28 @@ def uses_positions(block: Block, options: object) -> bool:
     return chosen.use and len(positions_of(block).row) > 0
 
 
-def taken(rows: Positions, some: Int) -> Positions:
-    """The chosen positions."""
-    return Positions(
-        rows.row[some], rows.image[some], rows.position_m[some], rows.covariance_m2[some], rows.lever_arm_m[some]
-    )
-
-
 def observed_positions(
-    rows: Positions, origin_m: Float, names: Text, derivatives: Float | None = None
+    rows: Positions, origin_m: Float, names: Text, coordinates: GivenCoordinates | None = None
 ) -> tuple[Observed, ...]:
-    """Observed positions, given the names of their images; none if there are none."""
-    if not len(rows.row):
-        return ()
-    records = position_records(
-        rows.image, rows.position_m - origin_m, rows.covariance_m2, rows.lever_arm_m, derivatives
-    )
-    return (Observed(records, rows.row, named(image=names), "m"),)
+    """Weighted and exact positions, given the names of their images and their coordinates in the adjustment."""
+    given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
+    return tuple(
+        Observed(position_records(rows.take(some), given.take(some), exact=exact), rows.row[some],
+                 named(image=names[some]), "m", exact=exact)
+        for exact, some in rows.by_exactness()
+    )  # fmt: skip
 
 
-def position_records(
-    image: Int, position_m: Float, covariance_m2: Float, lever_arm_m: Float, derivatives: Float | None = None
-) -> Records:
-    """Records of observed positions.
+def position_records(rows: Positions, coordinates: GivenCoordinates, *, exact: bool) -> Records:
+    """Records of observed positions: of their weighted coordinates, or of their exact ones."""
 
-    Parameters
-    ----------
-    image : (n,) int32
-    position_m : (n, 3) float64, m
-    covariance_m2 : (n, 3, 3) float64, m^2
-    lever_arm_m : (n, 3) float64, m, camera axes
-    derivatives : (n, 3, 3) float64, optional
-        D of each; default I.
-    """
-    D = np.broadcast_to(np.eye(3), (len(image), 3, 3)) if derivatives is None else derivatives
-
-    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        arm = np.einsum("nij,nj->ni", poses.ground_from_image[image[rows]], lever_arm_m[rows])
-        v = poses.position_m[image[rows]] + arm - position_m[rows]
-        by_pose = np.concatenate([D[rows], -D[rows] @ skew(arm)], axis=2)
-        return np.einsum("nij,nj->ni", D[rows], v), (by_pose,)
+        image = rows.image[some]
+        arm = np.einsum("nij,nj->ni", poses.ground_from_image[image], rows.lever_arm_m[some])
+        v, D = coordinates.residuals(poses.position_m[image] + arm, some)
+        return v, (np.concatenate([D, -D @ skew(arm)], axis=2),)
 
-    active = np.ones(len(image), dtype=bool)
-    return Records(KIND, ((POSE, image),), evaluate, whitener_of_covariances(covariance_m2), active)
+    weighted = whitener_of_covariances(rows.covariance_m2, rows.given & ~rows.exact)
+    whitener = np.where(rows.exact, 1.0, 0.0) if exact else weighted
+    return Records(KIND, ((POSE, rows.image),), evaluate, whitener, np.ones(len(rows.row), dtype=bool))

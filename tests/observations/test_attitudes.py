@@ -11,6 +11,7 @@ import pytest
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, poses_into
 from aatri.artifacts.block import Block
 from aatri.geometry.carrier import exp_matrix
+from aatri.observations.angle_differences import ObservedAngles
 from aatri.observations.attitudes import (
     BORESIGHT,
     DRIFT,
@@ -18,7 +19,6 @@ from aatri.observations.attitudes import (
     Attitudes,
     attitude_records,
     attitudes,
-    ground_from_camera,
 )
 from aatri.observations.observed import Given
 from aatri.observations.poses import POSE, Poses
@@ -35,7 +35,8 @@ def test_derivatives_are_those_of_the_residual_by_complex_step(system: str, size
     n = 3
     angles = rng.uniform(-0.6, 0.6, (n, 3))
     some = exp_matrix(rng.normal(size=(3 * n, 3)))
-    observed, G = ground_from_camera(angles, system, some[:n], some[n : 2 * n])
+    given = ObservedAngles(angles, system, some[:n], np.array([0, 90, 180]))
+    observed, G = given.rotations()
     B, b = some[2 * n :], 0.3 * size * rng.normal(size=(2, 3))
     rotation = B @ exp_matrix(size * rng.normal(size=(n, 3)) / 2) @ observed
     camera, group, time = np.array([0, 1, 0]), np.array([0, 0, 1], np.int32), rng.normal(size=n)

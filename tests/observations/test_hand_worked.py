@@ -30,7 +30,7 @@ from aatri.observations.image_points import (
 from aatri.observations.kernels.collinearity import in_front
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses
-from aatri.observations.positions import position_records
+from aatri.observations.positions import Positions, observed_positions
 
 DOWN = np.eye(3)
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -211,7 +211,9 @@ def test_a_position_is_the_antenna_minus_the_observed_one() -> None:
     observed = np.array([[101.0, 205.0, 1002.0], [0.0, 0.0, 0.0]])
     covariance = np.stack([np.array([[4.0, 2.0, 0.0], [2.0, 9.0, 0.0], [0.0, 0.0, 0.25]]), np.eye(3)])
     arm = np.array([[2.0, 3.0, 0.5], [0.0, 0.0, 0.0]])
-    records = position_records(np.array([2, 0], dtype=np.int32), observed, covariance, arm)
+    rows = Positions(np.arange(2, dtype=np.int32), np.array([2, 0], dtype=np.int32), observed, covariance, arm)
+    (found,) = observed_positions(rows, np.zeros(3), np.array(["c", "a"]))
+    records = found.records
     v, (J,) = records.evaluate(STATE, np.arange(2))
     np.testing.assert_allclose(v, [[-1.0 - 3.0, -5.0 + 2.0, -2.0 + 0.5], [0.0, 0.0, 0.0]], atol=1e-12)
     turned = np.array([-3.0, 2.0, 0.5])  # the arm in ground axes; a turn d moves it by d x arm

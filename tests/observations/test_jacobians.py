@@ -18,7 +18,7 @@ from aatri.observations.image_points import (
     side_veto,
 )
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses
-from aatri.observations.positions import position_records
+from aatri.observations.positions import Positions, observed_positions
 from tests.complex_step import complex_step
 
 
@@ -154,7 +154,10 @@ def test_known_models_that_correct_the_measurement_leave_a_central_projection() 
 def test_positions_with_a_lever_arm(seed: int) -> None:
     rng = np.random.default_rng(seed)
     R, X0, arm, observed = rotation_from_angles(rng.uniform(-3, 3, 3)), *rng.normal(0, 2, (3, 3))
-    records = position_records(np.zeros(1, np.int32), observed[None], np.eye(3)[None], arm[None])
+    first = np.zeros(1, np.int32)
+    rows = Positions(first, first, observed[None], np.eye(3)[None], arm[None])
+    (found,) = observed_positions(rows, np.zeros(3), np.array(["a"]))
+    records = found.records
 
     def f(z: np.ndarray) -> np.ndarray:
         return z[:3] + (np.eye(3) + skew(z[3:])) @ R @ arm - observed

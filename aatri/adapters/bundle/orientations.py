@@ -7,9 +7,9 @@ import numpy as np
 from aatri.adapters.frame.adjustment_frame import geodesy_of
 from aatri.arrays import Float
 from aatri.artifacts.block import ANTENNA, Block
-from aatri.geometry.carrier import body_from_mount
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.attitudes import ground_from_camera, ground_of_angles
+from aatri.observations.angle_differences import ObservedAngles
+from aatri.observations.attitudes import ground_of_angles
 from aatri.observations.observed import Given
 
 
@@ -29,10 +29,9 @@ def given_orientations(block: Block) -> tuple[Float, Float]:
         image = exterior.image[known]
         given = Given(block, None, np.zeros(3), {}, geodesy=geodesy_of(block))
         cameras = block.images.camera[image]
-        observed, _ = ground_from_camera(
-            exterior.angles_rad[known], block.rotation, ground_of_angles(given, exterior.position_m[known]),
-            body_from_mount(block.cameras.mount_deg[cameras]),
-        )  # fmt: skip
+        ground = ground_of_angles(given, exterior.position_m[known])
+        angles = ObservedAngles(exterior.angles_rad[known], block.rotation, ground, block.cameras.mount_deg[cameras])
+        observed, _ = angles.rotations()
         rotation[image] = observed @ exp_rotation(block.cameras.boresight_rad[cameras])
     position[exterior.image] = exterior.position_m
     antenna = exterior.refers_to == ANTENNA

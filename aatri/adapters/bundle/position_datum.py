@@ -63,21 +63,22 @@ def shift_notes(
         again = adjust(replace(given, observed=(*others, *shifted)))
     except AatriError:
         return []
-    s = again.adjusted.state[DRIFT][0, :3]
-    sigma = np.sqrt(np.diagonal(again.covariances[DRIFT][0])[:3])
     sigma0 = again.adjusted.sigma0
+    sigma = np.sqrt(np.diagonal(again.covariances[DRIFT][0])[:3]) * max(1.0, sigma0)
+    given_axes = np.flatnonzero(sigma > 0)
+    s, sigma = again.adjusted.state[DRIFT][0, given_axes], sigma[given_axes]
     fits = global_test(sigma0, again.adjusted.redundancy).verdict == "fits" or sigma0 < BETTER * result.adjusted.sigma0
-    size = np.abs(s) / (sigma * max(1.0, sigma0))
-    if not fits or not (size > SIGNIFICANT).any():
+    shifted_axes = given_axes[np.abs(s) > SIGNIFICANT * sigma]
+    if not fits or not len(shifted_axes):
         return []
-    values = ", ".join(f"{a:.3f} (+- {b:.3f})" for a, b in zip(s, sigma * max(1.0, sigma0)))
-    alone = size[2] > SIGNIFICANT and (size[:2] < SIGNIFICANT).all()
+    values = ", ".join(f"{a:.3f} (+- {b:.3f})" for a, b in zip(s, sigma))
+    alone = shifted_axes.tolist() == [2]
     what = "heights of positions and control count from different surfaces" if alone else "positions and control differ"
     declare = "declare `vertical` of the frames, or `undulation`" if alone else "declare the frames of both"
     text = (
-        f"{what} by a constant: positions less control {values} m in X, Y, Z; with this shift sigma0 is "
-        f"{sigma0:.3g} instead of {result.adjusted.sigma0:.3g}; {declare}, or leave the shift open: "
-        "positions: {drift: shift, per: block}"
+        f"{what} by a constant: positions less control {values} m in {', '.join('XYZ'[k] for k in given_axes)}; with "
+        f"this shift sigma0 is {sigma0:.3g} instead of {result.adjusted.sigma0:.3g}; {declare}, or leave the shift "
+        "open: positions: {drift: shift, per: block}"
     )
     return [Note("warning", text)]
 

@@ -1,10 +1,10 @@
 """A block with all that is given of the ground in its tangent frame, for methods that find approximate orientations.
 
 Such a method takes the block as it is here, knows nothing of maps, and its Solution is brought back. Whole positions
-are converted exactly, with their covariances. A control point in plan or in height only has no place of its own: what
-it lacks is taken from a solution that has the point, and from the mean of the block before there is one. The error is
+are converted exactly, with their covariances. Control or a position in plan or in height only has no place of its own:
+what it lacks is taken from a solution that has it, and from the mean of the block before there is one. The error is
 that of the lacking coordinate times the distance from the origin over the radius of the earth; the bundle, which takes
-such control as it is given, has none.
+such coordinates as they are given, has none.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from aatri.frames.tangent import TangentFrame
 from aatri.geometry.rotations import AngleSystem, angles_from_rotation, rotation_from_angles
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import Poses
+from aatri.observations.positions import positions_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class InTangentFrame:
     initial : Solution or None
     frame : TangentFrame or None
     partial : bool
-        Some control is in plan or in height only, and lies where `initial` or the mean of the block has it.
+        Some control or positions are in plan or in height only, and lie where `initial` or the mean of the block has
+        them.
     """
 
     block: Block
@@ -61,12 +63,13 @@ def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangent
     given = block.ground_points
     asked = (given.role != NO_ROLE) & np.isfinite(given.xyz_m)
     partial = bool(((given.role == CONTROL).any(axis=1) & ~asked.all(axis=1)).any())
+    partial |= not positions_of(block).given.all()
     made = replace(
         block,
         earth_curvature="ignore",
         frames=replace(block.frames, crs=_tangent_crs(block.frames.crs)),
         ground_points=_ground(block, frame, initial),
-        exterior=_exterior(block, frame),
+        exterior=_exterior(block, frame, initial),
     )
     return InTangentFrame(made, _solution(frame, initial, into=True) if initial else None, frame, partial)
 
@@ -77,20 +80,22 @@ def _tangent_crs(crs: Text) -> Text:
 
 def _ground(block: Block, frame: TangentFrame, near: Solution | None) -> GroundPoints:
     given = block.ground_points
-    xyz = given.xyz_m.copy()
-    guess = np.full(xyz.shape, np.nan) if near is None else near.points.xyz_m[given.point]
-    middle = np.where(np.isfinite(xyz), xyz, np.nan)
-    known = np.isfinite(middle).any(axis=0)
-    mean = np.where(known, np.nanmean(np.where(known, middle, 0.0), axis=0), 0.0) if len(xyz) else np.zeros(3)
-    missing = ~np.isfinite(xyz)
-    full = np.where(missing, np.where(np.isfinite(guess), guess, mean), xyz)
-    found = frame.from_block(full)
+    guess = np.full(given.xyz_m.shape, np.nan) if near is None else near.points.xyz_m[given.point]
+    xyz, covariance = _placed(frame, given.xyz_m, given.covariance_m2, guess)
+    return replace(given, xyz_m=xyz, covariance_m2=covariance)
+
+
+def _placed(frame: TangentFrame, given_m: Float, covariance_m2: Float, guess_m: Float) -> tuple[Float, Float]:
+    """Coordinates and covariances in the tangent frame; what a place lacks is its guess, or the mean of the others."""
+    missing = ~np.isfinite(given_m)
+    count = (~missing).sum(axis=0)
+    mean = np.where(missing, 0.0, given_m).sum(axis=0) / np.maximum(count, 1)
+    found = frame.from_block(np.where(missing, np.where(np.isfinite(guess_m), guess_m, mean), given_m))
     whole = ~missing.any(axis=1)
     inverse = np.linalg.inv(frame.derivatives_at(found[whole]))
-    covariance = given.covariance_m2.copy()
+    covariance = covariance_m2.copy()
     covariance[whole] = inverse @ covariance[whole] @ inverse.swapaxes(1, 2)
-    kept = _exact_kept(given.covariance_m2, covariance)
-    return replace(given, xyz_m=np.where(missing, np.nan, found), covariance_m2=kept)
+    return np.where(missing, np.nan, found), _exact_kept(covariance_m2, covariance)
 
 
 def _exact_kept(before: Float, after: Float) -> Float:
@@ -99,13 +104,11 @@ def _exact_kept(before: Float, after: Float) -> Float:
     return np.where(exact[:, :, None] | exact[:, None, :], 0.0, after)
 
 
-def _exterior(block: Block, frame: TangentFrame) -> Exterior:
+def _exterior(block: Block, frame: TangentFrame, near: Solution | None) -> Exterior:
     e = block.exterior
-    position = frame.from_block(e.position_m)
+    guess = np.full(e.position_m.shape, np.nan) if near is None else near.images.position_m[e.image]
+    position, covariance = _placed(frame, e.position_m, e.position_covariance_m2, guess)
     known = finite_rows(position)
-    covariance = e.position_covariance_m2.copy()
-    inverse = np.linalg.inv(frame.derivatives_at(position[known]))
-    covariance[known] = inverse @ covariance[known] @ inverse.swapaxes(1, 2)
     angles = e.angles_rad
     if block.rotation != "roll-pitch-heading" and known.any():
         system = cast(AngleSystem, block.rotation)

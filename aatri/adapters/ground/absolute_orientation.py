@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def ground_of(block: Block, strips: Strips, *, use_positions: bool) -> Ground:
     """What the block knows of the ground."""
     control, positions = control_of(block), positions_of(block)
     if not use_positions:
-        positions = replace(positions, **{n: getattr(positions, n)[:0] for n in positions.__dataclass_fields__})
+        positions = positions.take(np.zeros(0, dtype=np.int64))
     return Ground(block, strips, control, positions, pieces.origin_of(control, positions))
 
 
@@ -191,7 +191,7 @@ def _orient(ground: Ground, component: Component, what: str, limit: float, two_p
     control, positions = ground.control, ground.positions
     held = np.flatnonzero(np.isin(control.point, component.point))
     at = np.searchsorted(component.point, control.point[held])
-    seen = np.flatnonzero((row_of[positions.image] >= 0) & np.isfinite(positions.covariance_m2).all((1, 2)))
+    seen = np.flatnonzero(row_of[positions.image] >= 0)
     station = row_of[positions.image[seen]]
     # A projection centre is about as uncertain as a typical point of the component.
     typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
@@ -205,7 +205,7 @@ def _orient(ground: Ground, component: Component, what: str, limit: float, two_p
         ),
         xyz_m=np.concatenate([control.xyz_m[held], positions.position_m[seen]]) - ground.origin,
         covariance_m2=np.concatenate([control.covariance_m2[held], positions.covariance_m2[seen]]),
-        given=np.concatenate([control.given[held], np.ones((len(seen), 3), dtype=bool)]),
+        given=np.concatenate([control.given[held], positions.given[seen]]),
         n_control=len(held),
     )
     before = ground.strips.suspects

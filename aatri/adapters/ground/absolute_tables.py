@@ -101,7 +101,7 @@ def observation_names(ground: Ground, part: OrientedPart) -> list[Callable[[Int]
     return [of_given] if part.component.tied is None else [of_given, of_ties]
 
 
-def _sigma(covariance: Float, given: Bool | bool = True) -> Float:
+def _sigma(covariance: Float, given: Bool) -> Float:
     return np.where(given, np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
 
 
@@ -118,7 +118,9 @@ def residual_tables(ground: Ground, part: OrientedPart) -> list[Residuals]:
         ),
         assemble.residuals(
             "position", ground.positions.row[part.positions], block.images.id[image], none[1],
-            result.residual_m[n:], _sigma(ground.positions.covariance_m2[part.positions]), result.active[n:],
+            result.residual_m[n:],
+            _sigma(ground.positions.covariance_m2[part.positions], ground.positions.given[part.positions]),
+            result.active[n:],
         ),
     ]  # fmt: skip
     tied = part.component.tied

@@ -66,7 +66,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     given = Given(block, None, np.zeros(3), {POSE: Poses(np.full((n, 3), np.nan), rotation)}, frame=frame,
                   geodesy=geodesy_of(block, frame))  # fmt: skip
     rows = attitudes_of(given)
-    usable = (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
+    usable = rows.whole & (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
     row, image, camera = rows.row[usable], rows.image[usable], rows.camera[usable]
     antenna, D = given.placed(e.position_m[row])
     inverse = np.linalg.inv(D)

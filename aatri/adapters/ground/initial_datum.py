@@ -97,7 +97,7 @@ def datum_of(
         xyz_m=np.concatenate([c.xyz_m[control] - ground.origin_m, p.position_m[position] - ground.origin_m,
                               np.zeros((more, 3))]),
         covariance_m2=np.concatenate([c.covariance_m2[control], p.covariance_m2[position], np.zeros((more, 3, 3))]),
-        given=np.concatenate([c.given[control], np.repeat([[True] * 3, [False] * 3], [len(position), more], axis=0)]),
+        given=np.concatenate([c.given[control], p.given[position], np.zeros((more, 3), dtype=bool)]),
         n_control=len(control),
         n_given=n,
         distances=distances,

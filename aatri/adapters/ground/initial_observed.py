@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def ground_of(block: Block, as_given: Block, *, use_positions: bool) -> Ground:
     """
     control, positions = control_of(block), positions_of(block)
     if not use_positions:
-        positions = replace(positions, **{n: getattr(positions, n)[:0] for n in positions.__dataclass_fields__})
+        positions = positions.take(np.zeros(0, dtype=np.int64))
     lengths, notes = _lengths(block)
     attitudes, more = _attitudes(as_given)
     return Ground(control, positions, pieces.origin_of(control, positions), lengths, attitudes, (*notes, *more))
@@ -132,7 +132,7 @@ def _attitudes(block: Block) -> tuple[SeenAttitudes, list[Note]]:
     rows = attitudes_of(Given(block, None, np.zeros(3), {POSE: nowhere}, frame=frame, geodesy=geodesy_of(block, frame)))
     p = block.camera_parameters
     open_ = np.unique(p.camera[np.char.startswith(p.name, "boresight.") & p.free])
-    usable = np.flatnonzero(~np.isin(rows.camera, open_))
+    usable = np.flatnonzero(rows.whole & ~np.isin(rows.camera, open_))
     camera = rows.camera[usable]
     R = rows.axes[usable] @ rows.observed[usable] @ exp_rotation(block.cameras.boresight_rad[camera])
     G = rows.axes[usable] @ rows.turning[usable]
@@ -141,7 +141,11 @@ def _attitudes(block: Block) -> tuple[SeenAttitudes, list[Note]]:
     covariance = (rows.sigma_rad[usable] ** 2)[:, :, None] * np.eye(3)
     covariance = covariance + back @ (shared[:, :, None] * np.eye(3)) @ back.swapaxes(1, 2)
     notes = []
-    if len(usable) < len(rows.row):
+    if not rows.whole.all():
+        ids = tuple(block.images.id[rows.image[~rows.whole]].tolist())
+        notes.append(Note("note", "attitudes of which one or two angles are given take no part here; the bundle uses "
+                          "them", ids))  # fmt: skip
+    if np.isin(rows.camera, open_).any():
         ids = tuple(block.cameras.id[np.intersect1d(open_, rows.camera)].tolist())
         notes.append(Note("note", "attitudes of cameras whose boresight is free take no part here", ids))
     return SeenAttitudes(rows.row[usable], rows.image[usable], R, G, covariance), notes

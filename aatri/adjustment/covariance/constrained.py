@@ -15,6 +15,7 @@ from aatri.adjustment.constraints import gram, linearised_constraints
 from aatri.adjustment.covariance.gains import Gains, reduce_gains
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.right_hand_sides import backward, forward
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import predicted
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -42,7 +43,11 @@ def reduce_covariances(
 ) -> None:
     """Take W W' off the covariances of all blocks and records, and off the gains, in place."""
     for group, w in W.items():
+        before = np.einsum("nii->ni", groups[group]).copy()
         groups[group][:] -= w @ w.swapaxes(1, 2)
+        # A scalar that the constraints fix has no variance, but for the rounding of the difference.
+        block, scalar = np.nonzero(np.einsum("nii->ni", groups[group]) <= RANK_TOLERANCE * before)
+        groups[group][block, scalar] = groups[group][block, :, scalar] = 0.0
     for place, (r, found) in enumerate(zip(problem.records, records)):
         known = np.flatnonzero(np.isfinite(found).all(axis=(1, 2)))
         for first in range(0, len(known) if W else 0, CHUNK):

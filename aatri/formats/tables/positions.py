@@ -105,7 +105,7 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
                        "check the order of `axes`: X, Y, Z of the tables follow it")  # fmt: skip
         rows = np.setdiff1d(rows, np.union1d(partial, wrong))
         given = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
-        unknown = np.isnan(covariance[rows]).any(axis=(1, 2))
+        unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
         try:
             moved, spread = convert(given, np.nan_to_num(covariance[rows]), frames[number], frames[0])
         except AatriError as error:
@@ -115,7 +115,7 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
         absent = np.isnan(in_right_handed_order(xyz[rows], frames[number].axes))
         result[rows] = np.where(absent, np.nan, moved)
         spread = _with_square_variances(spread)
-        spread[unknown] = np.nan
+        spread[unknown[:, :, None] | unknown[:, None, :]] = np.nan
         result_covariance[rows] = spread
     return result, result_covariance
 

@@ -1,0 +1,111 @@
+"""Given coordinates, all three or some, held against places of the adjustment, along the axes of the block.
+
+    all three     v = D (X - X_given)
+    some          v = x(X) - x_given
+
+D is I where the adjustment is in the axes of the block, else it turns the residual into them (`Given.placed`).
+Coordinates given in part have no place there; they are compared in the coordinates of the block, so that they stay
+right at any distance from the origin; x is the map of the frame (`frames.expanded`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.frames.expanded import Expanded
+from aatri.observations.observed import Given
+
+
+@dataclass(frozen=True)
+class GivenCoordinates:
+    """Given coordinates of n points or images.
+
+    Attributes
+    ----------
+    used : (n, 3) bool
+        Coordinates that are given.
+    place_m : (n, 3) float64, m
+        In the frame of the adjustment, reduced to its origin; zero where unknown.
+    derivatives : (n, 3, 3) float64
+        D.
+    expanded : Expanded, optional
+        The map, where the adjustment is not in the block's own axes.
+    partial_m : (n, 3) float64, m
+        Coordinates of the block less the reference of the map, used of those given in part.
+    origin_m : (3,) float64, m
+    """
+
+    used: Bool
+    place_m: Float
+    derivatives: Float
+    expanded: Expanded | None
+    partial_m: Float
+    origin_m: Float
+
+    @property
+    def own_axes(self) -> Bool:
+        """Whose scalars in the adjustment are the coordinates given, or all three together, (n,)."""
+        return np.asarray(self.used.all(axis=1) | (self.expanded is None))
+
+    def take(self, some: Int) -> GivenCoordinates:
+        """The chosen ones."""
+        names = ("used", "place_m", "derivatives", "partial_m")
+        return replace(self, **{name: getattr(self, name)[some] for name in names})
+
+    def residuals(self, X: Any, rows: Int) -> tuple[Any, Any]:
+        """v and dv/dX at places of the adjustment.
+
+        Parameters
+        ----------
+        X : (k, 3) float64, m
+            Reduced to the origin.
+        rows : (k,) int
+
+        Returns
+        -------
+        v : (k, 3) float64, m
+            Zero where not given.
+        derivatives : (k, 3, 3) float64
+        """
+        D = self.derivatives[rows]
+        if self.expanded is None:
+            return np.where(self.used[rows], X - self.place_m[rows], 0.0), D
+        v = np.einsum("nij,nj->ni", D, X - self.place_m[rows])
+        part = np.flatnonzero(~self.own_axes[rows])
+        if len(part):
+            use = self.used[rows[part]]
+            x, dx = self.expanded.coordinates(X[part] + self.origin_m)
+            v[part] = np.where(use, x - self.partial_m[rows[part]], 0.0)
+            D = D.astype(dx.dtype)
+            D[part] = dx * use[:, :, None]
+        return v, D
+
+
+def in_own_axes(xyz_m: Float, origin_m: Float, used: Bool) -> GivenCoordinates:
+    """Coordinates of an adjustment in the axes of the block."""
+    place = np.where(used, xyz_m - origin_m, 0.0)
+    return GivenCoordinates(used, place, np.eye(3) * used[:, :, None], None, place, origin_m)
+
+
+def given_coordinates(given: Given, xyz_m: Float, used: Bool) -> GivenCoordinates:
+    """Coordinates of the block in the adjustment.
+
+    Parameters
+    ----------
+    given : Given
+    xyz_m : (n, 3) float64, m
+        In the frame of the block.
+    used : (n, 3) bool
+    """
+    if given.frame is None:
+        return in_own_axes(xyz_m, given.origin_m, used)
+    reference = given.frame.to_block(given.origin_m[None])[0]
+    whole = np.flatnonzero(used.all(axis=1))
+    place, D = np.zeros_like(xyz_m), np.broadcast_to(np.eye(3), (len(xyz_m), 3, 3)).copy()
+    placed, D[whole] = given.placed(xyz_m[whole])
+    place[whole] = placed - given.origin_m
+    return GivenCoordinates(used, place, D, Expanded(given.frame, reference), xyz_m - reference, given.origin_m)
