@@ -182,8 +182,9 @@ def contradiction_note(block: Block, ground: Ground, left: Known, component: Com
 
 
 def _median_shift(residual: Float) -> str:
-    x, y, z = -np.nanmedian(residual, axis=0)
-    return f"{x:.3f}, {y:.3f}, {z:.3f}"
+    """Given less computed along X, Y, Z; a dash where no residual has the coordinate."""
+    columns = [axis[np.isfinite(axis)] for axis in -residual.T]
+    return ", ".join(f"{np.median(axis):.3f}" if len(axis) else "-" for axis in columns)
 
 
 def deformation_notes(oriented: OrientedComponent, precision: float, what: str) -> list[Note]:

@@ -37,7 +37,7 @@ def of() -> Hand:
 def test_positions_in_part_are_those_whose_others_say_nothing(
     of: Hand, given: str, stage: object, tmp_path: Path
 ) -> None:
-    tilted = np.outer(np.arange(6) % 3, [0.1, -0.05, 0.2])
+    tilted = np.outer(np.arange(6) % 3, [0.025, -0.0125, 0.05])
     found = []
     for sigma in (None, LARGE_M, 0.03):
         rows = []
