@@ -1,0 +1,222 @@
+"""A legal block through all stages, within this process; and what must hold of the end.
+
+An end is one of
+
+    good            a result, and nothing speaks against it
+    refused         an error of aatri's, where a dense network says that the datum or a part is open or nearly so
+    told            a result that its truth contradicts, or that lost good observations, with a warning
+    INTERNAL        an error that is none of aatri's
+    LOST            an error where everything was determined
+    OPEN            a result where nothing was determined
+    WRONG           a result that its truth contradicts, and not a word
+    REJECTED        good observations lost beyond 0.3 %
+
+The truth contradicts a result where an adjusted point is off by more than its covariance allows: chi-square of three,
+the largest of n points at 1 - LEVEL / n; and the mean of all by a band that holds
+for any correlation (`mean_band`).
+"""
+
+from __future__ import annotations
+
+import tempfile
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.stats import chi2
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
+from aatri.errors import AatriError
+from aatri.plugin import card_of
+from aatri.progress import NO_CHECKPOINT, Checkpoint
+from aatri.stages.absolute_orientation.similarity import similarity
+from aatri.stages.accuracy.evaluation import evaluation
+from aatri.stages.block.tables import TablesOptions, tables
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
+from aatri.stages.initial_orientation.graph import graph
+from aatri.stages.interior_orientation.affine import affine
+from aatri.stages.interior_orientation.calibrated import calibrated
+from aatri.stages.relative_orientation.dependent import dependent
+from aatri.stages.strip_adjustment.polynomial import polynomial
+from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from tests.campaigns.legal.cell import Cell
+from tests.campaigns.legal.flight import Scene, scene_of
+from tests.campaigns.legal.folder import set_of, write_block
+from tests.campaigns.legal.network import Network, network_of
+
+LEVEL = 1e-4
+"""False alarm of each test of a cell: 0.2 of 2,000 blocks and a test."""
+FOUND = 8.0
+"""A wrong control point or position of more standard deviations must be found: 4 sigma at a power of 1 - 3e-5."""
+MOST_LOST = 0.003
+BAD = ("INTERNAL", "LOST", "OPEN", "WRONG", "REJECTED")
+
+
+@dataclass
+class Ear:
+    """A context that keeps the warnings."""
+
+    warnings: list[str] = field(default_factory=list)
+    checkpoint: Checkpoint = NO_CHECKPOINT
+    stage: str = ""
+
+    def log(self, message: str) -> None:
+        """Not kept."""
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(f"{self.stage}: {message}")
+
+    def progress(self, done: int, total: int, what: str = "") -> None:
+        """Not kept."""
+
+
+@dataclass(frozen=True)
+class End:
+    """How a cell ended."""
+
+    outcome: str
+    why: str = ""
+    warnings: tuple[str, ...] = ()
+    lost: int = 0
+    good: int = 0
+
+
+def end_of(cell: Cell, way: str, network: Network | None = None) -> End:
+    """Carry a cell through, and judge it."""
+    scene = scene_of(cell)
+    network = network or network_of(scene)
+    ear = Ear()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            write_block(scene, Path(folder))
+            block = tables(options=TablesOptions(path=Path(folder)), context=ear)
+        solution = through(cell, block, way, ear)
+    except AatriError as error:
+        everything = len(network.images) == len(scene.R) and not network.weak
+        text = f"{ear.stage}, exit {error.exit_code}: {error}"
+        return End("LOST" if everything else "refused", text, tuple(ear.warnings))
+    except Exception:
+        return End("INTERNAL", f"{ear.stage}: " + "".join(traceback.format_exc(limit=-2)), tuple(ear.warnings))
+    return judged(scene, network, block, solution, tuple(ear.warnings))
+
+
+def through(cell: Cell, block: Block, way: str, ear: Ear) -> Solution:
+    """All stages of the default chain, or those of images without order."""
+
+    def call(stage: Callable[..., Any], *ports: Any, **options: Any) -> Any:
+        ear.stage = stage.__name__
+        return stage(*ports, **options, context=ear)
+
+    interior = call(affine if cell.camera == "film" else calibrated, block)
+    left_to_bundle = cell.parameters == "free"
+    refined = call(systematic, block, interior, options=SystematicOptions(distortion=not left_to_bundle))
+    if way == "graph":
+        initial = call(graph, block, refined, rng=np.random.default_rng(cell.seed))
+    else:
+        models = call(dependent, block, refined)
+        strips = call(scale_transfer, block, models)
+        absolute = call(similarity, block, strips, refined)
+        initial = call(polynomial, block, refined, strips, absolute)
+    removable = {"self_calibration": {"set": set_of(cell), "remove": True}} if cell.parameters == "removable" else {}
+    solution = call(bundle, block, refined, initial, options=BundleOptions.model_validate(removable))
+    call(evaluation, block, solution)
+    assert isinstance(solution, Solution)
+    return solution
+
+
+def judged(scene: Scene, network: Network, block: Block, solution: Solution, warnings: tuple[str, ...]) -> End:
+    """What speaks against a result."""
+    if not len(network.points):
+        return End("OPEN", "a result of a block whose datum is open", warnings)
+    lost, good = lost_of(scene, block, solution)
+    decidable = network.size > FOUND or not (len(scene.wrong_control) + len(scene.wrong_positions))
+    against = contradiction(scene, network, block, solution) if decidable else ""
+    if against:
+        return End("told" if warnings else "WRONG", against, warnings, lost, good)
+    if lost > max(1, MOST_LOST * good):
+        return End("REJECTED", f"{lost} of {good} good observations left out", warnings, lost, good)
+    missing = [scene.image_ids[k] for k in network.images if k != scene.wrong_image]
+    missing = [name for name in missing if not solution.images.oriented[block.images.id == name].all()]
+    if missing:
+        return End("LOST", f"not oriented: {', '.join(missing)}", warnings, lost, good)
+    return End("good", "", warnings, lost, good)
+
+
+def contradiction(scene: Scene, network: Network, block: Block, solution: Solution) -> str:
+    """Points off by more than their covariances allow; empty if none are."""
+    row = {name: k for k, name in enumerate(block.points.id.tolist())}
+    blamed = np.unique(scene.true_rays.point[scene.wrong_rays])
+    rays = np.bincount(scene.true_rays.point, minlength=len(scene.xyz_m))
+    points = np.setdiff1d(network.points, [*blamed[rays[blamed] < 4], scene.far_point])
+    points = points[[scene.point_ids[p] in row for p in points]]
+    at = np.array([row[scene.point_ids[p]] for p in points])
+    d, C = solution.points.xyz_m[at] - scene.xyz_m[points], solution.points.covariance_m2[at]
+    known = (
+        np.isfinite(d).all(axis=1) & np.isfinite(C).all(axis=(1, 2)) & (np.linalg.eigvalsh(np.nan_to_num(C))[:, 0] > 0)
+    )
+    if not known.any():
+        return "no point has coordinates and covariance"
+    square = np.einsum("ni,ni->n", d[known], np.linalg.solve(C[known], d[known][..., None])[..., 0])
+    largest, factor = int(np.argmax(square)), scene.cell.factor
+    limit = chi2.isf(LEVEL / len(square), 3)
+    if square[largest] * factor**2 > limit:
+        name = scene.point_ids[points[known][largest]]
+        off = np.round(d[known][largest], 3)
+        return f"{name} off by {off} m: chi-square {square[largest]:.0f}, limit {limit / factor**2:.0f}"
+    low, high = mean_band()
+    if not (low < square.mean() / 3 < high / factor**2):
+        return f"mean chi-square of three {square.mean() / 3:.2f}, {low:.2f} to {high / factor**2:.2f}"
+    return ""
+
+
+@cache
+def mean_band() -> tuple[float, float]:
+    """Band of the mean of chi-squares of three over 3, whatever their correlation, LEVEL on each side.
+
+    P(mean > t) <= E (X - s)+ / (t - s) for any s: the mean is less than X in convex order.
+    """
+    distribution, s = chi2(3), np.linspace(0.01, 60, 400)
+    above = np.array([quad(distribution.sf, x, np.inf)[0] for x in s])
+    below = np.array([quad(distribution.cdf, 0, x)[0] for x in s])
+    return float(np.max(s - below / LEVEL)) / 3, float(np.min(s + above / LEVEL)) / 3
+
+
+def lost_of(scene: Scene, block: Block, solution: Solution) -> tuple[int, int]:
+    """Good observations that stay out, and all good ones; rays of points where a wrong one leaves less than three."""
+    wrong = {
+        (scene.image_ids[scene.true_rays.image[k]], scene.point_ids[scene.true_rays.point[k]]) for k in scene.wrong_rays
+    }
+    rays = np.bincount(scene.true_rays.point, minlength=len(scene.xyz_m))
+    touched = np.unique(scene.true_rays.point[scene.wrong_rays])
+    doubtful = {scene.point_ids[p] for p in touched[rays[touched] < 4]} | {f"p{scene.far_point + 1}"}
+    innocent = 0
+    for kind, image, point in _left_out(solution):
+        if kind == "control" and point in [scene.point_ids[p] for p in scene.control[scene.wrong_control]]:
+            continue
+        if kind == "position" and image in [scene.image_ids[k] for k in scene.positioned[scene.wrong_positions]]:
+            continue
+        if kind == "image_point" and ((image, point) in wrong or point in doubtful):
+            continue
+        innocent += 1
+    good = len(scene.xy_mm) - len(wrong) + len(scene.control) + len(scene.positioned)
+    return innocent, good
+
+
+def _left_out(solution: Solution) -> set[tuple[str, str, str]]:
+    s = solution.suspects
+    out = staying_out(s)
+    return set(zip(s.kind[out].tolist(), s.image[out].tolist(), s.point[out].tolist()))
+
+
+def used_of(*stages: Callable[..., Any]) -> set[str]:
+    """What stages with their defaults use of what a block offers."""
+    cards = [card_of(stage, stage.__module__.split(".")[-2]) for stage in stages]
+    return {name for card in cards for name in card.used_with(card.options() if card.options else None) or ()}
