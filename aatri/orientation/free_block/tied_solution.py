@@ -246,6 +246,14 @@ def reduced_matrix(problem: TiedProblem[S], state: S, use: Bool, whiteners: Sequ
     return reduced_normals(with_weights(problem.index, weights), full).N
 
 
+def weighted_problem(problem: TiedProblem[S], state: S, use: Bool) -> IndexedProblem:
+    """The problem with the weights of a state, tau not counted, and some active observations."""
+    values, vectors = problem.ties.spectrum(state)
+    typical = typical_variance(values, 0.0) if problem.given else 1.0
+    whiteners = (tie_whitener(values, vectors, 0.0), *(g.whitener(typical) for g in problem.given))
+    return with_weights(problem.index, _weights(problem, use & _held(problem, use), whiteners))
+
+
 def _held(problem: TiedProblem[S], use: Bool) -> Bool:
     """Observations whose points, if they have any, some active tie holds."""
     ties = problem.ties

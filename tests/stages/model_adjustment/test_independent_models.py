@@ -76,6 +76,18 @@ def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
     assert 0.8 < np.mean(sigma0) < 1.2
 
 
+def test_plan_and_height_in_turn_converge_with_cross_strips_to_the_common_adjustment() -> None:
+    chain = run_chain(simulated(3, preset="rc30", earth="flat", ties={"new_points": 250}, known={"full": 10},
+                                flight={"strips": 3, "images_per_strip": 8, "cross_strips": 2}))  # fmt: skip
+    found = []
+    for iteration in ("together", "plan_height"):
+        told, options = Told(), IndependentModelsOptions(iteration=iteration)
+        found.append(independent_models(chain.block, chain.refined, chain.models, chain.absolute, options=options,
+                                        context=told))  # fmt: skip
+    assert any("plan and height in turn" in line for line in told.lines)
+    assert np.nanmax(np.abs(found[0].points.xyz_m - found[1].points.xyz_m)) < 1e-3
+
+
 def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:
     from dataclasses import replace
 
