@@ -24,7 +24,7 @@ from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.notes import left_out, misfit
-from aatri.orientation.bundle.partial import with_known_images, with_known_points
+from aatri.orientation.bundle.partial import switched_off, with_known_images, with_known_points
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 from aatri.orientation.bundle.settings import BundleSettings
@@ -53,7 +53,8 @@ def resected(
     control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
     known = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
     covariance = _covariances(known, initial.points.covariance_m2, block.points.id, "point") if weighted else None
-    given = with_known_points(given, known & finite_rows(given.xyz_m), covariance)
+    as_given, given = given, with_known_points(given, known & finite_rows(given.xyz_m), covariance)
+    tell(switched_off(as_given, given), context)
     made = _made(block, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
     if weighted:
         return made
@@ -68,7 +69,8 @@ def intersected(
     given = bundle_input(block, image_points, initial, options)
     known = initial.images.oriented
     covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
-    given = with_known_images(given, known, covariance)
+    as_given, given = given, with_known_images(given, known, covariance)
+    tell(switched_off(as_given, given), context)
     made = _made(block, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
     return made if weighted else replace(made, images=replace(made.images, covariance=initial.images.covariance))
 

@@ -4,7 +4,8 @@
 
 Orientations are those of `initial`. `orientations: held`: each point for itself, from all its rays, least squares with
 its covariance; `weighted`: the orientations are observations with the covariances of `initial`. Points start from the
-place nearest to all their rays. Control and other observations of points take part as in the bundle.
+place nearest to all their rays. Control and other observations of points take part as in the bundle; positions and
+attitudes say nothing of a known orientation, and take none.
 
 Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, geometry/intersection.py.
 """

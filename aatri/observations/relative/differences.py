@@ -18,7 +18,7 @@ from aatri.observations.geodetic.lengths import slope
 from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.relative.members import conditions, members_of
-from aatri.observations.relative.shapes import NOTHING, seeing
+from aatri.observations.relative.shapes import NOTHING, means, seeing
 
 EQUAL, DIFFERENCE = "equal_distance", "relative_difference"
 
@@ -60,9 +60,10 @@ def _equal(given: Given, row: Int, exact: bool) -> Observed:
         found[:, 0, 6] = state[group][:, 0]
         return found
 
-    x = np.nan_to_num(given.start[POINT])
+    x = given.start[POINT]
     length = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
-    start = (np.bincount(of, length, len(row)) / np.bincount(of, minlength=len(row)))[:, None]
+    known = np.flatnonzero(np.isfinite(length))
+    start = means(length[known, None], of[known], len(row))
     sigma = block.relative_control.sigma[row][of]
     touches = ((POINT, pairs[:, 0]), (POINT, pairs[:, 1]), (group, of))
     records = Records(EQUAL, touches, evaluate, 1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None],

@@ -14,12 +14,13 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int
+from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.geodetic.sights import HEIGHT
 from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
 from aatri.observations.poses import POINT, point_generator
 from aatri.observations.relative.members import conditions, members_of
-from aatri.observations.relative.shapes import TILT, Shape, along_horizontal, main_axes, observed_shapes, seeing
+from aatri.observations.relative.shapes import TILT, Shape, along_horizontal, main_axes, means, observed_shapes, seeing
 
 LEVEL_TYPES = ("horizontal_plane", "equal_height")
 
@@ -79,13 +80,13 @@ def _level(given: Given, type_: str, row: Int, exact: bool) -> Observed:
         return v[:, None], (by_point[:, None, :], -np.ones((len(some), 1, 1)))
 
     def generator(state: State) -> Float:
-        _, by_point = level.height(state[POINT][point])
-        along = (by_point[:, None, :] @ point_generator(state)[point])[:, 0]
-        count = np.bincount(of, minlength=len(row))
-        return np.column_stack([np.bincount(of, column, len(row)) / count for column in along.T])[:, None, :]
+        known = np.flatnonzero(finite_rows(state[POINT][point]))
+        _, by_point = level.height(state[POINT][point[known]])
+        along = (by_point[:, None, :] @ point_generator(state)[point[known]])[:, 0]
+        return means(along, of[known], len(row))[:, None, :]
 
-    known = np.nan_to_num(level.height(np.nan_to_num(given.start[POINT][point]))[0])
-    start = np.bincount(of, known, len(row)) / np.bincount(of, minlength=len(row))
+    known = np.flatnonzero(finite_rows(given.start[POINT][point]))
+    start = means(level.height(given.start[POINT][point[known]])[0][:, None], of[known], len(row))
     sigma = block.relative_control.sigma[row][of]
     records = Records(type_, ((POINT, point), (group, of)), evaluate,
                       1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], np.ones(len(of), dtype=bool),
@@ -96,5 +97,5 @@ def _level(given: Given, type_: str, row: Int, exact: bool) -> Observed:
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
     return Observed(records, member, named(point=np.concatenate([m[1] for m in members])), "m", unknowns=(unknowns,),
                     refitted=lambda anew: _level(anew, type_, row, exact),
-                    start={group: start[:, None]}, exact=exact, sees=HEIGHT if not level.curved else (True,) * 3,
+                    start={group: start}, exact=exact, sees=HEIGHT if not level.curved else (True,) * 3,
                     notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip

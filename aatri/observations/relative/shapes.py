@@ -18,6 +18,7 @@ import numpy as np
 from aatri.adjustment.records import Evaluated, Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int
+from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
@@ -110,11 +111,12 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
 
     def generator(state: State) -> Float:
         """How the shapes go with their points, (n, k, 7): by least squares over the points of each."""
-        _, (by_point, by_shape) = evaluate(state, np.arange(len(of)))
-        along = by_point @ point_generator(state)[point]
+        known = np.flatnonzero(finite_rows(state[POINT][point]))
+        _, (by_point, by_shape) = evaluate(state, known)
+        along = by_point @ point_generator(state)[point[known]]
         found = np.zeros((len(row), t.shape[1], 7))
         for k in range(len(row)):
-            mine, some = of == k, np.flatnonzero(free[k])
+            mine, some = of[known] == k, np.flatnonzero(free[k])
             A = by_shape[mine].reshape(-1, t.shape[1])[:, some]
             found[k, some] = -np.linalg.lstsq(A, along[mine].reshape(-1, 7), rcond=None)[0]
         return found
@@ -149,12 +151,18 @@ def _started(given: Given, shape: Shape, points: list[Int], radius_m: Float) -> 
     xyz = given.start[POINT]
     found = []
     for rows, radius in zip(points, radius_m.tolist()):
-        known = xyz[rows][np.isfinite(xyz[rows]).all(axis=1)]
+        known = xyz[rows][finite_rows(xyz[rows])]
         known = known if len(known) else np.zeros((1, 3))
         axes = given.level.axes(known.mean(axis=0)[None])[0][0]
         found.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
     F, c, t = (np.array(part) for part in zip(*found))
     return F, c, t
+
+
+def means(values: Float, of: Int, n: int) -> Float:
+    """Means of the rows of `values` (m, k) that belong to each of n, (n, k); zero of none."""
+    count = np.maximum(np.bincount(of, minlength=n), 1)
+    return np.column_stack([np.bincount(of, column, n) / count for column in values.T])
 
 
 def main_axes(points: Float) -> Float:

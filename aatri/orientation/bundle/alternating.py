@@ -23,8 +23,10 @@ from aatri.adjustment.unknowns import State, retract_state
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.partial import of_unknown
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.progress import SILENT, Reporter
@@ -52,8 +54,9 @@ def adjust_alternating(
     half = replace(settings, covariances=False)
     whole = replace(half, solution=replace(settings.solution, max_iterations=1))
     images, points = np.ones(len(given.image_ids), dtype=bool), np.ones(len(given.point_ids), dtype=bool)
-    resected = adjust_bundle(replace(given, held_points=points), half)
-    intersected = adjust_bundle(replace(from_result(given, resected), held_images=images), half)
+    resected = adjust_bundle(replace(of_unknown(given, POSE), held_points=points), half)
+    start = of_unknown(from_result(given, resected), POINT)
+    intersected = adjust_bundle(replace(start, held_images=images), half)
     halves = resected.adjusted.problem, intersected.adjusted.problem
     state, look, last = intersected.adjusted.state, EVERY, _Move({}, 0.0)
     for done in range(1, max_rounds + 1):

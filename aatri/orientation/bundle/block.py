@@ -4,7 +4,8 @@ A coordinate of a point that no observation can see (the height of a point of a 
 one) is absent: no unknown, and no result. An image or point takes part if its start is known, its observations are at
 least as many as its free unknowns, and one of them ties it to something else. What does not is left out before the
 first iteration, and named; with it go the observations that touch it, so that the rule is applied until nothing
-changes. Other unknowns (drift, film, camera ...) take part if an observation ties them to something else.
+changes, and so for a plane, line ... whose points are fewer than its unknowns. Other unknowns (drift, film, camera ...)
+take part if an observation ties them to something else.
 """
 
 from __future__ import annotations
@@ -104,6 +105,7 @@ def taking_part(given: BundleInput) -> Participants:
     part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
     open_ = ~_held(given.observed, len(part[POINT])) & ~absent
     needed = {POSE: np.full(len(part[POSE]), 6), POINT: open_.sum(axis=1)}
+    needed |= {u.name: u.free.sum(axis=1) for o in given.observed if o.refitted is not None for u in o.unknowns}
     for name, held in ((POSE, given.held_images), (POINT, given.held_points)):
         needed[name] = needed[name] if held is None else np.where(held, 0, needed[name])
     components = [_components(o.records) for o in given.observed]

@@ -6,6 +6,8 @@ What is not adjusted is held at its value, or is an observation of itself with t
     images    v = (X0 - X0_known, log(R R_known'))           dv = (dX0, d): exact for small corrections
 
 Held, every image (resection) or point (intersection) is a problem of its own; weighted, what is known is corrected too.
+Observations of what is known alone, positions of known images or control among known points, take no part: they say
+nothing of the rest, and are in the covariance already. They are no redundancy either.
 
 Source: Kraus, Photogrammetry 1, resection and intersection; docs/formulas.md 3.4, 3.7.
 """
@@ -20,10 +22,37 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.rotations import log_rotation
+from aatri.notes import Note
 from aatri.observations.coordinates import value_records
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
+
+
+def of_unknown(given: BundleInput, group: str) -> BundleInput:
+    """The block with the observations that see images or points, `group`; others are switched off.
+
+    What observes further unknowns of these, priors of cameras or film, stays.
+    """
+    touched = [{name for name, _ in o.records.touches} for o in given.observed]
+    open_ = {name for names in touched if group in names for name in names} - ({POSE, POINT} - {group})
+    observed = tuple(
+        o if group in names or names <= open_ else replace(o, records=replace(o.records, active=_none(o)))
+        for o, names in zip(given.observed, touched)
+    )
+    return replace(given, observed=observed)
+
+
+def _none(o: Observed) -> Bool:
+    return np.zeros(len(o), dtype=bool)
+
+
+def switched_off(before: BundleInput, after: BundleInput) -> list[Note]:
+    """A note of the kinds of observation that were in use before and are not after."""
+    used = [{o.kind: int(o.records.active.sum()) for o in given.observed} for given in (before, after)]
+    kinds = [f"{n} of kind {kind}" for kind, n in used[0].items() if n and not used[1].get(kind)]
+    text = "observations of what is known alone take no part: " + ", ".join(kinds)
+    return [Note("note", text)] if kinds else []
 
 
 def with_known_points(given: BundleInput, known: Bool, covariance_m2: Float | None) -> BundleInput:
@@ -36,7 +65,7 @@ def with_known_points(given: BundleInput, known: Bool, covariance_m2: Float | No
     covariance_m2 : (n_points, 3, 3) float64, m^2, or None
         None: held.
     """
-    given = replace(given, xyz_m=np.where(known[:, None], given.xyz_m, np.nan))
+    given = replace(of_unknown(given, POSE), xyz_m=np.where(known[:, None], given.xyz_m, np.nan))
     if covariance_m2 is None:
         return replace(given, held_points=known)
     rows = np.flatnonzero(known)
@@ -57,7 +86,7 @@ def with_known_images(given: BundleInput, known: Bool, covariance: Float | None)
     """
     poses = Poses(np.where(known[:, None], given.poses.position_m, np.nan),
                   np.where(known[:, None, None], given.poses.ground_from_image, np.nan))  # fmt: skip
-    given = replace(given, poses=poses)
+    given = replace(of_unknown(given, POINT), poses=poses)
     if covariance is None:
         return replace(given, held_images=known)
     rows = np.flatnonzero(known)

@@ -12,8 +12,11 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.stages.bundle_adjustment.alternating import alternating
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
-from tests.stages.hand_block import Hand, angles_deg, ground_rows, hand, read, start
+from aatri.stages.bundle_adjustment.intersection import intersection
+from aatri.stages.bundle_adjustment.resection import ResectionOptions, resection
+from tests.stages.hand_block import Hand, Heard, angles_deg, ground_rows, hand, read, start
 
 COLUMNS = ("X", "Y", "Z", "a1", "a2", "a3", "sX", "sY", "sZ", "sXY", "s1", "s2", "s3", "refers_to", "drift_group")
 LARGE_M, LARGE_DEG = 1e5, 1e3
@@ -153,3 +156,29 @@ def test_heights_alone_hold_in_a_map_far_from_its_origin(curvature: str, tmp_pat
     rows = [{"Z": of.position_m[k, 2] + 0.02 * k, "sZ": 0} for k in range(6)]
     found = adjusted(tmp_path, of, rows, more)
     np.testing.assert_allclose(found.images.position_m[:, 2], of.position_m[:, 2] + 0.02 * np.arange(6), atol=2e-7)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0])
+def test_what_is_known_of_held_images_or_points_is_no_redundancy(of: Hand, sigma: float, tmp_path: Path) -> None:
+    """Positions, attitudes in an intersection, control in a resection: off by any amount, they change nothing."""
+    angles = angles_deg(of, "omega-phi-kappa")
+    rows = [
+        cells(of, k, [9.0, 9.0, 9.0])
+        | {f"a{j + 1}": angles[k, j] for j in range(3)}
+        | dict.fromkeys(("sX", "sY", "sZ", "s1", "s2", "s3"), sigma)
+        for k in range(6)
+    ]
+    block, points = made(tmp_path, of, rows, None, None)
+    begun, heard = start(of, block), Heard()
+    found = intersection(block, points, begun, context=heard)  # type: ignore[arg-type]
+    seen = np.bincount(of.point, minlength=30) > 1
+    assert found.redundancy == 2 * seen[of.point].sum() + 15 - 3 * seen.sum()
+    assert any("6 of kind position" in text and "6 of kind attitude" in text for text in heard.logged)
+    resected = resection(block, points, begun, options=ResectionOptions(positions={"use": False}))  # type: ignore[call-arg]
+    if sigma:
+        assert resected.redundancy == 2 * len(of.point) + 18 - 36
+    alternated = alternating(
+        *made(tmp_path, of, [cells(of, k) | dict.fromkeys(("sX", "sY", "sZ"), sigma) for k in range(6)], None, None),
+        begun,
+    )
+    np.testing.assert_allclose(alternated.images.position_m, of.position_m, atol=1e-6)
