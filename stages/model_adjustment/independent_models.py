@@ -4,10 +4,10 @@
 
 Models are bodies that are shifted, turned and scaled until their points, their perspective centres and control agree;
 ground points and centres are unknowns and eliminated. The centres carry the heights: without them neighbouring models
-turn about the row of their common points. Points and centres of a model share the five errors e_m of its relative
-orientation: latent unknowns with the covariance in `models` as prior (`centres: {sigma: from_orientation}`).
-With `centres: {sigma: NUMBER}`, metres on the ground, the centres have that standard deviation, and the models are
-rigid, as the classical programs have it.
+turn about the row of their common points; observed positions bring them to the ground as control does (but those of
+drift groups). Points and centres of a model share the five errors e_m of its relative orientation: latent unknowns with
+the covariance in `models` as prior (`centres: {sigma: from_orientation}`). With `centres: {sigma: NUMBER}`, metres on
+the ground, the centres have that standard deviation, and the models are rigid, as the classical programs have it.
 
 `iteration: plan_height` adjusts plan (4 unknowns a model) and height (3) in turn, as PAT-M does, with the same result.
 Standard deviations of the points are those of this adjustment. `initial` gives the approximate orientations; gross
@@ -64,7 +64,8 @@ class IndependentModelsOptions(Options):
         return {"sigma": value} if isinstance(value, str | float | int) else value
 
 
-@stage(version=1, uses=("ground_points.xyz_m", "ground_points.covariance_m2", "earth_curvature:frame", "undulation"))
+@stage(version=2, uses=("ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m",
+                       "cameras.lever_arm_m", "earth_curvature:frame", "undulation"))  # fmt: skip
 def independent_models(
     block: Block,
     image_points: ImagePoints,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -88,9 +89,46 @@ def test_plan_and_height_in_turn_converge_with_cross_strips_to_the_common_adjust
     assert np.nanmax(np.abs(found[0].points.xyz_m - found[1].points.xyz_m)) < 1e-3
 
 
-def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:
-    from dataclasses import replace
+@pytest.mark.parametrize("lever_arm_m", [(0.0, 0.0, 0.0), (0.3, -0.2, 1.5)])
+@pytest.mark.parametrize("control", [0, 1])
+def test_positions_bring_models_to_the_ground_and_a_wrong_one_is_found(control: int, lever_arm_m: Any) -> None:
+    block = simulated(
+        2, flight={"strips": 2, "images_per_strip": 6}, known={"full": control}, ties={"per_position": 4},
+        gnss={"observed": True, "lever_arm_m": lever_arm_m}, noise={"gnss_m": (0.03, 0.03, 0.03)},
+    )  # fmt: skip
+    position_m = block.exterior.position_m.copy()
+    position_m[5, 0] += 1.0
+    chain = run_chain(replace(block, exterior=replace(block.exterior, position_m=position_m)))
+    found = independent_models(chain.block, chain.refined, chain.models, chain.absolute)
+    off = np.sqrt(np.nanmean((found.points.xyz_m - true_points(chain)) ** 2, axis=0))
+    assert (off < 0.15).all()
+    rejected = found.suspects.verdict == "rejected"
+    assert found.suspects.image[rejected & (found.suspects.kind == "position")].tolist() == [block.images.id[5]]
+    assert (found.residuals.kind == "position").sum() == len(block.images)
 
+
+def test_what_control_leaves_open_is_an_error_and_not_a_block_that_shrinks() -> None:
+    chain = run_chain(simulated(2, flight={"strips": 2, "images_per_strip": 5}, known={"full": 4},
+                                gnss={"observed": False}))  # fmt: skip
+    for n, what in ((1, "azimuth, scale"), (2, "rotation about the line")):
+        few = replace(chain.block, ground_points=chain.block.ground_points.take(np.arange(n)))
+        with pytest.raises(GeometryError, match=what):
+            independent_models(few, chain.refined, chain.models, chain.absolute)
+
+
+def test_a_model_that_hangs_on_too_little_is_left_out_by_name() -> None:
+    chain = run_chain(simulated(2, flight={"strips": 2, "images_per_strip": 5}, known={"full": 8}))
+    points = chain.models.model_points
+    first = points.model == 0  # the first of its strip: without points it keeps the centre it shares with the next one
+    models = replace(chain.models, model_points=replace(points, active=points.active & ~first))
+    told = Told()
+    found = independent_models(chain.block, chain.refined, models, chain.absolute, context=told)
+    name = str(chain.models.orientations.id[0])
+    assert any("share fewer than 3 points" in text and name in text for text in told.warnings)
+    assert np.nanmax(np.abs(found.points.xyz_m - true_points(chain))) < 0.5
+
+
+def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:
     images = exact.strip_block.images
     nothing = replace(exact.strip_block, images=replace(images, oriented=np.zeros(len(images), dtype=bool)))
     with pytest.raises(GeometryError, match="orients no model"):
