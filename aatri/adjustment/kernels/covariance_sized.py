@@ -17,6 +17,7 @@ from numba import njit
 from aatri.adjustment.kernels.covariance import from_factor
 from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS
 from aatri.adjustment.kernels.eliminate_pose import group_of
+from aatri.adjustment.kernels.eliminate_sized import UNROLLED
 
 _SIGNATURE = (
     "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], float64[::1,:], "
@@ -24,7 +25,6 @@ _SIGNATURE = (
 )
 
 
-@cache
 def covariances(m: int, k: int) -> Callable[..., Any]:
     """The compiled function for m residuals and k kept unknowns a ray; its parameters are
 
@@ -50,9 +50,17 @@ def covariances(m: int, k: int) -> Callable[..., Any]:
     X : (n, k, 3) float64, or without rows
         Filled in: minus the covariance of the part's unknowns with the block.
     """
+    return _covariances(m, k) if k <= UNROLLED else _covariances(0, 0)
+
+
+@cache
+def _covariances(of_m: int, of_k: int) -> Callable[..., Any]:
+    """The function for a pair of sizes; for zeros that of any sizes."""
 
     @njit(_SIGNATURE, **OPTIONS)
     def sized_covariances(p0, p1, base, ray_start, active, A, B, loc, S, free, Ls, Q, R, X):
+        m = of_m if of_m else A.shape[1]
+        k = of_k if of_k else A.shape[2]
         at, spare = np.empty(3 * MOST_RAYS, dtype=np.int64), np.empty(3 * MOST_RAYS, dtype=np.int64)
         gathered, stacked, product = np.empty(0), np.empty(0), np.empty(0)
         G, inverse, cross = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((k, 3))
@@ -157,3 +165,7 @@ def covariances(m: int, k: int) -> Callable[..., Any]:
 
     found: Callable[..., Any] = sized_covariances
     return found
+
+
+for sizes in ((2, 6), (3, 7), (0, 0)):
+    _covariances(*sizes)

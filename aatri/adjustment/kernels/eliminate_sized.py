@@ -2,8 +2,9 @@
 
 The method is that of `eliminate_pose`, for m residuals and one part of k unknowns a ray: strips and models (3 and 7, 3 and
 15), images with film unknowns (2 and 12). Both sizes are constants of the compiled code, so that loops over them are
-unrolled; `eliminator` compiles a pair when it is first asked for, and finds it in the cache from then on: a function that
-encloses nothing but numbers may be cached.
+unrolled; above `UNROLLED` unknowns that gains nothing, and one function serves all sizes. `eliminator` compiles a pair
+when it is first asked for, and finds it in the cache from then on: a function that encloses nothing but numbers may be
+cached. The pairs that nearly every block needs are compiled with the module.
 """
 
 from __future__ import annotations
@@ -18,15 +19,25 @@ from numba import njit
 from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS, block_factor
 from aatri.adjustment.kernels.eliminate_pose import POSE, eliminate_pose, group_of
 
+UNROLLED = 8
+"""Most unknowns a ray for which loops of constant length are faster: 3 times at 7, not at 12 and 15 (measured)."""
 
-@cache
+
 def eliminator(m: int, k: int) -> Callable[..., Any]:
     """`eliminate_pose` for m residuals and k kept unknowns a ray, with the same parameters; itself for 2 and 6."""
     if (m, k) == (2, 6):
         return eliminate_pose
+    return _eliminator(m, k) if k <= UNROLLED else _eliminator(0, 0)
+
+
+@cache
+def _eliminator(of_m: int, of_k: int) -> Callable[..., Any]:
+    """The function for a pair of sizes; for zeros that of any sizes."""
 
     @njit(POSE, **OPTIONS)
     def eliminate_sized(p0, p1, base, ray_start, v, A, B, loc, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest):
+        m = of_m if of_m else B.shape[1]
+        k = of_k if of_k else A.shape[2]
         at, spare = np.empty(3 * MOST_RAYS, dtype=np.int64), np.empty(3 * MOST_RAYS, dtype=np.int64)
         stacked, product, N = np.empty(0), np.empty(0), np.empty((0, k))
         D, h = np.empty((3, 3)), np.empty(3)
@@ -110,3 +121,7 @@ def eliminator(m: int, k: int) -> Callable[..., Any]:
 
     found: Callable[..., Any] = eliminate_sized
     return found
+
+
+for sizes in ((3, 7), (0, 0)):
+    _eliminator(*sizes)

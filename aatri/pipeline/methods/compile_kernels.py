@@ -1,12 +1,14 @@
 """Compile kernel modules side by side, before any is needed: a module is compiled when it is imported.
 
 A module waits for the kernel modules that it imports, so that nothing is compiled twice; the longest come first.
+The compiler makes millions of objects and no garbage worth collecting: without the collector it takes a sixth less.
 Whatever goes wrong is left to the process that imports the module in the end: its error is the one to tell.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import multiprocessing
 import os
@@ -38,7 +40,9 @@ def compile_side_by_side(kernels: Mapping[str, Path]) -> None:
     waiting = sorted(kernels, key=lambda name: -kernels[name].stat().st_size)
     under_way: dict[Future[None], str] = {}
     processes = min(PROCESSES, os.cpu_count() or 1, len(waiting))
-    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        processes, mp_context=multiprocessing.get_context("spawn"), initializer=gc.disable
+    ) as pool:
         while waiting or under_way:
             unfinished = {*waiting, *under_way.values()}
             ready = [name for name in waiting if not needs[name] & unfinished]

@@ -10,6 +10,13 @@ from numba import njit
 from aatri.adjustment.kernels.small import OPTIONS, median
 
 
+@njit("float64(float64[:,:])", **OPTIONS)
+def determinant(A):
+    """Of a 3 x 3 matrix; np.linalg.det takes seconds to compile."""
+    s = A[0, 0] * (A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]) - A[0, 1] * (A[1, 0] * A[2, 2] - A[1, 2] * A[2, 0])
+    return s + A[0, 2] * (A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0])
+
+
 @njit(
     "void(int64[::1], float64[:,::1], float64[:,::1], int64, float64[:,::1], float64[::1], float64[:,:,::1], float64[::1])",
     **OPTIONS,
@@ -38,14 +45,18 @@ def robust_similarities(start, all_x, all_X, iterations, shift, scale, rotation,
         distance, n = all_distance[start[p] : start[p + 1]], start[p + 1] - start[p]
         least = 0.0
         for a in range(3):
-            X0[a] = X[:, a].mean()
+            X0[a] = 0.0
+            for k in range(n):
+                X0[a] += X[k, a] / n
         for k in range(n):
             least = max(least, (X[k, 0] - X0[0]) ** 2 + (X[k, 1] - X0[1]) ** 2 + (X[k, 2] - X0[2]) ** 2)
         least = 1e-9 * np.sqrt(least) + 2.2250738585072014e-308
         for iteration in range(iterations + 1):
             total = 0.0
-            x0[:] = 0.0
-            X0[:] = 0.0
+            for a in range(3):
+                x0[a], X0[a] = 0.0, 0.0
+                for b in range(3):
+                    H[a, b] = 0.0
             for k in range(n):
                 w[k] = 1.0 / max(distance[k], least) if iteration else 1.0
                 total += w[k]
@@ -55,7 +66,6 @@ def robust_similarities(start, all_x, all_X, iterations, shift, scale, rotation,
             for a in range(3):
                 x0[a] /= total
                 X0[a] /= total
-            H[:] = 0.0
             square = 0.0
             for k in range(n):
                 for a in range(3):
@@ -64,7 +74,7 @@ def robust_similarities(start, all_x, all_X, iterations, shift, scale, rotation,
                     for b in range(3):
                         H[b, a] += w[k] * (X[k, b] - X0[b]) * d
             u, _, vt = np.linalg.svd(H)
-            flip[2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+            flip[2] = np.sign(determinant(u) * determinant(vt))
             along = 0.0
             for a in range(3):
                 for b in range(3):
@@ -89,4 +99,6 @@ def robust_similarities(start, all_x, all_X, iterations, shift, scale, rotation,
                 work[k] = s
             if iteration and change <= 1e-3 * max(median(work, n), least):
                 break
-        rotation[p] = R
+        for a in range(3):
+            for b in range(3):
+                rotation[p, a, b] = R[a, b]
