@@ -21,7 +21,10 @@ FACTORS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Cell:
-    """One level of each factor, the seed of its block, and of what class of observations the sigmas are wrong."""
+    """One level of each factor, the seed of its block, of what class the sigmas are wrong, and how image points err.
+
+    Errors are `normal`, or `t5`: Student's of five degrees of freedom, their size 0.6 to 1.6 of sigma by image.
+    """
 
     control: str
     positions: str
@@ -33,6 +36,7 @@ class Cell:
     wrong: str
     seed: int = 1
     sigmas_of: str = "image"
+    noise: str = "normal"
 
     @property
     def factor(self) -> float:

@@ -3,10 +3,10 @@
 An end is one of
 
     good            a result, and nothing speaks against it
-    refused         an error of aatri's, where a dense network says that the datum or a part is open or nearly so
+    refused         an error of aatri's, where a dense network says that the datum is open, or the whole is weak
     told            a result that its truth contradicts, or that lost good observations, with a warning
     INTERNAL        an error that is none of aatri's
-    LOST            an error where everything was determined
+    LOST            an error, or an image not oriented, where a dense network determines them
     OPEN            a result where nothing was determined
     WRONG           a result that its truth contradicts, and not a word
     REJECTED        good observations lost beyond 0.3 %
@@ -34,7 +34,6 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
 from aatri.errors import AatriError
-from aatri.plugin import card_of
 from aatri.progress import NO_CHECKPOINT, Checkpoint
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.accuracy.evaluation import evaluation
@@ -47,6 +46,7 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from aatri.tables.schema import Artifact
 from tests.campaigns.legal.cell import Cell
 from tests.campaigns.legal.flight import Scene, scene_of
 from tests.campaigns.legal.folder import set_of, write_block
@@ -95,52 +95,59 @@ def end_of(cell: Cell, way: str, network: Network | None = None) -> End:
     network = network or network_of(scene)
     ear = Ear()
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            write_block(scene, Path(folder))
-            block = tables(options=TablesOptions(path=Path(folder)), context=ear)
-        solution = through(cell, block, way, ear)
+        block = read(scene, ear)
+        solution = through(cell, block, way, ear)["bundle"]
     except AatriError as error:
-        everything = len(network.images) == len(scene.R) and not network.weak
-        text = f"{ear.stage}, exit {error.exit_code}: {error}"
-        return End("LOST" if everything else "refused", text, tuple(ear.warnings))
+        must = (not len(network.images) or network.weak) and error.exit_code in (3, 4, 5)
+        return End("refused" if must else "LOST", f"{ear.stage}, exit {error.exit_code}: {error}", tuple(ear.warnings))
     except Exception:
         return End("INTERNAL", f"{ear.stage}: " + "".join(traceback.format_exc(limit=-2)), tuple(ear.warnings))
+    assert isinstance(solution, Solution)
     return judged(scene, network, block, solution, tuple(ear.warnings))
 
 
-def through(cell: Cell, block: Block, way: str, ear: Ear) -> Solution:
-    """All stages of the default chain, or those of images without order."""
+def read(scene: Scene, ear: Ear) -> Block:
+    """The block as aatri reads it from its folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_block(scene, Path(folder))
+        return tables(options=TablesOptions(path=Path(folder)), context=ear)
 
-    def call(stage: Callable[..., Any], *ports: Any, **options: Any) -> Any:
-        ear.stage = stage.__name__
-        return stage(*ports, **options, context=ear)
 
-    interior = call(affine if cell.camera == "film" else calibrated, block)
+def through(cell: Cell, block: Block, way: str, ear: Ear) -> dict[str, Artifact]:
+    """Results of all stages of the default chain, or of those for images without order, by their names."""
+    made: dict[str, Artifact] = {"block": block}
+
+    def make(name: str, stage: Callable[..., Artifact], *ports: str, **options: Any) -> None:
+        ear.stage = name
+        made[name] = stage(*(made[port] for port in ports), **options, context=ear)
+
+    make("interior", affine if cell.camera == "film" else calibrated, "block")
     left_to_bundle = cell.parameters == "free"
-    refined = call(systematic, block, interior, options=SystematicOptions(distortion=not left_to_bundle))
+    make("refined", systematic, "block", "interior", options=SystematicOptions(distortion=not left_to_bundle))
     if way == "graph":
-        initial = call(graph, block, refined, rng=np.random.default_rng(cell.seed))
+        make("initial", graph, "block", "refined", rng=np.random.default_rng(cell.seed))
     else:
-        models = call(dependent, block, refined)
-        strips = call(scale_transfer, block, models)
-        absolute = call(similarity, block, strips, refined)
-        initial = call(polynomial, block, refined, strips, absolute)
+        make("models", dependent, "block", "refined")
+        make("strips", scale_transfer, "block", "models")
+        make("absolute", similarity, "block", "strips", "refined")
+        make("initial", polynomial, "block", "refined", "strips", "absolute")
     removable = {"self_calibration": {"set": set_of(cell), "remove": True}} if cell.parameters == "removable" else {}
-    solution = call(bundle, block, refined, initial, options=BundleOptions.model_validate(removable))
-    call(evaluation, block, solution)
-    assert isinstance(solution, Solution)
-    return solution
+    make("bundle", bundle, "block", "refined", "initial", options=BundleOptions.model_validate(removable))
+    make("accuracy", evaluation, "block", "bundle")
+    return made
 
 
 def judged(scene: Scene, network: Network, block: Block, solution: Solution, warnings: tuple[str, ...]) -> End:
     """What speaks against a result."""
-    if not len(network.points):
+    if not len(network.images):
         return End("OPEN", "a result of a block whose datum is open", warnings)
     lost, good = lost_of(scene, block, solution)
     decidable = network.size > FOUND or not (len(scene.wrong_control) + len(scene.wrong_positions))
     against = contradiction(scene, network, block, solution) if decidable else ""
     if against:
         return End("told" if warnings else "WRONG", against, warnings, lost, good)
+    if scene.cell.factor < 1 and scene.cell.sigmas_of in ("image", "all") and not warnings:
+        return End("WRONG", "not a word of standard deviations that are too small", warnings, lost, good)
     if lost > max(1, MOST_LOST * good):
         return End("REJECTED", f"{lost} of {good} good observations left out", warnings, lost, good)
     missing = [scene.image_ids[k] for k in network.images if k != scene.wrong_image]
@@ -214,9 +221,3 @@ def _left_out(solution: Solution) -> set[tuple[str, str, str]]:
     s = solution.suspects
     out = staying_out(s)
     return set(zip(s.kind[out].tolist(), s.image[out].tolist(), s.point[out].tolist()))
-
-
-def used_of(*stages: Callable[..., Any]) -> set[str]:
-    """What stages with their defaults use of what a block offers."""
-    cards = [card_of(stage, stage.__module__.split(".")[-2]) for stage in stages]
-    return {name for card in cards for name in card.used_with(card.options() if card.options else None) or ()}

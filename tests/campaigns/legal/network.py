@@ -1,8 +1,9 @@
 """What a block determines, by a dense least-squares network of its own: every observation that is right, at the truth.
 
-    J d = e,    whitened: rows over their true standard deviations, columns over their length
+    N_cc - N_cp N_pp^-1 N_pc = V L V',    c poses and camera, p points, columns over their length
 
-What the null space of J moves is open. Film is taken as measured, without what its fiducials leave open.
+Eigenvalues of zero are what is open, and it moves points by N_pp^-1 N_pc v. Film is taken as measured, without what its
+fiducials leave open.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ import numpy as np
 
 from tests.campaigns.legal.flight import (
     ATTITUDE_DEG,
-    CAMERAS,
     CONTROL_M,
     HEIGHT_M,
     IMAGE_MM,
@@ -24,8 +24,10 @@ from tests.campaigns.legal.flight import (
     true_camera,
 )
 
-OPEN = 1e-7
-"""Singular values of columns of length 1 below this share of the largest are zero."""
+OPEN = 1e-11
+"""Eigenvalues of columns of length 1 below this share of the largest are zero; sums of so many squares have 1e-14."""
+MOVED = 1e-4
+"""What an open direction of length 1 moves by less than this stays where it is."""
 WEAK = 0.1
 """Share of the flying height beyond which a standard deviation means that nothing is known."""
 
@@ -55,27 +57,40 @@ class Network:
 
 def network_of(scene: Scene) -> Network:
     """Determine what the block determines."""
+    n, points = len(scene.R), len(scene.xyz_m)
     rows = np.setdiff1d(np.arange(len(scene.xy_mm)), scene.wrong_rays)
-    rows = rows[scene.true_rays.point[rows] != scene.far_point]
-    rows = _seen_twice(scene, rows)
-    J = np.vstack([_of_rays(scene, rows), *_of_ground(scene)])
-    J = J * _units(scene)
-    used = np.flatnonzero(np.abs(J).max(axis=0) > 0)
-    scale = np.linalg.norm(J[:, used], axis=0)
-    values, V = np.linalg.svd(J[:, used] / scale, full_matrices=True)[1:]
-    values = np.concatenate([values, np.zeros(len(V) - len(values))])
-    none = values < OPEN * values[0]
-    moved, sigma = np.zeros(J.shape[1]), np.full(J.shape[1], np.nan)
-    moved[used] = np.abs(V[none]).max(axis=0, initial=0.0)
-    sigma[used] = np.sqrt(((V[~none].T / values[~none]) ** 2).sum(axis=1)) / scale * _units(scene)[used]
-    n = len(scene.R)
-    known = np.isfinite(sigma) & (moved < 1e-4)
-    images, points = (known[: 6 * n].reshape(n, 6), known[6 * n : -4].reshape(-1, 3))
-    of_points = np.where(known, sigma, np.nan)[6 * n : -4].reshape(-1, 3)
-    of_images = np.where(known, sigma, np.nan)[: 6 * n].reshape(n, 6)[:, :3]
+    rows = _seen_twice(scene, rows[scene.true_rays.point[rows] != scene.far_point])
+    image, point = scene.true_rays.image[rows], scene.true_rays.point[rows]
+    of_pose, of_camera, of_point = _of_rays(scene, rows)
+    columns = np.concatenate([6 * image[:, None] + np.arange(6), np.tile(6 * n + np.arange(4), (len(rows), 1))], axis=1)
+    A = np.concatenate([of_pose, of_camera], axis=2)
+    cc, cp, pp = np.zeros((6 * n + 4, 6 * n + 4)), np.zeros((points, 6 * n + 4, 3)), np.zeros((points, 3, 3))
+    np.add.at(cc, (columns[:, :, None], columns[:, None, :]), np.einsum("mki,mkj->mij", A, A))
+    np.add.at(cp, (point[:, None], columns), np.einsum("mki,mkj->mij", A, of_point))
+    np.add.at(pp, point, np.einsum("mki,mkj->mij", of_point, of_point))
+    _observed_on_the_ground(scene, cc, pp)
+    seen = np.flatnonzero(np.einsum("nii->n", pp) > 0)
+    inverse = np.linalg.inv(pp[seen])
+    back = np.einsum("nij,nkj->nik", inverse, cp[seen])  # of a point by the poses, but for the sign
+    reduced = cc - np.einsum("nij,njk->ik", cp[seen], back)
+    used = np.flatnonzero(np.diag(cc) > 0)
+    length = np.sqrt(np.diag(cc)[used])
+    values, V = np.linalg.eigh(reduced[np.ix_(used, used)] / np.outer(length, length))
+    none = values < OPEN * values[-1]
+    open_, root = V[:, none] / length[:, None], V[:, ~none] / np.sqrt(values[~none]) / length[:, None]
+    turned = open_ * np.where(used % 6 > 2, HEIGHT_M, 1.0)[:, None]  # what an angle moves on the ground
+    whole = np.abs(turned).max(initial=1.0)
+    C = inverse + np.einsum("nij,njk->nik", back[:, :, used] @ root, (back[:, :, used] @ root).transpose(0, 2, 1))
+    of_points, of_images = np.full((points, 3), np.nan), np.full((6 * n + 4), np.nan)
+    fast = np.abs(back[:, :, used] @ open_).max(axis=(1, 2), initial=0.0) if none.any() else np.zeros(len(seen))
+    still = fast < MOVED * whole
+    of_points[seen[still]] = np.sqrt(np.einsum("nii->ni", C[still]))
+    firm = np.abs(turned).max(axis=1, initial=0.0) < MOVED * whole
+    of_images[used[firm]] = np.sqrt((root[firm] ** 2).sum(axis=1))
+    poses = of_images[: 6 * n].reshape(n, 6)
     weak = bool(np.nanmax(of_points, initial=0.0) > WEAK * HEIGHT_M)
-    size = _size(scene, of_images, of_points)
-    return Network(np.flatnonzero(images.all(axis=1)), np.flatnonzero(points.all(axis=1)), of_points, size, weak)
+    return Network(np.flatnonzero(np.isfinite(poses).all(axis=1)), np.flatnonzero(np.isfinite(of_points).all(axis=1)),
+                   of_points, _size(scene, poses[:, :3], of_points), weak)  # fmt: skip
 
 
 def _size(scene: Scene, of_images: Float, of_points: Float) -> float:
@@ -96,20 +111,13 @@ def _size(scene: Scene, of_images: Float, of_points: Float) -> float:
 def _seen_twice(scene: Scene, rows: Int) -> Int:
     """Rays of points that two images see, or that are control."""
     often = np.bincount(scene.true_rays.point[rows], minlength=len(scene.xyz_m))
-    often[np.setdiff1d(scene.control, scene.control[scene.wrong_control])] += 2
+    often[np.delete(scene.control, scene.wrong_control)] += 2
     return rows[often[scene.true_rays.point[rows]] > 1]
 
 
-def _units(scene: Scene) -> Float:
-    """Columns: 6 of an image (m, rad), 3 of a point (m), c x0 y0 k1."""
-    n, half = len(scene.R), CAMERAS[scene.cell.camera][1]
-    return np.concatenate([np.tile([1, 1, 1, 1e-3, 1e-3, 1e-3], n), np.ones(3 * len(scene.xyz_m)),
-                           [0.1, 0.1, 0.1, 0.1 / half**3]])  # fmt: skip
-
-
-def _of_rays(scene: Scene, rows: Int) -> Float:
-    """Two rows each, x = -c u1 / u3 with c, x0, y0, k1 where they are free."""
-    image, point, n = scene.true_rays.image[rows], scene.true_rays.point[rows], len(scene.R)
+def _of_rays(scene: Scene, rows: Int) -> tuple[Float, Float, Float]:
+    """Derivatives (m, 2, 6), (m, 2, 4), (m, 2, 3) of x = -c u1 / u3 by pose, c x0 y0 k1 and point, over sigma."""
+    image, point = scene.true_rays.image[rows], scene.true_rays.point[rows]
     c, sigma = true_camera(scene.cell)["c"], IMAGE_MM[scene.cell.camera]
     R, d = scene.R[image], scene.xyz_m[point] - scene.position_m[image]
     u = np.einsum("nji,nj->ni", R, d)
@@ -121,35 +129,21 @@ def _of_rays(scene: Scene, rows: Int) -> Float:
     cross = np.zeros((len(rows), 3, 3))  # u = R' (1 - [w]x) d: du/dw = R' [d]x
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -d[:, 2], d[:, 1], -d[:, 0]
     cross -= cross.transpose(0, 2, 1)
-    of_turn = of_point @ cross
-    J = np.zeros((len(rows), 2, 6 * n + 3 * len(scene.xyz_m) + 4))
-    at = np.arange(len(rows))
-    for k in range(3):
-        J[at, :, 6 * image + k] = -of_point[:, :, k]
-        J[at, :, 6 * image + 3 + k] = of_turn[:, :, k]
-        J[at, :, 6 * n + 3 * point + k] = of_point[:, :, k]
+    of_camera = np.zeros((len(rows), 2, 4))
     if scene.cell.parameters == "free":
-        J[:, :, -4] = x / c
-        J[:, 0, -3] = J[:, 1, -2] = 1.0
-        J[:, :, -1] = -x * (x**2).sum(axis=1)[:, None]
-    return np.asarray(J.reshape(2 * len(rows), -1) / sigma)
+        of_camera[:, :, 0] = x / c
+        of_camera[:, 0, 1] = of_camera[:, 1, 2] = 1.0
+        of_camera[:, :, 3] = -x * (x**2).sum(axis=1)[:, None]
+    return np.concatenate([-of_point, of_point @ cross], axis=2) / sigma, of_camera / sigma, of_point / sigma
 
 
-def _of_ground(scene: Scene) -> list[Float]:
-    """Control, positions and attitudes, each over its standard deviation; the wrong ones come last of their kind."""
-    n, columns = len(scene.R), 6 * len(scene.R) + 3 * len(scene.xyz_m) + 4
-    made = []
-    right = np.setdiff1d(np.arange(len(scene.control)), scene.wrong_control)
-    for point in scene.control[right]:
-        made.append(_rows(columns, 6 * n + 3 * int(point), np.array(CONTROL_M)))
-    for image in np.delete(scene.positioned, scene.wrong_positions):
-        made.append(_rows(columns, 6 * int(image), np.full(3, POSITION_M)))
-    for image in range(len(scene.angles_deg)):
-        made.append(_rows(columns, 6 * image + 3, np.full(3, np.radians(ATTITUDE_DEG))))
-    return made
-
-
-def _rows(columns: int, first: int, sigma: Float) -> Float:
-    J = np.zeros((3, columns))
-    J[range(3), range(first, first + 3)] = 1 / sigma
-    return J
+def _observed_on_the_ground(scene: Scene, cc: Float, pp: Float) -> None:
+    """Weights of control, positions and attitudes, but for the wrong ones."""
+    for point in np.delete(scene.control, scene.wrong_control):
+        pp[point] += np.diag(1 / np.square(CONTROL_M))
+    place = np.arange(6 * len(scene.R)).reshape(-1, 6)
+    at = place[np.delete(scene.positioned, scene.wrong_positions), :3].ravel()
+    cc[at, at] += POSITION_M**-2
+    if len(scene.angles_deg):
+        at = place[:, 3:].ravel()
+        cc[at, at] += np.radians(ATTITUDE_DEG) ** -2
