@@ -45,8 +45,16 @@ class SolvedCameras(Table):
     """Interior orientation of the cameras."""
 
     id: Text = column("str", doc="id of the camera")
-    principal_distance_mm: Float = column("f8", unit="mm", doc="principal distance")
-    principal_point_mm: Float = column("f8", 2, unit="mm", doc="principal point as subtracted")
+    principal_distance_mm: Float = column(
+        "f8", unit="mm", doc="principal distance as adjusted; as given where it is not"
+    )
+    principal_point_mm: Float = column(
+        "f8",
+        2,
+        unit="mm",
+        doc="principal point as adjusted, from the origin of the block's: the "
+        "fiducial centre (film) or the image centre, x right, y up",
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,7 +199,7 @@ def told_parameters(block: Block, result: BundleResult, chosen: ChosenSet | None
             row = first + np.arange(p.value.size).reshape(p.value.shape)
             rows.append(TableRows(p, row, classical_factors(block, part.parameters, part.per)))
             continue
-        tables.append(parameter_table(p))
+        tables.append(parameter_table(block, p))
         if p.given.group == CAMERA:
             listed = listed_parameters(p.given)
             row = first + np.cumsum(listed).reshape(listed.shape) - 1

@@ -10,9 +10,10 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
 from aatri.adapters.bundle.calibration_tables import CalibrationTables
+from aatri.adapters.bundle.camera_parameters import PRINCIPAL_POINT
 from aatri.adapters.bundle.independent_errors import independent_errors_table
 from aatri.adapters.frame.adjustment_frame import result_out_of
-from aatri.arrays import Int
+from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
@@ -26,7 +27,8 @@ from aatri.artifacts.solution import (
     Tests,
 )
 from aatri.artifacts.suspects import Suspects
-from aatri.observations.poses import CAMERA
+from aatri.camera.parameters.catalogue import INTERIOR
+from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult, without_absent
@@ -55,7 +57,7 @@ def bundle_solution(
             block, result.poses.position_m, result.poses.ground_from_image, per_image, result.pose_covariance
         ),
         points=assemble.ground_points(block, result.xyz_m, per_point, result.point_covariance_m2),
-        cameras=_cameras(block, result),
+        cameras=_cameras(block, parameters),
         transformations=StripTransformations.empty(),
         parameters=assemble.stacked([Parameters.empty(), *parameters, *_own_unknowns(given, result)]),
         residuals=assemble.stacked([Residuals.empty(), *(residual_table(o, state) for o in result.observations)]),
@@ -81,22 +83,22 @@ def _tests(result: BundleResult) -> Tests:
     return assemble.stacked([Tests.empty(), *tables])
 
 
-def _cameras(block: Block, result: BundleResult) -> SolvedCameras:
-    """Cameras as given, with the adjusted principal distance and point of their models."""
-    cameras = assemble.solved_cameras(block)
-    for p in result.parameters:
-        if p.given.group != CAMERA:
-            continue
-        row = {str(k): i for i, k in enumerate(block.cameras.id)}
-        c, point = cameras.principal_distance_mm.copy(), cameras.principal_point_mm.copy()
-        for name, model, value in zip(p.given.ids, p.given.model, p.value):
-            k = row[str(name)]
-            c[k] = value[0]
-            if model != "bal":
-                first = 1 if model in ("pinhole", "brown") else 2
-                point[k] += value[first : first + 2]
-        cameras = replace(cameras, principal_distance_mm=c, principal_point_mm=point)
-    return cameras
+def _cameras(block: Block, parameters: Sequence[Parameters]) -> SolvedCameras:
+    """Interior orientations as adjusted: of camera models, or by c, x0, y0 of a set that each camera has one of."""
+    cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *parameters])
+    values = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
+    for group, names in ((CAMERA, ("principal_distance", *PRINCIPAL_POINT)), (ADDITIONAL, INTERIOR.parameters)):
+        for column, name in enumerate(names):
+            found = dict(zip(p.object[mine].tolist(), p.value[mine])) if (mine := _of(p, group, name)).any() else {}
+            if found and set(found) <= set(block.cameras.id.tolist()):
+                at = np.flatnonzero(np.isin(block.cameras.id, list(found)))
+                change = np.array([found[str(block.cameras.id[k])] for k in at])
+                values[at, column] = change + (values[at, column] if group == ADDITIONAL else 0.0)
+    return replace(cameras, principal_distance_mm=values[:, 0], principal_point_mm=values[:, 1:])
+
+
+def _of(p: Parameters, group: str, name: str) -> Bool:
+    return np.asarray((p.group == group) & (p.name == name))
 
 
 def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, float]:

@@ -2,8 +2,8 @@
 
     v = p - p_calibration,    covariance that of the calibration, of all parameters of a camera together
 
-What the calibration has held is held here, at its values. The principal point is told from the nominal one of each
-block; only the sum counts, so the nominal points may differ.
+What the calibration has held is held here, at its values. The adjustment has principal points from the nominal ones;
+the nominal points of the two blocks may differ.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.bundle.camera_parameters import PRINCIPAL_POINT, nominal_point_mm
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
@@ -20,8 +21,6 @@ from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import CAMERA
-
-_POINT = ("principal_point.x", "principal_point.y")
 
 
 def has_camera_models(solution: Solution) -> bool:
@@ -62,7 +61,7 @@ def calibrated_cameras(block: Block, rows: ParameterRows, solution: Solution) ->
                 f"camera {name} has the parameters {', '.join(names)}, in the calibration {', '.join(p.name[at])}",
                 where=f"block {block.name}", remedy="give the camera the distortion model of its calibration",
             )  # fmt: skip
-        start[k, : len(at)] = p.value[at] + _nominal_moved(block, solution, str(name), names)
+        start[k, : len(at)] = p.value[at] - _nominal(block, str(name), names)
         if covariances is not None:
             C[k, : len(at), : len(at)] = _among(at, covariances.first, covariances.second, covariances.covariance)
         if not np.allclose(np.diag(C[k])[: len(at)], p.sigma[at] ** 2, rtol=1e-6, atol=0.0):
@@ -82,13 +81,7 @@ def _among(at: np.ndarray, first: np.ndarray, second: np.ndarray, covariance: Fl
     return C
 
 
-def _nominal_moved(block: Block, solution: Solution, camera: str, names: tuple[str, ...]) -> Float:
-    """What the principal point's parameters change by, because the blocks have other nominal points."""
-    here = block.cameras.principal_point_mm[block.cameras.id == camera][0]
-    there = solution.cameras.principal_point_mm[solution.cameras.id == camera][0]
-    p, moved = solution.parameters, np.zeros(len(names))
-    for axis, name in enumerate(_POINT):
-        if name in names:
-            value = p.value[(p.group == CAMERA) & (p.object == camera) & (p.name == name)][0]
-            moved[names.index(name)] = there[axis] - value - here[axis]  # `there` has the estimate added
-    return moved
+def _nominal(block: Block, camera: str, names: tuple[str, ...]) -> Float:
+    """The nominal principal point at its places among the parameters, zero elsewhere."""
+    point = dict(zip(PRINCIPAL_POINT, nominal_point_mm(block.cameras, camera).tolist()))
+    return np.array([point.get(name, 0.0) for name in names])

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import Block, Cameras
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters
 from aatri.camera.models import calibration
@@ -27,6 +27,8 @@ Unit = Literal["camera", "flight", "session", "image"]
 
 MODELS = {"none": "pinhole", "brown": "brown", "dbat3": "brown", "bal": "bal", "opencv": "opencv", "fisheye": "fisheye"}
 """Camera model of each distortion of the block."""
+
+PRINCIPAL_POINT = ("principal_point.x", "principal_point.y")
 
 CARRIED = ("lever_arm", "boresight")
 """Parameters of a camera that are none of its model: how it is mounted with antenna and IMU."""
@@ -198,6 +200,11 @@ def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
                          None, tuple(rows.model[k] for k in camera), per_image=True)  # fmt: skip
 
 
+def nominal_point_mm(cameras: Cameras, camera: str) -> Float:
+    """Principal point of a camera as the block gives it, (2,) mm."""
+    return np.asarray(cameras.principal_point_mm[cameras.id == camera][0])
+
+
 def listed_parameters(given: ParameterRows) -> Bool:
     """Which parameters the table of a group tells: those that are free, of camera models all, (n, s)."""
     if given.group != CAMERA:
@@ -206,9 +213,12 @@ def listed_parameters(given: ParameterRows) -> Bool:
     return np.asarray(np.arange(given.free.shape[1]) < size[:, None])
 
 
-def parameter_table(adjusted: AdjustedParameters, names: tuple[str, ...] | None = None) -> Parameters:
-    """Adjusted parameters as a table; held ones only where they belong to a camera model."""
-    given = adjusted.given
+def parameter_table(block: Block, adjusted: AdjustedParameters) -> Parameters:
+    """Adjusted parameters as a table; held ones only where they belong to a camera model.
+
+    The adjustment has principal points from the nominal ones; the table has them as the block has, from its origin.
+    """
+    given, value = adjusted.given, adjusted.value.copy()
     variance = np.einsum("nii->ni", adjusted.covariance)
     camera = given.group == CAMERA
     listed = listed_parameters(given)
@@ -217,15 +227,15 @@ def parameter_table(adjusted: AdjustedParameters, names: tuple[str, ...] | None 
         for k, model in enumerate(given.model):
             own = calibration.PARAMETERS[model]
             labels[k, : len(own)] = own
-    elif names is not None:
-        labels[:] = names
+            for axis, name in enumerate(PRINCIPAL_POINT):
+                value[k, labels[k] == name] += nominal_point_mm(block.cameras, str(given.ids[k]))[axis]
     row, column = np.nonzero(listed)
     sigma = np.sqrt(variance[row, column])
     return Parameters(
         group=np.full(len(row), given.group),
         object=np.asarray(given.ids, dtype=np.str_)[row],
         name=labels[row, column],
-        value=adjusted.value[row, column],
+        value=value[row, column],
         sigma=np.where(given.free[row, column], sigma, 0.0),
     )
 

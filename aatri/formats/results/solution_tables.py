@@ -5,6 +5,7 @@ parameters.csv has an empty cell where a parameter was removed; parameter_covari
 correlations of the camera parameters, additional and of camera models, each pair once; frame.csv says what the
 coordinates refer to.
 
+cameras.csv has the interior orientations as adjusted, with their covariance and the convention of each camera.
 Metres, millimetres in the image, degrees. Angles in both systems: omega-phi-kappa is R = Rx(omega) Ry(phi) Rz(kappa),
 phi-omega-kappa (columns `_pok_`) is R = Ry(-phi) Rx(omega) Rz(kappa). Standard deviations are a priori: sigma0 is not
 applied to them. An empty cell is not determined or not known, never 0. Numbers are written so that they read back to
@@ -27,6 +28,7 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals, Solution, Tests, VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
+from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
@@ -64,7 +66,7 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
     tables = {
         "exterior.csv": _exterior(solution),
         "points.csv": _points(solution, block),
-        "cameras.csv": _cameras(solution),
+        "cameras.csv": interior_columns(solution, block),
         "residuals.csv": _residuals(solution),
         "frame.csv": _frame(block),
     }
@@ -150,15 +152,6 @@ def _points(solution: Solution, block: Block) -> Columns:
         **_split(("sX_m", "sY_m", "sZ_m"), _sigmas(points.covariance_m2)),
         "rays": points.rays,
         "role": point_roles(block),
-    }
-
-
-def _cameras(solution: Solution) -> Columns:
-    cameras = solution.cameras
-    return {
-        "camera": cameras.id,
-        "principal_distance_mm": cameras.principal_distance_mm,
-        **_split(("principal_point_x_mm", "principal_point_y_mm"), cameras.principal_point_mm),
     }
 
 

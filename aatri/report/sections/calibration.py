@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.artifacts.solution import Parameters, Solution
+from aatri.formats.results.interior_orientation import interior_covariances
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
 from aatri.report.numbers import DASH, number
@@ -40,8 +41,25 @@ def parameter_tables(solution: Solution) -> list[PageTable]:
         "value / sigma": lambda k: number(abs(value(k)) / sigma(k)) if sigma(k) > 0 else DASH,
     }
     return present(
-        tables.all_rows("Calibration and other parameters", rows, columns, 4), _correlations(solution), _film(solution)
-    )
+        _interior(solution), tables.all_rows("Calibration and other parameters", rows, columns, 4),
+        _correlations(solution), _film(solution),
+    )  # fmt: skip
+
+
+def _interior(solution: Solution) -> PageTable | None:
+    """Principal distance and point of the cameras as adjusted, where they are."""
+    cameras, covariance = solution.cameras, interior_covariances(solution)
+    rows = np.flatnonzero((np.einsum("nii->ni", covariance) > 0).any(axis=1))
+    if not len(rows):
+        return None
+    values = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
+    sigma = np.sqrt(np.einsum("nii->ni", covariance))
+    columns: Cells = {"camera": lambda k: str(cameras.id[rows[k]])}
+    for axis, name in enumerate(("c mm", "x0 mm", "y0 mm")):
+        columns[name] = lambda k, axis=axis: f"{values[rows[k], axis]:.5f}"  # type: ignore[misc]
+        columns[f"sigma {name}"] = lambda k, axis=axis: number(float(sigma[rows[k], axis]))  # type: ignore[misc]
+    caption = "Interior orientations as adjusted; the principal point from the fiducial or image centre, x right, y up"
+    return tables.all_rows(caption, rows, columns, 1)
 
 
 def _correlations(solution: Solution) -> PageTable | None:
