@@ -8,7 +8,8 @@ which everything read is still active this is repeated until nothing changes:
 3. image with fewer than 3 points, without an observed position -> rejected, with its image points.
 
 Ground points with a role that no image shows are listed, but keep their role. If more than `max_reject_share` of the
-image points (rule 1), points (2) or images (3) would go, something larger is wrong: an error, with the first places.
+image points would go by rule 1, a unit or the format is wrong: an error, with the first places. Points seen once (2)
+and images with few points (3) are no reason to refuse the others, however many, as long as an image is left.
 So are positions that cannot be, control that lies off the block, and angles between rays to control that do not agree
 with positions and control (see `orientation.plausibility`); a line per camera says what was found right.
 The outcome depends on the content alone, so that a block written out and read again is screened to the same.
@@ -34,9 +35,9 @@ from aatri.notes import Note, tell
 from aatri.progress import SILENT, Reporter
 
 MAX_REJECT_SHARE = 0.05
-"""Largest share of a class (images, points, image points) that may be rejected, unless options say another."""
+"""Largest share of the image points that may lie outside the format, unless options say another."""
 
-REJECT_SHARE = "largest share of the images, points or image points that may be set aside; more is an error"
+REJECT_SHARE = "largest share of image points outside the format, or impossible positions, to set aside; else an error"
 """What the option of that name says."""
 
 FORMAT_MARGIN = 0.05
@@ -81,12 +82,13 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     reporter : Reporter
         Gets a warning per reject.
     max_reject_share : float
-        Largest share of a class (images, points, image points) that may be set aside.
+        Largest share of the image points that may lie outside the format, and of the positions that cannot be.
 
     Raises
     ------
     InputError
-        If the block does not pass the gate, measurements disagree, or more than the share of a class would be rejected.
+        If the block does not pass the gate, measurements disagree, more than the share would be rejected, or no image
+        is left.
     """
     raise_all(faults_of(block))
     block, impossible = without_impossible_positions(block, max_reject_share)
@@ -235,37 +237,32 @@ def _has_position(block: Block) -> Bool:
 
 
 def _too_many(block: Block, images: _Set, points: _Set, share: float) -> list[InputError]:
-    """Errors for the classes of which too much would go."""
+    """An error where too much lies outside the format, or no image is left."""
     rows = block.image_points
-    by_reason = {reason: [r for r, why in points.reasons.items() if why == reason] for reason in (OUTSIDE, SEEN_ONCE)}
-    single = sorted({int(rows.point[r]): r for r in sorted(by_reason[SEEN_ONCE], reverse=True)}.values())
-    image_rows = sorted(images.reasons)
-    image_lines = [(str(block.images.id[r]), read_at(block, block.images, r)) for r in image_rows]
-    point_lines = [(_point_name(block, r), read_at(block, block.image_points, r)) for r in single]
-    outside_lines = [(_point_name(block, r), read_at(block, block.image_points, r)) for r in sorted(by_reason[OUTSIDE])]
-    measured = int(np.count_nonzero(np.bincount(rows.point)))
-    found = [
-        _share_error("image points", outside_lines, len(rows), share, OUTSIDE,
-                     "check unit, origin, axes and `format` of the camera in block.yaml"),
-        _share_error("points", point_lines, measured, share, SEEN_ONCE,
-                     "check that a point has the same id in all images; remove single measurements"),
-        _share_error("images", image_lines, len(block.images), share, FEW_POINTS,
-                     "measure more points, give an observed position, or remove the images"),
-    ]  # fmt: skip
-    errors = [error for error in found if error is not None]
-    return errors[:1] if found[0] is not None else errors  # what lies outside the format takes the rest with it
+    by_reason = {why: sorted(r for r, of in points.reasons.items() if of == why) for why in (OUTSIDE, SEEN_ONCE)}
+    outside = [(_point_name(block, r), read_at(block, rows, r)) for r in by_reason[OUTSIDE]]
+    if len(outside) > share * len(rows):
+        what = f"{len(outside)} of {len(rows)} image points: {OUTSIDE}; at most {share:.0%} may be set aside: "
+        remedy = (
+            "check unit, origin, axes and `format` of the camera in block.yaml; or allow more with max_reject_share"
+        )
+        return [InputError(what + _listed(outside), where=outside[0][1], remedy=remedy)]
+    if images.active.any() or not images.reasons:
+        return []
+    gone = [(str(block.images.id[r]), read_at(block, block.images, r)) for r in sorted(images.reasons)]
+    once = [(_point_name(block, r), read_at(block, rows, r)) for r in by_reason[SEEN_ONCE]]
+    what = f"no image is left: {len(gone)} of {len(block.images)} with {FEW_POINTS}: {_listed(gone)}"
+    if once:
+        what += f"; {len(once)} of {len(rows)} image points {SEEN_ONCE}: {_listed(once)}"
+    remedy = "check that a point has the same id in all images; measure more points, or give observed positions"
+    return [InputError(what, where=(once or gone)[0][1], remedy=remedy)]
 
 
-def _share_error(
-    kind: str, found: list[tuple[str, str]], total: int, share: float, reason: str, remedy: str
-) -> InputError | None:
-    if len(found) <= share * total:
-        return None
-    listed = ", ".join(f"{printable(name)} ({where})" if where else printable(name)
-                       for name, where in found[:MOST_LISTED])  # fmt: skip
+def _listed(found: list[tuple[str, str]]) -> str:
+    """The first of some names with their places."""
     more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
-    what = f"{len(found)} of {total} {kind}: {reason}; at most {share:.0%} may be set aside: {listed}{more}"
-    return InputError(what, where=found[0][1], remedy=f"{remedy}; or allow more with max_reject_share")
+    names = (f"{printable(name)} ({where})" if where else printable(name) for name, where in found[:MOST_LISTED])
+    return ", ".join(names) + more
 
 
 def _point_name(block: Block, row: int) -> str:
