@@ -3,8 +3,9 @@
 Internal is how well the observations agree with each other; external is how the result agrees with what it never saw.
 A good internal light says nothing about the external ones.
 
-sigma0 has the global test of `adjustment.statistics.global_test`: good within its 95 % interval, bad where it is also
-beyond 0.5 to 2, else to be looked at: with many observations the test is very sharp.
+A colour has a cause: sigma0 is good within the 99.9 % interval of its global test, bad where it is also beyond 0.5 to
+2, else to be looked at; errors of check points and of a simulated block are held against theory by limits of 99.9 %
+that count how many independent errors they are (`evaluation.expected_ratios`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
+from aatri.evaluation.expected_ratios import outside_expected
 from aatri.ids import shown
 from aatri.report.numbers import metres, number
 from aatri.report.run_view import RunView, StageView
@@ -31,8 +33,6 @@ ENOUGH_CHECK_POINTS = 30
 FAR_SIGMAS = 6.0
 """A check point beyond this many of its standard deviations is named: it is not where it is said to be."""
 MOST_FAR = 10
-ONE_BLOCK = 0.15
-"""One simulated block gives truth over theory no better: the errors of neighbouring points are correlated."""
 
 
 @dataclass(frozen=True)
@@ -155,28 +155,27 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
 
 
 def _expected(figures: Mapping[str, float | int | None]) -> Light:
-    """Whether the theoretical standard deviation lies in the chi-square interval of the check RMSE."""
-    title = "Check against theory"
-    ranges = {axis: [figures.get(name.format(axis)) for name in
-              ("check_rmse_{}_low_m", "check_theory_rmse_{}_m", "check_rmse_{}_high_m")] for axis in "xyz"}  # fmt: skip
-    known = {axis: values for axis, values in ranges.items() if None not in values}
-    if not known:
+    """Whether the errors at check points are those that the standard deviations say."""
+    title, known = "Check against theory", _numbers(figures)
+    points = {
+        f"check_independent_{axis}": known["check_points"] for axis in "xyz" if f"check_theory_ratio_{axis}" in known
+    }
+    if not points:
         return Light(title, NONE, "no theoretical standard deviations at check points")
-    worse = [axis.upper() for axis, (low, theory, _) in known.items() if theory < low]  # type: ignore[operator]
-    better = [axis.upper() for axis, (_, theory, high) in known.items() if theory > high]  # type: ignore[operator]
-    if worse:
-        return Light(title, LOOK, f"{', '.join(worse)} worse than the standard deviations say (95 %)")
-    if better:
-        return Light(title, LOOK, f"{', '.join(better)} better than the standard deviations say (95 %)")
-    return Light(title, GOOD, "as the standard deviations say (95 %)")
+    beyond = outside_expected(points | known, "check")
+    return Light(title, LOOK, " ".join(beyond)) if beyond else Light(title, GOOD, "as the standard deviations say")
 
 
 def _truth(figures: Mapping[str, float | int | None]) -> Light:
-    title = "Truth against theory"
-    ratios = {axis: figures.get(f"truth_over_theory_{axis}") for axis in "xyz"}
-    known = {axis: float(ratio) for axis, ratio in ratios.items() if ratio is not None}
-    if not known:
-        return Light(title, NONE, f"{number(figures['truth_points'])} new points, no theoretical standard deviations")
-    words = f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in known.items())}"
-    state = GOOD if all(abs(ratio - 1.0) <= ONE_BLOCK for ratio in known.values()) else LOOK
-    return Light(title, state, f"{words} at {number(figures['truth_points'])} new points (simulated)")
+    title, known = "Truth against theory", _numbers(figures)
+    ratios = {axis: known[name] for axis in "xyz" if (name := f"truth_over_theory_{axis}") in known}
+    count = f"{number(figures['truth_points'])} new points"
+    if not ratios:
+        return Light(title, NONE, f"{count}, no theoretical standard deviations")
+    words = f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in ratios.items())} at {count} (simulated)"
+    beyond = outside_expected(known, "new")
+    return Light(title, LOOK if beyond else GOOD, " ".join([words, *beyond]))
+
+
+def _numbers(figures: Mapping[str, float | int | None]) -> dict[str, float]:
+    return {name: float(value) for name, value in figures.items() if value is not None}

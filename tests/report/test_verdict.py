@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from aatri.report.verdict import internal_lights
+from aatri.report.verdict import external_lights, internal_lights
 
 
 @pytest.mark.parametrize(
@@ -19,9 +19,29 @@ from aatri.report.verdict import internal_lights
     ],
 )
 def test_sigma0_is_tested_with_the_redundancy_that_it_counts(figures: dict[str, float], state: str) -> None:
-    """95 % limits: 0.748 to 1.252 for a redundancy of 30, 0.920 to 1.080 for 300 (tables of chi-square)."""
+    """99.9 % limits: 0.600 to 1.439 for a redundancy of 30, 0.868 to 1.136 for 300 (tables of chi-square)."""
     stage = SimpleNamespace(name="bundle", metrics={"sigma0": 1.20, **figures}, status="done")
     run = SimpleNamespace(stages=[stage], of_kind=lambda kind: [stage])
     (light,) = [x for x in internal_lights(run, None) if x.title == "sigma0"]  # type: ignore[arg-type]
     assert light.state == state
     assert f"redundancy {round(figures.get('sigma0_redundancy', figures['redundancy']))}," in light.words
+
+
+@pytest.mark.parametrize(
+    ("ratio", "independent", "state"),
+    [
+        (1.6, {}, "good"),
+        (2.4, {}, "look"),
+        (1.6, {"check_independent_x": 30.0}, "look"),
+        (1.3, {"check_independent_x": 30.0}, "good"),
+    ],
+)
+def test_check_points_are_held_against_theory_by_how_many_independent_errors_they_have(
+    ratio: float, independent: dict[str, float], state: str
+) -> None:
+    """99.9 % limits of sqrt(chi2(n) / n): 0.126 to 2.236 for 4 check points, 0.600 to 1.439 for 30 independent."""
+    figures = {"check_points": 4, "check_theory_ratio_x": ratio, "check_theory_ratio_y": 1.0, **independent}
+    stage = SimpleNamespace(name="accuracy", metrics=figures, status="done")
+    run = SimpleNamespace(of_kind=lambda kind: [stage], last=lambda kind: None)
+    (light,) = [x for x in external_lights(run) if x.title == "Check against theory"]  # type: ignore[arg-type]
+    assert light.state == state, light.words

@@ -3,13 +3,14 @@
     sigma0^2 = v'P v / r,   r sigma0^2 ~ chi2(r)   where model and standard deviations are right (sigma0 a priori 1)
 
 sigma0 is therefore expected between sqrt(chi2(r; 0.025) / r) and sqrt(chi2(r; 0.975) / r). It stands beside this 95 %
-interval always. With many observations the test is very sharp, and standard deviations are seldom known to a few per
-cent: a warning takes more, outside the interval *and* beyond 0.8 to 1.25. Beyond 0.5 to 2 the standard deviations of
-the result say nothing; beyond `max_sigma0` there is no result.
+interval always. A chain makes five such tests and more, and one in twenty fails where nothing is wrong: sigma0 does not
+fit where it is outside the 99.9 % interval. With many observations the test is very sharp, and standard deviations are
+seldom known to a few per cent: a warning takes more, outside that interval *and* beyond 0.8 to 1.25. Beyond 0.5 to 2
+the standard deviations of the result say nothing; beyond `max_sigma0` there is no result.
 
 Many small adjustments (images, models) are pooled: sum v'P v over sum r is tested once. A single one is listed where
-chi2 exceeds its bound at the level 0.05 / count, so that a set in which nothing is wrong lists one in twenty times, and
-where its sigma0 is beyond 1.25.
+chi2 exceeds its bound at the level 0.001 / count, so that a set in which nothing is wrong lists one in a thousand
+times, and where its sigma0 is beyond 1.25.
 
 Source: Koch, Parameter Estimation and Hypothesis Testing, 4.2; Bonferroni's bound for the single ones.
 """
@@ -31,7 +32,8 @@ MAX_SIGMA0 = 20.0
 WARNED_BEYOND = (0.8, 1.25)
 FAR_BEYOND = (0.5, 2.0)
 
-LEVEL = 0.05
+SHOWN, LEVEL = 0.05, 0.001
+"""Probability outside the interval that is told, and of an alarm without cause."""
 
 Verdict = Literal["untested", "fits", "outside", "warned", "far"]
 
@@ -48,7 +50,7 @@ class GlobalTest:
     low, high : float
         Where sigma0 is expected with 95 %; NaN without redundancy.
     verdict : {'untested', 'fits', 'outside', 'warned', 'far'}
-        In the interval; outside, but within 0.8 to 1.25; beyond that; beyond 0.5 to 2.
+        In the 99.9 % interval; outside, but within 0.8 to 1.25; beyond that; beyond 0.5 to 2.
     """
 
     sigma0: float
@@ -70,8 +72,9 @@ def global_test(sigma0: float, redundancy: int) -> GlobalTest:
     if redundancy < 1 or not np.isfinite(sigma0):
         return GlobalTest(float("nan"), max(redundancy, 0), float("nan"), float("nan"), "untested")
     low, high = sigma0_interval(redundancy)
+    least, most = sigma0_interval(redundancy, LEVEL)
     verdict: Verdict = "outside"
-    if low <= sigma0 <= high:
+    if least <= sigma0 <= most:
         verdict = "fits"
     elif not FAR_BEYOND[0] <= sigma0 <= FAR_BEYOND[1]:
         verdict = "far"
@@ -96,7 +99,7 @@ def pooled_test(sigma0: Float, redundancy: Int) -> GlobalTest:
 
 
 def single_misfits(sigma0: Float, redundancy: Int) -> Bool:
-    """Which of many small adjustments do not fit: at the level 0.05 / count, and sigma0 beyond 1.25.
+    """Which of many small adjustments do not fit: at the level 0.001 / count, and sigma0 beyond 1.25.
 
     Parameters
     ----------
@@ -116,13 +119,15 @@ def single_misfits(sigma0: Float, redundancy: Int) -> Bool:
     return np.asarray(told & (chdtrc(r, r * s**2) < level) & (s > WARNED_BEYOND[1]))
 
 
-def sigma0_interval(redundancy: int) -> tuple[float, float]:
-    """Two-sided 95 % interval of sigma0 where the model and the standard deviations are right.
+def sigma0_interval(redundancy: int, outside: float = SHOWN) -> tuple[float, float]:
+    """Two-sided interval of sigma0 where the model and the standard deviations are right.
 
     Parameters
     ----------
     redundancy : int
         1 or more.
+    outside : float
+        Probability outside the interval: of 95 % unless told.
 
     Returns
     -------
@@ -130,7 +135,7 @@ def sigma0_interval(redundancy: int) -> tuple[float, float]:
     """
     from scipy.special import chdtri  # inverse of the upper tail
 
-    low, high = chdtri(redundancy, 1 - LEVEL / 2), chdtri(redundancy, LEVEL / 2)
+    low, high = chdtri(redundancy, 1 - outside / 2), chdtri(redundancy, outside / 2)
     return float(low / redundancy) ** 0.5, float(high / redundancy) ** 0.5
 
 
