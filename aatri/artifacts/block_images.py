@@ -16,19 +16,27 @@ class Cameras(Table):
     """Cameras: interior orientation as calibrated."""
 
     id: Text = column("str", doc="id of the camera")
-    kind: Text = column("str", doc="film or digital")
-    image_coordinates: Text = column("str", doc="photo, comparator or pixel: what image_points.xy is")
+    kind: Text = column("str", doc="film or digital", default="digital")
+    image_coordinates: Text = column("str", doc="photo, comparator or pixel: what image_points.xy is", default="pixel")
     pixel_size_mm: Float = column("f8", 2, unit="mm", doc="pixel size in x and y", optional=True)
-    pixel_origin: Text = column("str", doc="top-left-corner, top-left-centre, bottom-left-corner or image-centre")
-    pixel_y: Text = column("str", doc="down, up or empty")
+    pixel_origin: Text = column(
+        "str", doc="top-left-corner, top-left-centre, bottom-left-corner or image-centre", default=""
+    )
+    pixel_y: Text = column("str", doc="down, up or empty", default="")
     format: Float = column("f8", 2, unit="mm (film) or px (digital)", doc="image format", optional=True)
     principal_distance_mm: Float = column("f8", unit="mm", doc="principal distance c")
-    principal_point_mm: Float = column("f8", 2, unit="mm", doc="from the fiducial or image centre, x right, y up")
-    symmetry_point_mm: Float = column("f8", 2, unit="mm", doc="centre of the distortion, from the principal point")
-    distortion: Text = column("str", doc="none, brown, table, opencv, fisheye or bal")
-    lever_arm_m: Float = column("f8", 3, unit="m", doc="antenna minus projection centre, camera axes")
-    boresight_rad: Float = column("f8", 3, unit="rad", doc="boresight misalignment: small turns about the camera axes")
-    mount_deg: Int = column("i4", unit="deg", doc="image x clockwise from the nose: 0, 90, 180 or 270")
+    principal_point_mm: Float = column(
+        "f8", 2, unit="mm", doc="from the fiducial or image centre, x right, y up", default=0.0
+    )
+    symmetry_point_mm: Float = column(
+        "f8", 2, unit="mm", doc="centre of the distortion, from the principal point", default=0.0
+    )
+    distortion: Text = column("str", doc="none, brown, table, opencv, fisheye or bal", default="none")
+    lever_arm_m: Float = column("f8", 3, unit="m", doc="antenna minus projection centre, camera axes", default=0.0)
+    boresight_rad: Float = column(
+        "f8", 3, unit="rad", doc="boresight misalignment: small turns about the camera axes", default=0.0
+    )
+    mount_deg: Int = column("i4", unit="deg", doc="image x clockwise from the nose: 0, 90, 180 or 270", default=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +46,8 @@ class CameraParameters(Table):
     camera: Int = column("i4", doc="row in cameras", refers="cameras")
     name: Text = column("str", doc="parameter, as in the block folder: k1, p2, principal_distance ...")
     value: Float = column("f8", doc="value in the convention of the distortion model", optional=True)
-    sigma: Float = column("f8", doc="standard deviation; 0 fixed, NaN not given", optional=True)
-    free: Bool = column("bool", doc="the parameter is to be estimated without weight")
+    sigma: Float = column("f8", doc="standard deviation; 0 fixed, NaN not given", optional=True, default=0.0)
+    free: Bool = column("bool", doc="the parameter is to be estimated without weight", default=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +103,11 @@ class Images(Table):
     strip: Int = column("i4", doc="row in strips; -1 none", refers="strips", optional=True)
     sequence: Float = column("f8", doc="place in the strip: ascending along the flight", optional=True)
     time_s: Float = column("f8", unit="s", doc="time of exposure", optional=True)
-    flight: Text = column("str", doc="flight, empty if not given")
-    session: Text = column("str", doc="session: images that share systematic errors, empty if not given")
-    rig: Text = column("str", doc="rig, empty if none")
-    member: Text = column("str", doc="member of the rig, empty if none")
-    active: Bool = column("bool", doc="False if rejected, see rejects")
+    flight: Text = column("str", doc="flight, empty if not given", default="")
+    session: Text = column("str", doc="session: images that share systematic errors, empty if not given", default="")
+    rig: Text = column("str", doc="rig, empty if none", default="")
+    member: Text = column("str", doc="member of the rig, empty if none", default="")
+    active: Bool = column("bool", doc="False if rejected, see rejects", default=True)
     file: Int = column("i4", doc="row in files", refers="files", optional=True, digest=False)
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
@@ -131,8 +139,8 @@ class ImagePoints(Table):
     point: Int = column("i4", doc="row in points", refers="points")
     xy: Float = column("f8", 2, unit="mm or px", doc="as measured, see cameras.image_coordinates")
     sigma_mm: Float = column("f8", 2, unit="mm", doc="standard deviation on the image")
-    group: Text = column("str", doc="group of observations with a common variance, empty if not given")
-    active: Bool = column("bool", doc="False if the file says so or if rejected, see rejects")
+    group: Text = column("str", doc="group of observations with a common variance, empty if not given", default="")
+    active: Bool = column("bool", doc="False if the file says so or if rejected, see rejects", default=True)
     row_time_s: Float = column("f8", unit="s", doc="exposure time of the row, from the image's time", optional=True)
     file: Int = column("i4", doc="row in files", refers="files", optional=True, digest=False)
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)

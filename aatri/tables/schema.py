@@ -31,7 +31,10 @@ ATTRIBUTE_TYPES = (str, int, float, bool)
 
 @dataclass(frozen=True)
 class Column:
-    """Declaration of one column; `digest` is False for provenance, which is not part of the content."""
+    """Declaration of one column.
+
+    `digest` is False for provenance, which is not part of the content. Without a `default` it has to be stated.
+    """
 
     dtype: str
     shape: tuple[int, ...]
@@ -40,6 +43,7 @@ class Column:
     refers: str
     optional: bool
     digest: bool
+    default: str | float | bool | None = None
 
 
 @dataclass(frozen=True)
@@ -58,9 +62,15 @@ def column(
     refers: str = "",
     optional: bool = False,
     digest: bool = True,
+    default: str | float | bool | None = None,
 ) -> Any:
-    """Field of a `Table`: one value of `shape` per row. `refers` names the table whose rows it holds."""
-    return dataclasses.field(metadata={"column": Column(dtype, shape, unit, doc, refers, optional, digest)})
+    """Field of a `Table`: one value of `shape` per row. `refers` names the table whose rows it holds.
+
+    `default` is the value of rows that a reader does not state; that of an optional column is *not given*.
+    """
+    if optional and default is None:
+        default = np.nan if dtype == "f8" else -1
+    return dataclasses.field(metadata={"column": Column(dtype, shape, unit, doc, refers, optional, digest, default)})
 
 
 def attribute(*, unit: str = "", doc: str, default: Any = dataclasses.MISSING) -> Any:
@@ -99,6 +109,28 @@ class Table:
     def empty(cls) -> Self:
         """The table without rows."""
         return cls(**{name: np.zeros((0, *c.shape), DTYPES.get(c.dtype, "U1")) for name, c in columns_of(cls).items()})
+
+    @classmethod
+    def of(cls, **columns: npt.ArrayLike) -> Self:
+        """The table of some columns; all others have their default in every row.
+
+        Raises
+        ------
+        ArtifactError
+            If a column without a default is missing, or there is no such column.
+        """
+        declared = columns_of(cls)
+        unknown = sorted(columns.keys() - declared.keys())
+        missing = [name for name, c in declared.items() if name not in columns and c.default is None]
+        if unknown or missing:
+            raise ArtifactError(f"{cls.__name__}: no column {', '.join(unknown) or 'is unknown'}; "
+                                f"missing: {', '.join(missing) or 'none'}")  # fmt: skip
+        n = max((len(np.asarray(values)) for values in columns.values()), default=0)
+        return cls(**{
+            name: columns[name] if name in columns
+            else np.full((n, *c.shape), c.default, DTYPES.get(c.dtype))
+            for name, c in declared.items()
+        })  # fmt: skip
 
     def take(self, rows: npt.ArrayLike) -> Self:
         """The table of the chosen rows (numbers or a mask), in their order."""

@@ -21,19 +21,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.block import APPROXIMATE, Block, CameraParameters, Cameras, GroundPoints, ImagePoints
+from aatri.artifacts.block import APPROXIMATE, Block
 from aatri.errors import InputError
-from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
+from aatri.formats.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
-from aatri.formats.tables.images import image_point_order
-from aatri.formats.tables.source import texts
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
-from aatri.ids import canonical, clipped, rows_of
+from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
 
 PIXEL_MM = 0.001
@@ -88,28 +87,55 @@ def read_bal(
         If the file is missing or not of this form.
     """
     problem = read_problem(path, reporter)
-    ids = [str(k) for k in range(len(problem.cameras))]
-    image_ids, point_ids = canonical(ids), canonical(str(k) for k in range(len(problem.points)))
-    image, point = rows_of(ids, image_ids), rows_of([str(k) for k in range(len(problem.points))], point_ids)
-    image_from_ground = exp_rotation(problem.cameras[:, :3])
-    ground_from_image = image_from_ground.swapaxes(1, 2)
-    position = -np.einsum("nij,nj->ni", ground_from_image, problem.cameras[:, 3:6])
-    behind = in_image_axes(position[problem.camera], ground_from_image[problem.camera], problem.points[problem.point])
-    if (count := int((behind[:, 2] >= 0).sum())) > 0:
+    lines = dict(zip(("image_points", "cameras", "points"), problem.lines))
+    ids, points = [str(k) for k in range(len(problem.cameras))], [str(k) for k in range(len(problem.points))]
+    ground_from_image = exp_rotation(problem.cameras[:, :3]).swapaxes(1, 2)
+    position_m = -np.einsum("nij,nj->ni", ground_from_image, problem.cameras[:, 3:6])
+    seen = in_image_axes(position_m[problem.camera], ground_from_image[problem.camera], problem.points[problem.point])
+    if (count := int((seen[:, 2] >= 0).sum())) > 0:
         reporter.log(f"{count} image points of points behind their camera at the start: kept")
-    order = np.argsort(image)
-    block = plain_block(
+    n = len(ids)
+    block = block_of(
         name=path.stem,
         files=[path],
-        cameras=_cameras(image_ids, problem.cameras[order]),
-        camera_parameters=_camera_parameters(problem.cameras[order], calibrate),
-        images=image_table(ids, image, np.arange(1.0, len(ids) + 1), 0, problem.lines[1]),
-        point_ids=point_ids,
-        image_points=_image_points(problem, image, point, image_sigma_px),
-        ground_points=_ground_points(problem, point),
-        exterior=approximate_exterior(image, position, angles_from_rotation(ground_from_image), 0, problem.lines[1]),
-    )
+        cameras={
+            "id": ids, "pixel_size_mm": np.full((n, 2), PIXEL_MM), "pixel_origin": ["image-centre"] * n,
+            "pixel_y": ["up"] * n, "principal_distance_mm": problem.cameras[:, 6] * PIXEL_MM, "distortion": ["bal"] * n,
+        },
+        camera_parameters=_camera_parameters(ids, problem.cameras, calibrate),
+        images={"id": ids, "camera": ids, "sequence": np.arange(1.0, n + 1), **_at(lines["cameras"])},
+        points=points,
+        image_points={
+            "image": problem.camera, "point": problem.point, "xy": problem.xy_px,
+            "sigma_mm": np.full((len(problem.camera), 2), image_sigma_px * PIXEL_MM), **_at(lines["image_points"]),
+        },
+        ground_points={
+            "point": np.arange(len(points)), "xyz_m": problem.points,
+            "role": np.full((len(points), 3), APPROXIMATE), **_at(lines["points"]),
+        },
+        exterior={
+            "image": ids, "position_m": position_m, "angles_rad": angles_from_rotation(ground_from_image),
+            **_at(lines["cameras"]),
+        },
+    )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
+
+
+def _at(line: Int) -> dict[str, Int]:
+    """Places in the one file."""
+    return {"file": np.zeros(len(line), np.int32), "line": line}
+
+
+def _camera_parameters(ids: list[str], rows: Float, calibrate: bool) -> dict[str, npt.ArrayLike]:
+    """k1, k2 and what is free of the interior orientation."""
+    n, names = len(rows), (*FREE, *FIXED)
+    value = np.full((n, len(names)), np.nan)
+    value[:, :2] = rows[:, 7:]
+    free = np.tile(np.array([calibrate and name in FREE for name in names]), n)
+    return {
+        "camera": np.repeat(ids, len(names)), "name": names * n, "value": value.reshape(-1),
+        "sigma": np.where(free, np.nan, 0.0), "free": free,
+    }  # fmt: skip
 
 
 def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
@@ -162,45 +188,3 @@ def _check_numbers(measured: Float, counts: tuple[int, int], line: Int, path: Pa
             k = int(wrong[0])
             message = f"{what} {number[k]:g}, but there are {count}, counted from 0"
             raise InputError(message, where=f"{path}:{line[k]}", remedy="mend the number")
-
-
-def _cameras(ids: list[str], rows: Float) -> Cameras:
-    n = len(ids)
-    return pixel_cameras(
-        ids=ids, pixel_size_mm=np.full((n, 2), PIXEL_MM), origin="image-centre", y="up",
-        format_px=np.full((n, 2), np.nan), principal_distance_mm=rows[:, 6] * PIXEL_MM,
-        principal_point_mm=np.zeros((n, 2)), distortion=["bal"] * n,
-    )  # fmt: skip
-
-
-def _camera_parameters(rows: Float, calibrate: bool) -> CameraParameters:
-    """k1, k2 and what is free of the interior orientation, by camera and name."""
-    n, names = len(rows), (*FREE, *FIXED)
-    value = np.full((n, len(names)), np.nan)
-    value[:, :2] = rows[:, 7:]
-    free = np.tile(np.array([calibrate and name in FREE for name in names]), n)
-    return CameraParameters(
-        camera=np.repeat(np.arange(n, dtype=np.int32), len(names)), name=texts(names * n), value=value.reshape(-1),
-        sigma=np.where(free, np.nan, 0.0), free=free,
-    )  # fmt: skip
-
-
-def _image_points(problem: BalProblem, image: Int, point: Int, sigma_px: float) -> ImagePoints:
-    n = len(problem.camera)
-    table = ImagePoints(
-        image=image[problem.camera], point=point[problem.point], xy=problem.xy_px,
-        sigma_mm=np.full((n, 2), sigma_px * PIXEL_MM), group=np.zeros(n, "U1"), active=np.ones(n, bool),
-        row_time_s=np.full(n, np.nan), file=np.zeros(n, np.int32), line=problem.lines[0],
-    )  # fmt: skip
-    return table.take(image_point_order(table))
-
-
-def _ground_points(problem: BalProblem, point: Int) -> GroundPoints:
-    """All points as start values."""
-    n = len(point)
-    table = GroundPoints(
-        point=point, xyz_m=problem.points, covariance_m2=np.zeros((n, 3, 3)),
-        role=np.full((n, 3), APPROXIMATE, np.int32), datum=np.zeros(n, bool), file=np.zeros(n, np.int32),
-        line=problem.lines[2],
-    )  # fmt: skip
-    return table.take(np.argsort(table.point))

@@ -17,37 +17,25 @@ two focal lengths exactly. Features without a point are no observations of a blo
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
-from aatri.artifacts.block import (
-    APPROXIMATE,
-    OBSERVED_VALUE,
-    Block,
-    CameraParameters,
-    Cameras,
-    Exterior,
-    GroundPoints,
-    ImagePoints,
-)
+from aatri.artifacts.block import APPROXIMATE, OBSERVED_VALUE, Block
 from aatri.camera.models.forward_models import PARAMETERS
 from aatri.errors import AatriError, InputError, raise_all
+from aatri.formats.builder import Columns, block_of
 from aatri.formats.colmap.binary import binary_paths, read_binary
 from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.text import read_text, text_paths
-from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
-from aatri.formats.tables.images import image_point_order
-from aatri.formats.tables.source import texts
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.ids import canonical, rows_of
 from aatri.progress import SILENT, Reporter
 from aatri.units import LARGEST
 
@@ -99,28 +87,25 @@ def read_colmap(
     """
     model = _read(folder, reporter)
     _check(model)
-    camera_ids = canonical(str(c.id) for c in model.cameras)
-    image_ids = canonical(i.name for i in model.images)
-    names = [str(p) for p in model.points.tolist()]
-    images = model.images
-    cameras = sorted(model.cameras, key=lambda c: str(c.id))
-    lines = [image.line for image in images]
-    rows = rows_of([image.name for image in images], image_ids)
-    rotation, position = _poses(images)
-    exterior = approximate_exterior(rows, position, angles_from_rotation(rotation), IMAGES, lines)
-    ground, paths = with_control(_ground_points(model, names), names, model.paths, control, reporter)
-    block = plain_block(
+    cameras, images = model.cameras, model.images
+    names, ids = [image.name for image in images], [str(camera.id) for camera in cameras]
+    rotation, position_m = _poses(images)
+    exterior: Columns = {
+        "image": names, "position_m": position_m, "angles_rad": angles_from_rotation(rotation), **_at_images(images),
+    }  # fmt: skip
+    ground, paths = with_control(_ground_points(model), model.paths, control, reporter)
+    block = block_of(
         name=folder.resolve().name,
         files=paths,
-        cameras=_cameras(cameras),
+        cameras=_cameras(ids, cameras),
         camera_parameters=_camera_parameters(cameras, calibrate),
-        images=image_table(
-            [i.name for i in images], rows_of([str(i.camera) for i in images], camera_ids),
-            np.arange(1.0, len(images) + 1), IMAGES, lines,
-        ),
-        point_ids=ground.ids,
-        image_points=_image_points(model, image_ids, ground.ids, cameras, image_sigma_px, reporter),
-        ground_points=ground.table,
+        images={
+            "id": names, "camera": [str(image.camera) for image in images],
+            "sequence": np.arange(1.0, len(names) + 1), **_at_images(images),
+        },
+        points=[str(point) for point in model.points.tolist()],
+        image_points=_image_points(model, image_sigma_px, reporter),
+        ground_points=ground,
         exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
@@ -203,71 +188,67 @@ def _pixel_mm(camera: ColmapCamera) -> Float:
     return PIXEL_MM * np.array([1.0, fx / fy])
 
 
-def _cameras(cameras: list[ColmapCamera]) -> Cameras:
-    pixel = np.array([_pixel_mm(c) for c in cameras])
+def _at_images(images: list[ColmapImage]) -> dict[str, npt.ArrayLike]:
+    return {"file": np.full(len(images), IMAGES), "line": np.array([image.line for image in images], np.int32)}
+
+
+def _cameras(ids: list[str], cameras: list[ColmapCamera]) -> Columns:
+    n, pixel_mm = len(ids), np.array([_pixel_mm(c) for c in cameras])
     size = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
     first = [len(c.parameters) - len(DISTORTIONS[c.model][1]) - 2 for c in cameras]
     centre = np.array([c.parameters[k : k + 2] for c, k in zip(cameras, first)])
-    return pixel_cameras(
-        ids=[str(c.id) for c in cameras], pixel_size_mm=pixel, origin="top-left-corner", y="down", format_px=size,
-        principal_distance_mm=np.array([_focal_lengths(c)[0] * PIXEL_MM for c in cameras]),
-        principal_point_mm=(centre - size / 2) * pixel * Y_UP[:2],
-        distortion=[DISTORTIONS[c.model][0] for c in cameras],
-    )  # fmt: skip
+    return {
+        "id": ids, "pixel_size_mm": pixel_mm, "pixel_origin": ["top-left-corner"] * n, "pixel_y": ["down"] * n,
+        "format": size, "principal_distance_mm": [_focal_lengths(c)[0] * PIXEL_MM for c in cameras],
+        "principal_point_mm": (centre - size / 2) * pixel_mm * Y_UP[:2],
+        "distortion": [DISTORTIONS[c.model][0] for c in cameras],
+    }  # fmt: skip
 
 
-def _camera_parameters(cameras: list[ColmapCamera], calibrate: bool) -> CameraParameters:
-    """Distortion parameters and interior orientation, by camera and name; free are those the model of COLMAP has."""
+def _camera_parameters(cameras: list[ColmapCamera], calibrate: bool) -> Columns:
+    """Distortion parameters and interior orientation; free are those that the model of COLMAP has."""
     rows = []
-    for k, camera in enumerate(cameras):
+    for camera in cameras:
         distortion, names = DISTORTIONS[camera.model]
         given = dict(zip(names, camera.parameters[len(camera.parameters) - len(names) :]))
         values = dict.fromkeys(PARAMETERS.get(distortion, ()), 0.0) | given | dict.fromkeys(INTERIOR, np.nan)
         free = {*names, *INTERIOR} if calibrate else set()
-        rows += [(k, name, values[name], name in free) for name in sorted(values)]
-    camera_row, name, value, is_free = zip(*rows)
-    return CameraParameters(
-        camera=np.array(camera_row, np.int32), name=texts(name), value=np.array(value), free=np.array(is_free),
-        sigma=np.where(is_free, np.nan, 0.0),
-    )  # fmt: skip
+        rows += [(str(camera.id), name, values[name], name in free) for name in values]
+    of_camera, name, value, is_free = zip(*rows)
+    sigma = np.where(is_free, np.nan, 0.0)
+    return {"camera": of_camera, "name": name, "value": value, "free": is_free, "sigma": sigma}
 
 
-def _image_points(
-    model: ColmapModel, image_ids: list[str], point_ids: list[str], cameras: list[ColmapCamera], sigma_px: float,
-    reporter: Reporter,
-) -> ImagePoints:  # fmt: skip
-    row_of_point = {name: k for k, name in enumerate(point_ids)}
-    pixel = {c.id: _pixel_mm(c) for c in cameras}
+def _image_points(model: ColmapModel, sigma_px: float, reporter: Reporter) -> Columns:
+    """Features with a point; rows of images and points are those of the model."""
+    pixel_mm = {c.id: _pixel_mm(c) for c in model.cameras}
     used = [image.point != NO_POINT for image in model.images]
     counts = [int(mask.sum()) for mask in used]
     if without := sum(map(len, used)) - sum(counts):
         reporter.log(f"{without} features without a point are no image points of the block")
-    n = sum(counts)
-    points = np.concatenate([image.point[mask] for image, mask in zip(model.images, used)])
-    table = ImagePoints(
-        image=np.repeat(rows_of([image.name for image in model.images], image_ids), counts),
-        point=np.array([row_of_point[str(p)] for p in points.tolist()], np.int32),
-        xy=np.concatenate([image.xy_px[mask] for image, mask in zip(model.images, used)]),
-        sigma_mm=sigma_px * np.repeat([pixel[image.camera] for image in model.images], counts, axis=0),
-        group=texts([""] * n), active=np.ones(n, bool), row_time_s=np.full(n, np.nan),
-        file=np.full(n, IMAGES, np.int32), line=np.repeat([i.line + (i.line > 0) for i in model.images], counts),
-    )  # fmt: skip
-    return table.take(image_point_order(table))
+    number = np.concatenate([image.point[mask] for image, mask in zip(model.images, used)])
+    order = np.argsort(model.points)
+    return {
+        "image": np.repeat(np.arange(len(model.images)), counts),
+        "point": order[np.searchsorted(model.points, number, sorter=order)],
+        "xy": np.concatenate([image.xy_px[mask] for image, mask in zip(model.images, used)]),
+        "sigma_mm": sigma_px * np.repeat([pixel_mm[image.camera] for image in model.images], counts, axis=0),
+        "file": np.full(len(number), IMAGES),
+        "line": np.repeat([i.line + (i.line > 0) for i in model.images], counts),
+    }  # fmt: skip
 
 
-def _ground_points(model: ColmapModel, names: list[str]) -> GroundPoints:
-    """All points as start values, in the order of the file."""
-    n = len(names)
-    return GroundPoints(
-        point=np.arange(n, dtype=np.int32), xyz_m=model.xyz, covariance_m2=np.zeros((n, 3, 3)),
-        role=np.full((n, 3), APPROXIMATE, np.int32), datum=np.zeros(n, bool), file=np.full(n, POINTS, np.int32),
-        line=model.point_lines,
-    )  # fmt: skip
+def _ground_points(model: ColmapModel) -> Columns:
+    """All points as start values."""
+    n = len(model.points)
+    return {
+        "point": model.points.astype(np.str_), "xyz_m": model.xyz, "covariance_m2": np.zeros((n, 3, 3)),
+        "role": np.full((n, 3), APPROXIMATE, np.int32), "datum": np.zeros(n, bool),
+        "file": np.full(n, POINTS, np.int32), "line": np.asarray(model.point_lines),
+    }  # fmt: skip
 
 
-def _observed(exterior: Exterior, sigma_m: float) -> Exterior:
-    n = len(exterior)
-    return replace(
-        exterior, position_use=np.full(n, OBSERVED_VALUE, np.int32),
-        position_covariance_m2=np.tile(np.eye(3) * sigma_m**2, (n, 1, 1)),
-    )  # fmt: skip
+def _observed(exterior: Columns, sigma_m: float) -> Columns:
+    n = len(np.asarray(exterior["position_m"]))
+    covariance_m2 = np.tile(np.eye(3) * sigma_m**2, (n, 1, 1))
+    return {**exterior, "position_use": np.full(n, OBSERVED_VALUE), "position_covariance_m2": covariance_m2}

@@ -35,25 +35,16 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from aatri.arrays import Float
-from aatri.artifacts.block import (
-    APPROXIMATE,
-    CONTROL,
-    Block,
-    CameraParameters,
-    Cameras,
-    GroundPoints,
-    ImagePoints,
-    Rejects,
-)
+from aatri.artifacts.block import APPROXIMATE, CONTROL, Block, Rejects
 from aatri.errors import GeometryError, InputError, raise_all
+from aatri.formats.builder import block_of
 from aatri.formats.dbat.files import DefaultCamera, Export, ObjectPoint, Photo, read_control, read_export
-from aatri.formats.plain_block import approximate_exterior, image_table, pixel_cameras, plain_block
 from aatri.formats.screening import MAX_REJECT_SHARE, NOT_SEEN, screen_block
-from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
-from aatri.ids import canonical, did_you_mean, rows_of
+from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
 CAMERA = "camera"
@@ -109,24 +100,21 @@ def read_dbat(
     if not set_aside:
         _refuse_undetermined(source, given)
     photos = _distinct(source.photos)
-    image_ids = canonical(p.name for p in photos)
-    point_ids = canonical([*(m.point for m in source.marks), *source.points, *given])
-    names, lines = [p.name for p in photos], [p.entry.line for p in photos]
-    pixel_mm = _pixel_mm(source.camera)
+    names = [p.name for p in photos]
+    at_photos = _at(EXPORT, [p.entry.line for p in photos])
     _warn_of_aspect(export, source.camera, camera_model, reporter)
-    block = plain_block(
+    block = block_of(
         name=export.stem,
         files=[export] if control is None else [export, control],
-        cameras=_cameras(source.camera, camera_model),
+        cameras=_camera(source.camera, camera_model),
         camera_parameters=_parameters(source.camera, camera_model, calibrate),
-        images=image_table(names, np.zeros(len(photos), np.int32), np.arange(1.0, len(photos) + 1), EXPORT, lines),
-        point_ids=point_ids,
-        image_points=_image_points(source, image_ids, point_ids, pixel_mm, image_sigma_px, reporter),
-        ground_points=_ground_points(source, given, point_ids, shift),
-        exterior=approximate_exterior(
-            rows_of(names, image_ids), np.array([p.position_m for p in photos]) + shift,
-            np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]), EXPORT, lines,
-        ),
+        images={"id": names, "camera": [CAMERA] * len(names), "sequence": np.arange(1.0, len(names) + 1), **at_photos},
+        image_points=_image_points(source, image_sigma_px, reporter),
+        ground_points=_ground_points(source, given, shift),
+        exterior={
+            "image": names, "position_m": np.array([p.position_m for p in photos]) + shift,
+            "angles_rad": np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]), **at_photos,
+        },
         rejects=_not_seen(source, given),
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
@@ -209,35 +197,33 @@ def _warn_of_aspect(export: Path, camera: DefaultCamera, model: CameraModel, rep
         )
 
 
-def _cameras(camera: DefaultCamera, model: CameraModel) -> Cameras:
+def _camera(camera: DefaultCamera, model: CameraModel) -> dict[str, npt.ArrayLike]:
     pixel, size = _pixel_mm(camera), np.array(camera.size_px)
     px, py = camera.principal_point_mm
     px = px / (1.0 + _aspect(camera, model))
-    return pixel_cameras(
-        ids=[CAMERA], pixel_size_mm=pixel[None], origin="top-left-corner", y="down", format_px=size[None],
-        principal_distance_mm=np.array([camera.c_mm]), distortion=[model],
-        principal_point_mm=(np.array([px, -py]) - np.array([1, -1]) * pixel * size / 2)[None],
-    )  # fmt: skip
+    return {
+        "id": [CAMERA], "pixel_size_mm": pixel[None], "pixel_origin": ["top-left-corner"], "pixel_y": ["down"],
+        "format": size[None].astype(float), "principal_distance_mm": [camera.c_mm], "distortion": [model],
+        "principal_point_mm": (np.array([px, -py]) - np.array([1, -1]) * pixel * size / 2)[None],
+    }  # fmt: skip
 
 
-def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> CameraParameters:
+def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> dict[str, npt.ArrayLike]:
     """Distortion parameters, and for the interior orientation whether it is free (NaN and free) or fixed (0)."""
     values = dict(zip(("k1", "k2", "k3", "p1", "p2"), camera.distortion))
     values |= dict.fromkeys(("principal_distance", "principal_point.x", "principal_point.y"), np.nan)
     if model == "dbat3":
         values["as"] = _aspect(camera, model)
-    names = sorted(values)
-    n = len(names)
-    return CameraParameters(
-        camera=np.zeros(n, np.int32), name=texts(names), value=np.array([values[name] for name in names]),
-        sigma=np.full(n, np.nan if calibrate else 0.0), free=np.full(n, calibrate),
-    )  # fmt: skip
+    n = len(values)
+    return {
+        "camera": [CAMERA] * n, "name": list(values), "value": list(values.values()),
+        "sigma": np.full(n, np.nan if calibrate else 0.0), "free": np.full(n, calibrate),
+    }  # fmt: skip
 
 
-def _image_points(source: Export, image_ids: list[str], point_ids: list[str], pixel_mm: Float,
-                  sigma_px: float | None, reporter: Reporter) -> ImagePoints:  # fmt: skip
+def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) -> dict[str, npt.ArrayLike]:
     n = len(source.marks)
-    row_of_photo = rows_of([p.name for p in source.photos], image_ids)
+    photo = [p.name for p in source.photos]
     own = np.array([m.sigma_px for m in source.marks]).reshape(n, 2)
     sigma = own if sigma_px is None else np.full((n, 2), sigma_px)
     not_given = np.flatnonzero((sigma == 0).all(axis=1))
@@ -246,27 +232,29 @@ def _image_points(source: Export, image_ids: list[str], point_ids: list[str], pi
         reporter.warn(f"{entry.path}:{entry.line}: {len(not_given)} of {n} image points have standard deviations 0, 0:"
                       f" {NOT_GIVEN_SIGMA_PX:g} px is taken; image_sigma_px gives another")  # fmt: skip
         sigma[not_given] = NOT_GIVEN_SIGMA_PX
-    table = ImagePoints(
-        image=row_of_photo[[m.photo for m in source.marks]], point=rows_of([m.point for m in source.marks], point_ids),
-        xy=np.array([m.xy_px for m in source.marks]), sigma_mm=sigma * pixel_mm, group=texts([""] * n),
-        active=np.ones(n, bool), row_time_s=np.full(n, np.nan), file=np.full(n, EXPORT, np.int32),
-        line=np.array([m.entry.line for m in source.marks], np.int32),
-    )  # fmt: skip
-    return table.take(image_point_order(table))
+    return {
+        "image": [photo[m.photo] for m in source.marks], "point": [m.point for m in source.marks],
+        "xy": np.array([m.xy_px for m in source.marks]).reshape(n, 2), "sigma_mm": sigma * _pixel_mm(source.camera),
+        **_at(EXPORT, [m.entry.line for m in source.marks]),
+    }  # fmt: skip
 
 
-def _ground_points(source: Export, given: dict[str, ObjectPoint], point_ids: list[str], shift_m: Float) -> GroundPoints:
+def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float) -> dict[str, npt.ArrayLike]:
     """Control as given; all other object points as start values."""
-    names = canonical([*source.points, *given])
+    names = list({**source.points, **given})
     points = [given.get(p) or source.points[p] for p in names]
     n = len(names)
     is_control = np.array([p in given for p in names], dtype=bool)
     xyz = np.array([p.xyz_m for p in points]).reshape(n, 3)
     sigma = np.where(is_control[:, None], np.array([p.sigma_m for p in points]).reshape(n, 3), 0.0)
-    return GroundPoints(
-        point=rows_of(names, point_ids), xyz_m=np.where(is_control[:, None], xyz, xyz + shift_m),
-        covariance_m2=sigma[:, :, None] ** 2 * np.eye(3),
-        role=np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE).astype(np.int32),
-        datum=np.zeros(n, bool), file=np.where(is_control, CONTROL_FILE, EXPORT).astype(np.int32),
-        line=np.array([p.entry.line for p in points], np.int32),
-    )  # fmt: skip
+    return {
+        "point": names, "xyz_m": np.where(is_control[:, None], xyz, xyz + shift_m),
+        "covariance_m2": sigma[:, :, None] ** 2 * np.eye(3),
+        "role": np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE).astype(np.int32),
+        "file": np.where(is_control, CONTROL_FILE, EXPORT).astype(np.int32),
+        "line": np.array([p.entry.line for p in points], np.int32),
+    }  # fmt: skip
+
+
+def _at(file: int, lines: list[int]) -> dict[str, npt.ArrayLike]:
+    return {"file": np.full(len(lines), file, np.int32), "line": np.array(lines, np.int32)}

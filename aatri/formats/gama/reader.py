@@ -19,19 +19,15 @@ from aatri.artifacts.block import (
     CONTROL,
     NO_ROLE,
     Block,
-    Cameras,
     Geodetic,
     GeodeticCovariances,
     GroundPointCovariances,
-    GroundPoints,
-    ImagePoints,
-    Images,
 )
 from aatri.artifacts.block import Frames as FrameTable
 from aatri.errors import InputError
+from aatri.formats.builder import Columns, block_of
 from aatri.formats.gama.elements import read_network
 from aatri.formats.gama.network import GivenPoint, Network, Row
-from aatri.formats.plain_block import plain_block
 from aatri.formats.screening import screen_block
 from aatri.formats.tables.geodetic import geodetic_order, rejects_of, unusable
 from aatri.formats.tables.source import texts
@@ -65,9 +61,8 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     reasons = unusable(rows)
     if any(p.datum for p in points.values()):
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
-    block = plain_block(
-        name=path.stem, files=[path], cameras=Cameras.empty(), images=Images.empty(), point_ids=ids,
-        image_points=ImagePoints.empty(), ground_points=ground,
+    block = block_of(
+        name=path.stem, files=[path], cameras={}, images={}, image_points={}, points=ids, ground_points=ground,
         ground_point_covariances=_between_points(network, axes, ids),
         geodetic=replace(rows, active=np.array([not reason for reason in reasons], dtype=bool)),
         geodetic_covariances=covariances, rejects=rejects_of(rows, reasons),
@@ -104,7 +99,7 @@ def _check_ends(rows: list[Row], points: dict[str, GivenPoint], path: Path) -> N
                                  remedy="add <point id=... adj=...>; coordinates may be left out")  # fmt: skip
 
 
-def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axes: Axes) -> GroundPoints:
+def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axes: Axes) -> Columns:
     """Given coordinates; those of one point with their own covariance."""
     n = len(ids)
     xyz, role = np.full((n, 3), np.nan), np.full((n, 3), NO_ROLE, dtype=np.int32)
@@ -119,11 +114,11 @@ def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axe
     for (a, i), (b, j), value in _observed_covariances(network, axes, ids):
         if a == b:
             covariance[a, i, j] = covariance[a, j, i] = value
-    return GroundPoints(
-        point=np.arange(n, dtype=np.int32), xyz_m=xyz, covariance_m2=covariance, role=role,
-        datum=np.array([bool(points[name].datum) for name in ids]), file=np.zeros(n, np.int32),
-        line=np.array([points[name].line for name in ids], np.int32),
-    )  # fmt: skip
+    return {
+        "point": ids, "xyz_m": xyz, "covariance_m2": covariance, "role": role,
+        "datum": np.array([bool(points[name].datum) for name in ids]), "file": np.zeros(n, np.int32),
+        "line": np.array([points[name].line for name in ids], np.int32),
+    }  # fmt: skip
 
 
 def _observed_covariances(network: Network, axes: Axes, ids: list[str]) -> Iterator[tuple[Place, Place, float]]:

@@ -17,16 +17,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
-from aatri.artifacts.block import CHECK, CONTROL, Block, Cameras, GroundPoints, ImagePoints, Images, Strips
+from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.errors import InputError
-from aatri.formats.plain_block import plain_block
+from aatri.formats.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
-from aatri.formats.tables.images import image_point_order
-from aatri.formats.tables.source import texts
 from aatri.formats.text.text_file import missing, read_lines
 from aatri.formats.text.text_line import TextLine
-from aatri.ids import canonical, is_valid, rows_of
+from aatri.ids import is_valid
 from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
@@ -73,16 +72,36 @@ def read_pairs(
         order += [photo for photo in photos if photo not in order]
         for row in rows[1:]:
             _add(row, photos, unit_um * 1e-3, measured)
-    images = canonical(order)
     known = [(e, r) for p, r in ((control, CONTROL), (check, CHECK)) if p is not None for e in _lines(p, reporter)]
-    points = canonical([*(point for _, point in measured), *(entry.words[0] for entry, _ in known)])
-    block = plain_block(
+    c, x0, y0 = interior
+    n = len(order)
+    block = block_of(
         name=folder.resolve().name, rotation="phi-omega-kappa", files=paths,
-        cameras=_camera(interior), strips=Strips(id=texts([STRIP])), images=_images(images, order),
-        point_ids=points, image_points=_image_points(measured, images, points, paths, image_sigma_um * 1e-3),
-        ground_points=_ground(known, points, paths, control_sigma_m),
+        cameras={
+            "id": [CAMERA], "kind": ["film"], "image_coordinates": ["photo"], "principal_distance_mm": [c],
+            "principal_point_mm": [[x0, y0]],
+        },
+        images={
+            "id": order, "camera": [CAMERA] * n, "strip": [STRIP] * n, "sequence": np.arange(1.0, n + 1),
+            "file": np.zeros(n, np.int32), "line": np.ones(n, np.int32),
+        },
+        image_points={
+            "image": [photo for photo, _ in measured], "point": [point for _, point in measured],
+            "xy": np.array([place for place, _ in measured.values()]).reshape(-1, 2),
+            "sigma_mm": np.full((len(measured), 2), image_sigma_um * 1e-3),
+            **_at([entry for _, entry in measured.values()], paths),
+        },
+        ground_points=_ground(known, paths, control_sigma_m),
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
+
+
+def _at(entries: list[TextLine], paths: list[Path]) -> dict[str, npt.ArrayLike]:
+    """Files and lines of some entries."""
+    return {
+        "file": np.array([paths.index(e.path) for e in entries], np.int32),
+        "line": np.array([e.line for e in entries], np.int32),
+    }
 
 
 def _lines(path: Path, reporter: Reporter) -> list[TextLine]:
@@ -138,57 +157,19 @@ def _add(
             )
 
 
-def _camera(interior: list[float]) -> Cameras:
-    c, x0, y0 = interior
-    unknown = np.full((1, 2), np.nan)
-    return Cameras(
-        id=texts([CAMERA]), kind=texts(["film"]), image_coordinates=texts(["photo"]), pixel_size_mm=unknown,
-        pixel_origin=texts([""]), pixel_y=texts([""]), format=unknown, principal_distance_mm=np.array([c]),
-        principal_point_mm=np.array([[x0, y0]]), symmetry_point_mm=np.zeros((1, 2)), distortion=texts(["none"]),
-        lever_arm_m=np.zeros((1, 3)), boresight_rad=np.zeros((1, 3)), mount_deg=np.zeros(1, np.int32),
-    )  # fmt: skip
-
-
-def _images(images: list[str], order: list[str]) -> Images:
-    n, blank = len(images), texts([""] * len(images))
-    return Images(
-        id=texts(images), camera=np.zeros(n, np.int32), strip=np.zeros(n, np.int32),
-        sequence=np.array([order.index(i) + 1.0 for i in images]), time_s=np.full(n, np.nan), flight=blank,
-        session=blank, rig=blank, member=blank, active=np.ones(n, bool), file=np.zeros(n, np.int32),
-        line=np.ones(n, np.int32),
-    )  # fmt: skip
-
-
-def _image_points(
-    measured: dict[tuple[str, str], tuple[Place, TextLine]], images: list[str], points: list[str], paths: list[Path],
-    sigma_mm: float,
-) -> ImagePoints:  # fmt: skip
-    n, entries = len(measured), [entry for _, entry in measured.values()]
-    image, point = rows_of([i for i, _ in measured], images), rows_of([p for _, p in measured], points)
-    table = ImagePoints(
-        image=image, point=point,
-        xy=np.array([place for place, _ in measured.values()]).reshape(n, 2), sigma_mm=np.full((n, 2), sigma_mm),
-        group=texts([""] * n), active=np.ones(n, bool), row_time_s=np.full(n, np.nan),
-        file=np.array([paths.index(e.path) for e in entries], np.int32),
-        line=np.array([e.line for e in entries], np.int32),
-    )  # fmt: skip
-    return table.take(image_point_order(table))
-
-
-def _ground(known: list[tuple[TextLine, int]], points: list[str], paths: list[Path], sigma_m: float) -> GroundPoints:
-    found: dict[str, tuple[TextLine, int]] = {}
-    for entry, role in known:
+def _ground(known: list[tuple[TextLine, int]], paths: list[Path], sigma_m: float) -> dict[str, npt.ArrayLike]:
+    seen: set[str] = set()
+    for entry, _ in known:
         if len(entry.words) != 4:
             raise entry.error(f"{len(entry.words)} words", "each line is `point X Y Z`")
-        if entry.words[0] in found:
+        if entry.words[0] in seen:
             raise entry.error(f"point {entry.words[0]} twice", "remove one")
-        found[entry.words[0]] = entry, role
-    names, n = canonical(found), len(found)
-    return GroundPoints(
-        point=rows_of(names, points),
-        xyz_m=np.array([[found[p][0].number(k) for k in (1, 2, 3)] for p in names]).reshape(n, 3),
-        covariance_m2=np.tile(np.eye(3) * sigma_m**2, (n, 1, 1)),
-        role=np.array([[found[p][1]] * 3 for p in names], np.int32).reshape(n, 3), datum=np.zeros(n, bool),
-        file=np.array([paths.index(found[p][0].path) for p in names], np.int32),
-        line=np.array([found[p][0].line for p in names], np.int32),
-    )  # fmt: skip
+        seen.add(entry.words[0])
+    n = len(known)
+    return {
+        "point": [entry.words[0] for entry, _ in known],
+        "xyz_m": np.array([[entry.number(k) for k in (1, 2, 3)] for entry, _ in known]).reshape(n, 3),
+        "covariance_m2": np.tile(np.eye(3) * sigma_m**2, (n, 1, 1)),
+        "role": np.array([[role] * 3 for _, role in known], np.int32).reshape(n, 3),
+        **_at([entry for entry, _ in known], paths),
+    }  # fmt: skip

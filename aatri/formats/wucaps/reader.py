@@ -13,23 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from aatri.arrays import Int
-from aatri.artifacts.block import (
-    NO_ROLE,
-    Block,
-    Cameras,
-    Fiducials,
-    Frames,
-    GroundPoints,
-    ImagePoints,
-    Images,
-    Strips,
-)
-from aatri.formats.plain_block import plain_block
+from aatri.artifacts.block import NO_ROLE, Block, Fiducials, Frames
+from aatri.formats.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
-from aatri.formats.tables.images import image_point_order
 from aatri.formats.tables.source import texts
-from aatri.formats.wucaps.files import NAMES, Camera, GroundPoint, Measured, Photo, read_files
-from aatri.ids import canonical, rows_of
+from aatri.formats.wucaps.files import NAMES, read_files
+from aatri.ids import canonical
 from aatri.progress import SILENT, Reporter
 
 CAMERA = "PRECAI"
@@ -57,78 +46,41 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         If a file is missing or a line is not of its form.
     """
     files = read_files(folder, reporter)
-    photos = sorted(files.photos, key=lambda p: p.id.encode())
-    strips = canonical(files.strips)
-    image_ids = [p.id for p in photos]
-    point_ids = canonical([*(m.point for m in files.measured), *files.ground])
-    block = plain_block(
+    photos, rows, marks = files.photos, files.measured, files.camera.fiducials
+    names, (c, x0, y0) = list(files.ground), files.camera.interior
+    block = block_of(
         name=folder.resolve().name,
         rotation="phi-omega-kappa",
         earth_curvature="correct",
         files=files.paths,
         frames=Frames(id=texts(["map"]), axes=texts(["north,east,up"]), crs=texts(["local"]), vertical=texts([""])),
-        cameras=_camera_table(files.camera),
-        fiducials=_fiducial_table(files.camera),
-        strips=Strips(id=texts(strips)),
-        images=_image_table(photos, rows_of([files.strips[p.strip] for p in photos], strips)),
-        point_ids=point_ids,
-        image_points=_image_point_table(files.measured, image_ids, point_ids, image_sigma_mm),
-        ground_points=_ground_table(files.ground, files.roles, point_ids, control_sigma_m or 0.0),
-    )
+        cameras={
+            "id": [CAMERA], "kind": ["film"], "image_coordinates": ["photo"], "principal_distance_mm": [c],
+            "principal_point_mm": [[x0, y0]],
+        },
+        fiducials=Fiducials(
+            camera=np.zeros(len(marks), np.int32), id=texts(canonical(marks)),
+            xy_mm=np.array([marks[m] for m in canonical(marks)]).reshape(-1, 2),
+        ),
+        images={
+            "id": [p.id for p in photos], "camera": [CAMERA] * len(photos), "sequence": [p.sequence for p in photos],
+            "strip": [files.strips[p.strip] for p in photos], **_at("PREPHI", [p.entry.line for p in photos]),
+        },
+        image_points={
+            "image": [m.photo for m in rows], "point": [m.point for m in rows],
+            "xy": np.array([m.xy for m in rows], float).reshape(-1, 2),
+            "sigma_mm": np.full((len(rows), 2), image_sigma_mm), **_at("PREPHI", [m.entry.line for m in rows]),
+        },
+        ground_points={
+            "point": names, "xyz_m": np.array([files.ground[p].xyz_m for p in names]).reshape(-1, 3),
+            "covariance_m2": np.tile(np.eye(3) * (control_sigma_m or 0.0) ** 2, (len(names), 1, 1)),
+            "role": np.array([files.roles.get(p, [NO_ROLE] * 3) for p in names], np.int32).reshape(-1, 3),
+            **_at("PRECKI", [files.ground[p].entry.line for p in names]),
+        },
+    )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
 
 
-def _camera_table(camera: Camera) -> Cameras:
-    c, x0, y0 = camera.interior
-    unknown = np.full((1, 2), np.nan)
-    return Cameras(
-        id=texts([CAMERA]), kind=texts(["film"]), image_coordinates=texts(["photo"]), pixel_size_mm=unknown,
-        pixel_origin=texts([""]), pixel_y=texts([""]), format=unknown, principal_distance_mm=np.array([c]),
-        principal_point_mm=np.array([[x0, y0]]), symmetry_point_mm=np.zeros((1, 2)), distortion=texts(["none"]),
-        lever_arm_m=np.zeros((1, 3)), boresight_rad=np.zeros((1, 3)),
-        mount_deg=np.zeros(1, np.int32),
-    )  # fmt: skip
-
-
-def _fiducial_table(camera: Camera) -> Fiducials:
-    marks = canonical(camera.fiducials)
-    return Fiducials(camera=np.zeros(len(marks), np.int32), id=texts(marks),
-                     xy_mm=np.array([camera.fiducials[m] for m in marks]).reshape(-1, 2))  # fmt: skip
-
-
-def _image_table(photos: list[Photo], strip: Int) -> Images:
-    n = len(photos)
-    blank = texts([""] * n)
-    return Images(
-        id=texts(p.id for p in photos), camera=np.zeros(n, np.int32), strip=strip,
-        sequence=np.array([p.sequence for p in photos], float), time_s=np.full(n, np.nan), flight=blank,
-        session=blank, rig=blank, member=blank, active=np.ones(n, bool),
-        file=np.full(n, NAMES.index("PREPHI"), np.int32),
-        line=np.array([p.entry.line for p in photos], np.int32),
-    )  # fmt: skip
-
-
-def _image_point_table(
-    rows: list[Measured], image_ids: list[str], point_ids: list[str], sigma_mm: float
-) -> ImagePoints:
-    n = len(rows)
-    table = ImagePoints(
-        image=rows_of([m.photo for m in rows], image_ids), point=rows_of([m.point for m in rows], point_ids),
-        xy=np.array([m.xy for m in rows], float).reshape(n, 2), sigma_mm=np.full((n, 2), sigma_mm),
-        group=texts([""] * n), active=np.ones(n, bool), row_time_s=np.full(n, np.nan),
-        file=np.full(n, NAMES.index("PREPHI"), np.int32), line=np.array([m.entry.line for m in rows], np.int32),
-    )  # fmt: skip
-    return table.take(image_point_order(table))
-
-
-def _ground_table(ground: dict[str, GroundPoint], roles: dict[str, list[int]], point_ids: list[str],
-                  sigma_m: float) -> GroundPoints:  # fmt: skip
-    names = canonical(ground)
-    n = len(names)
-    return GroundPoints(
-        point=rows_of(names, point_ids), xyz_m=np.array([ground[p].xyz_m for p in names]).reshape(n, 3),
-        covariance_m2=np.tile(np.eye(3) * (sigma_m * sigma_m), (n, 1, 1)),
-        role=np.array([roles.get(p, [NO_ROLE] * 3) for p in names], np.int32).reshape(n, 3),
-        datum=np.zeros(n, bool), file=np.full(n, NAMES.index("PRECKI"), np.int32),
-        line=np.array([ground[p].entry.line for p in names], np.int32),
-    )  # fmt: skip
+def _at(name: str, lines: list[int]) -> dict[str, Int]:
+    """Places in a file of the folder."""
+    return {"file": np.full(len(lines), NAMES.index(name), np.int32), "line": np.array(lines, np.int32)}

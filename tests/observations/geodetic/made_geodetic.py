@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from aatri.artifacts.block import Block, Geodetic, GroundPoints, ImagePoints
-from aatri.formats.plain_block import image_table, pixel_cameras, plain_block
+from aatri.artifacts.block import Block, Geodetic
+from aatri.formats.builder import block_of
 
 
 def geodetic_block(type_: str, ends: tuple[str, str], above: tuple[float, float], group: str = "") -> Block:
@@ -15,20 +13,13 @@ def geodetic_block(type_: str, ends: tuple[str, str], above: tuple[float, float]
     angular = type_ in ("direction", "azimuth", "angle", "zenith")
     names = [{"point": p, "image": i}[kind] for kind, p, i in zip(ends, "AB", "ab")]
 
-    def one(text: str) -> np.ndarray:
-        return np.array([text])
-
-    row = Geodetic(
-        type=one(type_), start=one(names[0]), end=one(names[1]), via=one("C" if type_ == "angle" else ""),
-        start_kind=one(ends[0]), end_kind=one(ends[1]), value=np.array([0.5 if angular else 100.0]),
-        sigma=np.array([0.01]), set=one("s" if type_ == "direction" else ""), group=one(group),
-        start_height_m=np.array([above[0]]), end_height_m=np.array([above[1]]), active=np.ones(1, dtype=bool),
-        reduced=one("no"), file=np.zeros(1, np.int32), line=np.ones(1, np.int32),
+    row = Geodetic.of(
+        type=[type_], start=[names[0]], end=[names[1]], via=["C" if type_ == "angle" else ""], start_kind=[ends[0]],
+        end_kind=[ends[1]], value=[0.5 if angular else 100.0], sigma=[0.01], set=["s" if type_ == "direction" else ""],
+        group=[group], start_height_m=[above[0]], end_height_m=[above[1]],
     )  # fmt: skip
-    images = image_table(["a", "b"], np.zeros(2, np.int32), np.arange(2.0), 0, np.ones(2, np.int32))
-    camera = pixel_cameras(
-        ids=["c"], pixel_size_mm=np.full((1, 2), 0.01), origin="image-centre", y="up", format_px=np.full((1, 2), 100.0),
-        principal_distance_mm=np.ones(1), principal_point_mm=np.zeros((1, 2)), distortion=["none"],
+    return block_of(
+        name="one", files=[Path("one")], points=["A", "B", "C"], image_points={}, geodetic=row,
+        cameras={"id": ["c"], "principal_distance_mm": [1.0]},
+        images={"id": ["a", "b"], "camera": ["c", "c"], "sequence": [0.0, 1.0]},
     )  # fmt: skip
-    return plain_block(name="one", files=[Path("one")], cameras=camera, images=images, point_ids=["A", "B", "C"],
-                       image_points=ImagePoints.empty(), ground_points=GroundPoints.empty(), geodetic=row)  # fmt: skip
