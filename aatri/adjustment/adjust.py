@@ -41,7 +41,7 @@ from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
-from aatri.adjustment.weakness import refuse_nearly_singular, weak_blocks_of, without_weak_blocks
+from aatri.adjustment.weakness import refuse_nearly_singular, weak_blocks_of, without_open_parts, without_weak_blocks
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
 from aatri.progress import SILENT, Reporter, tell_iteration
@@ -94,7 +94,8 @@ def adjust_large(
     problem = indexed(stated, settings, support(unknowns, records, constraints, start))
     problem = within_limit(problem, reporter)
     notes = [*_without_observations(problem), *stiff.notes()]
-    factored = factorise_constrained(problem, start)
+    problem, factored, more = without_open_parts(problem, start, factorise_constrained(problem, start))
+    notes += more
     refuse_unusable(IterationState(problem, dict(start), factored))
     if not factored.factor.whole:
         from aatri.adjustment.iterative.conjugate_gradients import refuse_singular  # compiled only where it is needed

@@ -77,6 +77,8 @@ class Conditioning:
         Vertices that are open by themselves.
     weak_blocks : (k,) int
         Eliminated blocks that are, by their place among the rays' blocks.
+    directions : (n_kept, count) float64
+        Open combinations, in unknowns times the root of their diagonal.
     """
 
     count: int
@@ -84,6 +86,7 @@ class Conditioning:
     nearly: tuple[str, ...]
     weak_vertices: Int
     weak_blocks: Int
+    directions: Float
 
 
 def conditioning(problem: IndexedProblem, factored: Factored, state: State) -> Conditioning:
@@ -107,7 +110,7 @@ def conditioning(problem: IndexedProblem, factored: Factored, state: State) -> C
     open_, nearly = named(whole & (excess > 1)), named(whole & (excess <= 1))
     count = int((whole & (excess > 1)).sum())
     return Conditioning(count, open_, nearly, np.unique(np.array(vertices, dtype=np.int64)),
-                        _weak_blocks(problem, factored))  # fmt: skip
+                        _weak_blocks(problem, factored), U[:, whole & (excess > 1)])  # fmt: skip
 
 
 def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Float]:

@@ -38,7 +38,7 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
     GeometryError
     """
     _refuse_blocks(problem, factored)
-    defect, vectors, normals = _null_vectors(problem, state, factored)
+    defect, vectors, normals = null_vectors(problem, state, factored)
     whole = open_motions_of_all(problem, state) if normals is None else []
     if len(whole) >= defect:
         names = ", ".join(dict.fromkeys(whole))
@@ -64,9 +64,7 @@ def _refuse_blocks(problem: IndexedProblem, factored: Factored) -> None:
     )
 
 
-def _null_vectors(
-    problem: IndexedProblem, state: State, factored: Factored
-) -> tuple[int, Float, ReducedNormals | None]:
+def null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> tuple[int, Float, ReducedNormals | None]:
     """Number of defects, null vectors in scaled unknowns, (n_kept, k), and the matrix where it is seen as a whole."""
     layout = problem.layout
     if layout.n_kept <= WHOLE:

@@ -36,8 +36,8 @@ class SimilarityOptions(Options):
     """Options of the absolute orientation."""
 
     components: Literal["all", "largest"] = Field(
-        "all",
-        description="all: an error if a component cannot be oriented; largest: orient what can be, list the rest",
+        "largest",
+        description="largest: orient what can be, list the rest; all: an error if a component cannot be oriented",
     )
     start: Literal["closed", "two_points"] = Field(
         "closed",

@@ -73,7 +73,7 @@ def test_two_points_leave_the_turn_about_their_line() -> None:
     np.testing.assert_allclose(found * np.sign(found @ axis), axis, atol=0.006)
 
 
-def test_a_part_that_nothing_joins_is_named_as_such() -> None:
+def test_a_part_that_nothing_joins_is_set_aside_by_name_unless_nothing_holds_the_rest() -> None:
     points, distances, start = _net()
     n = len(points.free)
     two = replace(points, free=np.ones((2 * n, 3), bool), ids=[*points.ids, *(f"far{k}" for k in range(n))],
@@ -90,8 +90,15 @@ def test_a_part_that_nothing_joins_is_named_as_such() -> None:
 
     both = Records("distance", ((POINT, a), (POINT, b)), evaluate, np.full((len(a), 1), 100.0), np.ones(len(a), bool))
     held = _observed(two, {POINT: xyz}, {0: (0, 1, 2), 8: (0, 1, 2), 20: (0, 1, 2)})
-    with pytest.raises(GeometryError, match=r"6 unknown.* of a part that nothing holds to the rest \(point far0"):
-        adjust_large([two], [both, held], {POINT: xyz})
+    result = adjust_large([two], [both, held], {POINT: xyz})
+    text = "set aside, its observations do not determine it"
+    assert [(note.text, note.ids) for note in result.notes] == [(text, tuple(f"point far{k}" for k in range(n)))]
+    held = _observed(points, start, {0: (0, 1, 2), 8: (0, 1, 2), 20: (0, 1, 2)})
+    alone = adjust_large([points], [distances, held], start)
+    np.testing.assert_allclose(result.state[POINT][:n], alone.state[POINT], atol=1e-9)
+    less = _observed(two, {POINT: xyz}, {0: (0, 1, 2), 8: (0, 1, 2)})  # a turn about a line is open in the rest, too
+    with pytest.raises(GeometryError, match="unknown"):
+        adjust_large([two], [both, less], {POINT: xyz})
 
 
 def test_an_unknown_that_moves_along_is_named_with_the_motion() -> None:

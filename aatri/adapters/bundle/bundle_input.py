@@ -64,13 +64,14 @@ def bundle_input(
     poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
     rays = rays_of(block, image_points) if image_points is not None else None
     poses = poses_by_rigs(block, poses)
+    offered = _offered(block, frame, origin)
     if rays is not None:
-        poses, xyz = complete_start(rays, poses, xyz, linear=linear_start)
+        poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
     known = np.isfinite(xyz)
     xyz, notes = network_start(block, xyz)
     if rays is not None:
         if (np.isfinite(xyz) & ~known).any():
-            poses, xyz = complete_start(rays, poses, xyz, linear=linear_start)
+            poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
         if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():
             raise GeometryError(
                 "no image has a starting orientation, and none sees four control points to find it from",
@@ -96,6 +97,12 @@ def bundle_input(
         given=given,
         notes=notes,
     )
+
+
+def _offered(block: Block, frame: TangentFrame | None, origin: Float) -> Poses:
+    """What the block itself gives of its images."""
+    poses = poses_into(frame, *given_orientations(block))
+    return Poses(poses.position_m - origin, poses.ground_from_image)
 
 
 def _level(frame: TangentFrame | None, geodesy: TangentFrame | None, origin_m: Float) -> Level:

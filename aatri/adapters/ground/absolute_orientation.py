@@ -31,6 +31,9 @@ from aatri.orientation.free_block.deformation import search_notes, sigma0_notes
 
 EXTRAPOLATION_WARNED = 3.0
 
+UNCERTAIN = 0.1
+"""Share of its distance by which a point at infinity, of parallel rays, is uncertain: no part of what is oriented."""
+
 WORST = 5
 """So many observations are named where strips and control do not fit."""
 
@@ -213,7 +216,9 @@ def _orient(ground: Ground, component: Component, what: str, limit: float, two_p
         pieces.rejected_rows(before, "control", control.row[held]),
         pieces.rejected_rows(before, "position", positions.row[seen]),
     ])  # fmt: skip
-    body = np.concatenate([component.xyz, centres])
+    spread = np.sqrt(np.einsum("nii->n", component.covariance))
+    near = spread < UNCERTAIN * np.linalg.norm(component.xyz - centres.mean(axis=0), axis=1)
+    body = np.concatenate([component.xyz[near], centres])
     up = rotations[:, :, 2].mean(0)
     result = orient_component(datum, body, up, what=what, active=began, limit=limit, two_points=two_points)
     return OrientedPart(what, component, held, seen, began, result)

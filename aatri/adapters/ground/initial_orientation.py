@@ -208,7 +208,7 @@ def initial_solution(
         position[new], rotation[new] = c.poses.position_m[new] + origin, c.poses.ground_from_image[new]
         xyz[points] = c.xyz[points] + origin
         kept |= c.kept & new[rays.image] & points[rays.point]
-        own |= c.kept & new[rays.image]
+        own |= c.kept
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
         if part.oriented is not None:
             first, held = len(part.oriented.tied.point_m), len(part.oriented.active) if free else 0

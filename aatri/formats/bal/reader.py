@@ -78,7 +78,7 @@ def read_bal(
     calibrate : bool
         f, k1 and k2 of every image are free, as the problem has it. Else they are fixed.
     max_reject_share : float
-        Largest share of images, points or image points that may be set aside.
+        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises

@@ -77,7 +77,7 @@ def read_colmap(
     calibrate : bool
         c, principal point and the distortion parameters of each model are free. Else they are fixed.
     max_reject_share : float
-        Largest share of images, points or image points that may be set aside.
+        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises

@@ -82,7 +82,7 @@ def read_dbat(
     set_aside : bool
         Points that cannot be determined are set aside. Else they are refused, as DBAT does.
     max_reject_share : float
-        Largest share of images, points or image points that may be set aside.
+        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises

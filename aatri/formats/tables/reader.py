@@ -50,7 +50,7 @@ def read_block(folder: Path, reporter: Reporter = SILENT, max_reject_share: floa
     reporter : Reporter
         Gets warnings, and one line per reject.
     max_reject_share : float
-        Largest share of images, points or image points that may be set aside.
+        Largest share of the image points outside the format, or of impossible positions.
 
     Returns
     -------

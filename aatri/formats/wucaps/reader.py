@@ -37,7 +37,7 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
     control_sigma_m : float, m, optional
         Standard deviation of control and check points; None: exact.
     max_reject_share : float
-        Largest share of images, points or image points that may be set aside.
+        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises

@@ -23,6 +23,7 @@ from aatri.adjustment.loss import Huber
 from aatri.adjustment.reach import scaled, within_reach
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.weakness import SET_ASIDE
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 from aatri.notes import Note
@@ -70,7 +71,8 @@ def adjust_bundle(
     if settings.datum == "free":
         others = [r for r in records if not _is_ray(r)] + constraints
         marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
-        free = FreeDatum.of(unknowns, others, start, part.of, settings.datum_over, marked, part.absent)
+        onto = _datum_of(given, start)
+        free = FreeDatum.of(unknowns, others, onto, part.of, settings.datum_over, marked, part.absent)
     held = unknowns if free is None else minimally_held(free)
 
     def adjusted_from(values: State) -> Adjusted:
@@ -78,6 +80,8 @@ def adjust_bundle(
                             settings=settings.solution)  # fmt: skip
 
     adjusted = adjusted_from(start)
+    if (smaller := _without_open(given, adjusted, settings, reporter)) is not None:
+        return smaller
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
     if settings.weights:
@@ -89,6 +93,38 @@ def adjust_bundle(
         notes.append(Note("warning", text))
         covariances = False
     return _result(given, adjusted, part, covariances, free, tuple(notes))
+
+
+def _datum_of(given: BundleInput, start: State) -> State:
+    """The values onto which a free datum is fitted."""
+    poses, xyz = start[POSE], start[POINT]
+    position = poses.position_m
+    if given.datum_position_m is not None and given.datum_xyz_m is not None:
+        position = np.where(np.isfinite(given.datum_position_m), given.datum_position_m, position)
+        xyz = np.where(np.isfinite(given.datum_xyz_m), given.datum_xyz_m, xyz)
+    return {**start, POSE: replace(poses, position_m=position), POINT: xyz}
+
+
+def _without_open(
+    given: BundleInput, adjusted: Adjusted, settings: BundleSettings, reporter: Reporter
+) -> BundleResult | None:
+    """The block adjusted without the images and points that it leaves open; None if there are none."""
+    aside = {name: some for name, some in adjusted.problem.set_aside.items() if name in (POSE, POINT) and some.any()}
+    if not aside:
+        return None
+    # A free datum is fitted onto its start; any other begins where it has come to.
+    poses, xyz = (given.poses, given.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
+    if POSE in aside:
+        out = aside[POSE]
+        poses = Poses(np.where(out[:, None], np.nan, poses.position_m),
+                      np.where(out[:, None, None], np.nan, poses.ground_from_image))  # fmt: skip
+    if POINT in aside:
+        xyz = np.where(aside[POINT][:, None], np.nan, xyz)
+    result = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
+    for name, more in result.set_aside.items():
+        aside[name] = aside[name] | more if name in aside else more
+    told = [note for note in adjusted.notes if note.text.startswith(SET_ASIDE)]
+    return replace(result, notes=(*told, *result.notes), set_aside=aside)
 
 
 _WITHOUT_FACTOR = (

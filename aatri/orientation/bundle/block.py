@@ -57,6 +57,8 @@ class BundleInput:
         What there is to say of the start.
     held_images, held_points : (n,) bool, optional
         Images and points that are not adjusted, see `partial`.
+    datum_position_m, datum_xyz_m : (n, 3) float64, m, optional
+        Projection centres and points onto which a free datum is fitted; NaN and default: those of the start.
     """
 
     image_ids: Ids
@@ -73,6 +75,8 @@ class BundleInput:
     notes: tuple[Note, ...] = ()
     held_images: Bool | None = None
     held_points: Bool | None = None
+    datum_position_m: Float | None = None
+    datum_xyz_m: Float | None = None
 
 
 @dataclass(frozen=True)

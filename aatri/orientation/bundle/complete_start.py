@@ -1,8 +1,8 @@
 """Start values a bundle adjustment still lacks: points by intersection, images by resection.
 
-Points without coordinates are intersected from the oriented images; images without orientation that see at least four
-known points get a closed three-point start, or where asked for a linear one, and a resection. Both are repeated while
-they find anything new.
+Points without coordinates are intersected from the oriented images; images without orientation get one from the known
+points they see, by what is offered (a position, an orientation) or a closed three-point start, and a resection, if the
+points agree with it more than by chance (`resection.start`). Both are repeated while they find anything new.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
-from aatri.orientation.resection.linear import linear_orientation
+from aatri.orientation.resection.linear import FEWEST, linear_orientation
 from aatri.orientation.resection.start import start_orientation
 
 
-def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float, *, linear: bool = False) -> tuple[Poses, Float]:
+def complete_start(
+    rays: ImagePointRows, poses: Poses, xyz_m: Float, *, linear: bool = False, offered: Poses | None = None
+) -> tuple[Poses, Float]:
     """Fill in what is missing and can be computed; what is known is left alone.
 
     Parameters
@@ -31,10 +33,12 @@ def complete_start(rays: ImagePointRows, poses: Poses, xyz_m: Float, *, linear: 
         NaN where unknown.
     linear : bool
         The direct linear transformation first, for images that see six points not in a plane.
+    offered : Poses, optional
+        What else is known of images, observed or roughly; NaN where nothing is. Default: `poses`.
     """
     while True:
         xyz_m = _intersected(rays, poses, xyz_m)
-        completed = _resected(rays, poses, xyz_m, linear)
+        completed = _resected(rays, poses, xyz_m, linear, offered or poses)
         if (_oriented(completed) == _oriented(poses)).all():
             return completed, xyz_m
         poses = completed
@@ -49,7 +53,7 @@ def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
     return np.asarray(np.where(missing[:, None], found, xyz_m))
 
 
-def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool) -> Poses:
+def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, offered: Poses) -> Poses:
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
     missing = ~_oriented(poses)
     rows = np.flatnonzero(rays.active & finite_rows(xyz_m)[rays.point] & missing[rays.image])
@@ -58,8 +62,11 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool) ->
     start_position, start_rotation = np.full_like(position, np.nan), np.full_like(rotation, np.nan)
     for image, mine in zip(images, np.split(rows, first[1:])):
         seen = rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]]
-        start = linear_orientation(*seen) if linear else None
-        start = start_orientation(*seen) if start is None else start
+        by_six = linear_orientation(*seen) if linear else None
+        start = start_orientation(
+            *seen, area_mm2=_area_mm2(rays, seen[1]), others=() if by_six is None else ((FEWEST, by_six),),
+            offered=(offered.position_m[image], offered.ground_from_image[image]),
+        )  # fmt: skip
         if start is not None:
             start_position[image], start_rotation[image] = start
     c_mm = np.ones(len(position))
@@ -68,9 +75,14 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool) ->
         rays.xy_mm[rows], rays.sigma_mm[rows], rays.image[rows], rays.point[rows], c_mm, xyz_m,
         start_position, start_rotation,
     )  # fmt: skip
-    found = result.resected
+    found = result.resected & finite_rows(start_position)
     position[found], rotation[found] = result.position_m[found], result.ground_from_image[found]
     return Poses(position, rotation)
+
+
+def _area_mm2(rays: ImagePointRows, c_mm: float) -> float:
+    """What the points of all images of one principal distance cover."""
+    return float(np.prod(np.ptp(rays.xy_mm[rays.c_mm == c_mm], axis=0)))
 
 
 def _oriented(poses: Poses) -> Bool:

@@ -9,7 +9,7 @@ import numpy as np
 from aatri.adjustment.statistics.global_test import global_test, refuse_misfit, sigma0_note
 from aatri.adjustment.unknowns import State
 from aatri.notes import Note
-from aatri.observations.poses import POINT
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
 
@@ -23,8 +23,9 @@ def left_out(given: BundleInput, result: BundleResult) -> list[Note]:
     Image points go with their image or point; observations of points that nothing ties to the block are only noted.
     """
     notes = []
-    images = np.asarray(given.image_ids)[~result.image_adjusted]
-    tied = touched_points(given)
+    told = result.set_aside
+    images = np.asarray(given.image_ids)[~result.image_adjusted & ~told.get(POSE, np.False_)]
+    tied = touched_points(given) & ~told.get(POINT, np.False_)
     points = np.asarray(given.point_ids)[tied & ~result.point_adjusted]
     for ids, of, what, why in (
         (points, len(given.point_ids), "points", "too few usable rays"),

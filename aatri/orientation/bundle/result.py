@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -83,6 +84,8 @@ class BundleResult:
         Coordinates that no observation can see: values of the start, no results.
     counted : float, optional
         Redundancy that sigma0 counts, where it is not all of it, see `observed_sigma0`.
+    set_aside : dict of str to (n,) bool
+        Images and points that were left out, as their observations do not determine them.
     """
 
     poses: Poses
@@ -97,6 +100,7 @@ class BundleResult:
     free: FreeDatum | None = None
     absent: Bool | None = None
     counted: float | None = None
+    set_aside: Mapping[str, Bool] = field(default_factory=dict)
 
     @property
     def pose_covariance(self) -> Float:
@@ -140,7 +144,10 @@ def without_covariances(result: BundleResult) -> BundleResult:
 
 
 def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
-    """The block with its adjusted values as start, also those of the unknowns that kinds of observations bring."""
+    """The block with its adjusted values as start, also those of the unknowns that kinds of observations bring.
+
+    A free datum stays fitted onto the values before.
+    """
     state = result.adjusted.state
     image, point = result.image_adjusted, result.point_adjusted
     poses = Poses(
@@ -148,4 +155,7 @@ def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
         np.where(image[:, None, None], state[POSE].ground_from_image, given.poses.ground_from_image),
     )
     observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
-    return replace(given, poses=poses, xyz_m=np.where(point[:, None], state[POINT], given.xyz_m), observed=observed)
+    datum = [old if known is None else known for known, old in ((given.datum_position_m, given.poses.position_m),
+                                                                (given.datum_xyz_m, given.xyz_m))]  # fmt: skip
+    return replace(given, poses=poses, xyz_m=np.where(point[:, None], state[POINT], given.xyz_m), observed=observed,
+                   datum_position_m=datum[0], datum_xyz_m=datum[1])  # fmt: skip

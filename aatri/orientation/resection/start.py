@@ -1,19 +1,29 @@
-"""Start of a resection without approximate values: the three-point problem, closed.
+"""Start of a resection without approximate values: hypotheses of a few points, accepted where the others agree.
 
 Three rays with known ground points P1 P2 P3 give the distances s1, s2 = u s1, s3 = v s1 from the projection centre by
 Grunert's quartic in v; the orientation follows by turning the triangle of the image onto that of the ground. Several
-well-spread triples are tried, and the solution with the smallest median residual over all points is taken.
+well-spread triples are tried. Two points do where the projection centre is known, none where an orientation is offered.
+
+A hypothesis of s points is accepted a contrario: with k of n points within e mm of where it sees them, points thrown
+anywhere into an image of area A would be expected to agree as well
+
+    NFA = T (n - s) C(n - s, k - s) (pi e^2 / A)^(k - s)
+
+times in T hypotheses; the k with the least NFA counts, and that has to be below `EXPECTED`. So an image of points with
+wrong numbers gets no orientation, however many they are, nor one of three points, which any triple fits.
 
 Symbols: a, b, c the sides opposite P1, P2, P3; alpha, beta, gamma the angles between the rays opposite them.
 
-Source: Grunert 1841, in the form of Haralick, Lee, Ottenberg and Noelle 1994.
+Source: Grunert 1841, in the form of Haralick, Lee, Ottenberg and Noelle 1994; Moisan and Stival 2004 (a contrario).
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
+from scipy.special import gammaln
 
 from aatri.arrays import Float
 from aatri.geometry.collinearity import in_image_axes, project
@@ -22,38 +32,105 @@ from aatri.geometry.vectors import unit
 
 MAX_TRIPLES = 20
 
+EXPECTED = 1e-3
+"""Orientations accepted by chance, per image."""
 
-def start_orientation(xy_mm: Float, c_mm: float, xyz_m: Float) -> tuple[Float, Float] | None:
-    """Orientation of one image from at least four ground points, good enough to start a resection.
+WIDE_RAD = 0.03
+"""Points farther than this from where they are seen do not fit: a start may be off by as much."""
+
+LEAST_SHARE = 0.4
+"""Orientations that a smaller share of the points fits are none."""
+
+FEW = 5
+"""Of so many points two orientations may see all: a second one is looked for."""
+
+OTHER, CLEARLY = 0.05, 3.0
+"""Orientations apart by this share of the distance of their points are different; the second best of them has to fit
+worse by this factor, or nothing tells them apart."""
+
+Orientation = tuple[Float, Float]
+"""Projection centre (3,) in m, and rotation from image to ground (3, 3)."""
+
+
+def start_orientation(
+    xy_mm: Float, c_mm: float, xyz_m: Float, *, area_mm2: float | None = None, offered: Orientation | None = None,
+    others: tuple[tuple[int, Orientation], ...] = (),
+) -> Orientation | None:  # fmt: skip
+    """Orientation of one image from ground points, good enough to start a resection.
 
     Parameters
     ----------
     xy_mm : (n, 2) float64, mm, from the principal point
     c_mm : float, mm
     xyz_m : (n, 3) float64, m
+    area_mm2 : float, optional
+        Of the image; default: what its points cover.
+    offered : Orientation, optional
+        What else is known of it: both, the projection centre alone, or nothing where NaN.
+    others : tuple of (int, Orientation)
+        Further hypotheses, and how many points each was made from.
 
     Returns
     -------
     position_m : (3,) float64, m
     ground_from_image : (3, 3) float64
-        None if there are fewer than four points or no solution has all points in front of the camera.
+        None if no orientation is accepted, or nothing tells two of them apart.
     """
-    if len(xy_mm) < 4:
+    if not len(xy_mm):
         return None
+    area = float(np.prod(np.ptp(xy_mm, axis=0))) if area_mm2 is None else area_mm2
     origin = xyz_m.mean(axis=0)
     ground = xyz_m - origin
     rays = unit(np.column_stack([xy_mm, np.full(len(xy_mm), -c_mm)]))
-    best, best_size = None, np.inf
-    for triple in _triples(xy_mm):
-        for position, rotation in three_point(rays[triple], ground[triple]):
-            u = in_image_axes(position[None], rotation[None], ground)
-            if (u[:, 2] >= 0).any():
-                continue
-            residual = project(u, np.full(len(u), c_mm)) - xy_mm
-            size = float(np.median(np.hypot(residual[:, 0], residual[:, 1])))
-            if size < best_size:
-                best, best_size = (position + origin, rotation), size
-    return best
+    given = [(s, (position - origin, rotation)) for s, (position, rotation) in others]
+    if offered is not None and np.isfinite(offered[0]).all():
+        centre = offered[0] - origin
+        if np.isfinite(offered[1]).all():
+            given.append((0, (centre, offered[1])))
+        given += [(2, (centre, R)) for R in _turned(rays, ground - centre)]
+    tried = [*given, *((3, found) for triple in _triples(xy_mm) for found in three_point(rays[triple], ground[triple]))]
+    judged = [(*_false_alarms(xy_mm, c_mm, ground, found, s, len(tried), area), found) for s, found in tried]
+    accepted = sorted((one for one in judged if one[0] < np.log(EXPECTED)), key=lambda one: one[:2])
+    if not accepted:
+        return None
+    (_, size, best), rest = accepted[0], accepted[1:]
+    if len(xy_mm) <= FEW and any(e < CLEARLY * size and _apart(best, other) > OTHER for _, e, other in rest):
+        return None
+    return best[0] + origin, best[1]
+
+
+def _false_alarms(
+    xy: Float, c: float, ground: Float, found: Orientation, s: int, tried: int, area: float
+) -> tuple[float, float]:
+    """Logarithm of the orientations expected to fit as well by chance, and how far off the fitting points are, mm."""
+    u = in_image_axes(found[0][None], found[1][None], ground)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.linalg.norm(project(u, np.full(len(u), c)) - xy, axis=1)
+    n = len(off)
+    off = np.sort(np.where((u[:, 2] < 0) & (off <= WIDE_RAD * c), off, np.inf))
+    k = np.arange(max(s, int(np.ceil(LEAST_SHARE * n)) - 1), int(np.isfinite(off).sum())) + 1
+    if not len(k):
+        return np.inf, np.inf
+    ways = gammaln(n - s + 1) - gammaln(k - s + 1) - gammaln(n - k + 1)
+    alpha = np.minimum(np.pi * np.maximum(off[k - 1], 1e-9) ** 2 / max(area, 1e-9), 1.0)
+    log = np.log(tried * (n - s)) + ways + (k - s) * np.log(alpha)
+    best = int(np.argmin(log))
+    return float(log[best]), float(off[k[best] - 1])
+
+
+def _apart(one: Orientation, other: Orientation) -> float:
+    """By how much two orientations differ, as a share of the distance to the points; these are about the origin."""
+    return float(np.linalg.norm(one[0] - other[0]) / np.linalg.norm(one[0])) + float(np.abs(one[1] - other[1]).max())
+
+
+def _turned(rays: Float, directions: Float) -> Iterator[Float]:
+    """Rotations that bring two rays, far apart, onto the directions of their points."""
+    d = unit(directions)
+    pairs = np.array(list(itertools.combinations(range(len(rays)), 2)), dtype=np.int64).reshape(-1, 2)
+    between = np.einsum("ni,ni->n", rays[pairs[:, 0]], rays[pairs[:, 1]])
+    for a, b in pairs[np.argsort(between, kind="stable")[:MAX_TRIPLES]]:
+        image = np.stack([rays[a], rays[b], np.cross(rays[a], rays[b])])
+        yield nearest_rotation(np.stack([d[a], d[b], np.cross(d[a], d[b])]).T @ image)
 
 
 def _triples(xy: Float) -> list[list[int]]:

@@ -19,6 +19,5 @@ def make(folder: Path) -> list[str] | None:
         each("image_points.csv", apart),
         until="strip_block",
         refined="refraction: false, earth_curvature: false",
-        absolute="components: largest",
     )
     return None

@@ -75,12 +75,12 @@ def test_counts_of_image_points_are_those_of_solved_points_in_oriented_images():
     assert (solution.points.rays[~solved] == 0).all()
 
 
-def test_two_strips_with_nothing_in_common_are_an_error_that_says_why():
+def test_two_strips_with_nothing_in_common_are_an_error_that_says_why_where_all_are_asked_for():
     made = MadeBlock(2, 5, gap_m=400.0)
     low = made.truth[:, 1] < made.truth[:, 1].mean()
     made.control(np.flatnonzero(low)[::7])
     with pytest.raises(GeometryError) as raised:
-        _oriented(made)
+        _oriented(made, components="all")
     text = str(raised.value)
     assert raised.value.exit_code == 4
     assert "component 2 (strip 2): not determined, it holds no control point" in text
@@ -88,11 +88,11 @@ def test_two_strips_with_nothing_in_common_are_an_error_that_says_why():
     assert "components: largest" in text
 
 
-def test_components_largest_orients_the_rest_and_lists_what_it_leaves():
+def test_what_can_be_oriented_is_and_the_rest_is_listed():
     made = MadeBlock(2, 5, gap_m=400.0)
     low = made.truth[:, 1] < made.truth[:, 1].mean()
     made.control(np.flatnonzero(low)[::7])
-    solution, heard = _oriented(made, components="largest")
+    solution, heard = _oriented(made)
     assert solution.images.oriented.tolist() == [True] * 5 + [False] * 5
     assert max(_errors(made, solution)) < 1e-6
     assert any("not oriented (5 of " in text and "images): 005" in text for text in heard.warnings)
