@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
 from aatri.tables.offers import Nature, Offer
 
@@ -44,6 +44,11 @@ def _observed_positions(block: Block) -> Bool:
 def _observed_attitudes(block: Block) -> Bool:
     e = block.exterior
     return np.asarray((e.angle_use == OBSERVED_VALUE) & np.isfinite(e.angles_rad).any(axis=1))
+
+
+def _approximate_in_part(use: Int, values: Float) -> Bool:
+    known = np.isfinite(values)
+    return np.asarray((use != OBSERVED_VALUE) & known.any(axis=1) & ~known.all(axis=1))
 
 
 def _control(block: Block) -> Bool:
@@ -152,6 +157,12 @@ _DECLARED = (
               _observed_positions),
     _Declared("exterior.angles_rad", "observation", "{} observed attitudes (exterior.csv: a1, a2, a3)", "exterior",
               _observed_attitudes),
+    _Declared("exterior.position_m:approximate_in_part", "grouping",
+              "{} approximate positions without all coordinates (exterior.csv: X, Y, Z), which start no image",
+              "exterior", lambda b: _approximate_in_part(b.exterior.position_use, b.exterior.position_m)),
+    _Declared("exterior.angles_rad:approximate_in_part", "grouping",
+              "{} approximate attitudes without all angles (exterior.csv: a1, a2, a3), which start no image",
+              "exterior", lambda b: _approximate_in_part(b.exterior.angle_use, b.exterior.angles_rad)),
     _Declared("exterior.drift_group", "constraint", "drift groups of {} observed positions (exterior.csv: drift_group)",
               "exterior", lambda b: (b.exterior.drift_group != "") & _observed_positions(b)),
     _Declared("exterior.drift_group:without_positions", "grouping",
@@ -188,7 +199,7 @@ _DECLARED = (
 
 NAMES = frozenset(d.name for d in _DECLARED) | {
     "camera_parameters:*", "geodetic:*", "relative_control:*", "earth_curvature:correct", "earth_curvature:frame",
-    "undulation",
+    "undulation", "undulation:without_effect", "terrain_height",
 }  # fmt: skip
 """All names under which a Block may offer something."""
 
@@ -216,7 +227,15 @@ def _offers(block: Block) -> Iterator[Offer | None]:
         nature: Nature = "correction" if block.earth_curvature == "frame" else "reduction"
         yield Offer(f"earth_curvature:{block.earth_curvature}", nature, words, "", "Solution")
     if np.isfinite(block.undulation_m):
-        yield Offer("undulation", "correction", "undulation (block.yaml)", "", "Solution")
+        words = "undulation (block.yaml)"
+        if block.earth_curvature == "frame":
+            yield Offer("undulation", "correction", words, "", "Solution")
+        else:
+            words += f" beside earth_curvature: {block.earth_curvature}, which has no use for it"
+            yield Offer("undulation:without_effect", "reduction", words, "", "Solution")
+    if np.isfinite(block.terrain_height_m):
+        words = "terrain_height (block.yaml), of which refraction and earth curvature are reckoned"
+        yield Offer("terrain_height", "reduction", words, "", "ImagePoints")
 
 
 def _of_camera_parameters(block: Block) -> Iterator[Offer | None]:

@@ -44,7 +44,7 @@ from aatri.observations.angle_differences import (
 )
 from aatri.observations.attitude_notes import remarks_on
 from aatri.observations.coordinates import value_records
-from aatri.observations.drift import free_drift, group_times
+from aatri.observations.drift import free_drift, group_times, time_notes
 from aatri.observations.observed import Given, Observed, named
 from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
@@ -147,6 +147,8 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
                          start={name: start for name, (_, start) in new.items()})
             )  # fmt: skip
             new = {}
+    if options.drift == "linear" and found:
+        found[0] = replace(found[0], notes=time_notes(block.images, rows.image, group))
     return (*found, *boresights.priors)
 
 

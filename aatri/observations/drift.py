@@ -17,6 +17,7 @@ Source: Ackermann 1984, Friess 1986; docs/formulas.md 5.3.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA
 from aatri.geometry.rotations import skew
+from aatri.notes import Note
 from aatri.observations.exposure_time import offset_unknowns, velocities
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
 from aatri.observations.lever_arms import LEVER_ARM, arm_priors, arm_unknowns, open_arms
@@ -39,6 +41,9 @@ from aatri.observations.positions import (
     positions_of,
     with_unknowns,
 )
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Images
 
 DRIFT = "drift"
 
@@ -76,6 +81,9 @@ def drift(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     terms, names = terms_of(given, found, options), block.images.id[found.image]
     coordinates = given_coordinates(given, found.position_m, found.given)
     observed = observed_terms(found, given.origin_m, terms, names, coordinates)
+    if options.drift == "linear":
+        notes = time_notes(block.images, found.image, drift_groups(block, found, options))
+        observed = (replace(observed[0], notes=notes), *observed[1:])
     touched = {group for o in observed for group, _ in o.records.touches}
     return (*observed, *(arm_priors(block) if LEVER_ARM in touched else ()))
 
@@ -131,6 +139,33 @@ def group_times(time_s: Float, sequence: Float, group: Text) -> Float:
         if np.isfinite(t).all():
             found[mine] = t - t.mean()
     return found
+
+
+def time_notes(images: Images, image: Int, group: Text) -> tuple[Note, ...]:
+    """What the times of drift groups should not say: one time for all, or another order than the sequence.
+
+    Parameters
+    ----------
+    images : Images
+        Of the block.
+    image : (n,) int
+        Rows of images that belong to the groups (n,).
+    """
+    time, one, permuted = group_times(images.time_s[image], images.sequence[image], group), list[str](), list[str]()
+    for name in np.unique(group[group != ""]).tolist():
+        mine = np.flatnonzero(group == name)
+        if len(mine) > 1 and np.ptp(time[mine]) == 0:
+            one.append(name)
+        for strip in np.unique(images.strip[image[mine]]):
+            rows = mine[(images.strip[image[mine]] == strip) & np.isfinite(images.sequence[image[mine]])]
+            steps = np.diff(time[rows[np.argsort(images.sequence[image[rows]], kind="stable")]])
+            if strip >= 0 and (steps > 0).any() and (steps < 0).any() and name not in permuted:
+                permuted.append(name)
+    told = (
+        (one, "drift groups whose images have one time, or no time and no sequence: a shift is estimated, no drift"),
+        (permuted, "drift groups whose times do not run with the sequence of their strip: the drift goes by the times"),
+    )
+    return tuple(Note("warning", text, tuple(names)) for names, text in told if names)
 
 
 def observed_drift(rows: Positions, origin_m: Float, group: Text, time: Float, names: Text) -> tuple[Observed, ...]:

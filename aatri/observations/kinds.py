@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import Field, create_model
 
+from aatri.notes import Note
 from aatri.observations.attitudes import USES as OF_ATTITUDES
 from aatri.observations.attitudes import AttitudeOptions, attitudes
 from aatri.observations.control import USES as OF_CONTROL
@@ -45,6 +46,9 @@ from aatri.observations.relative.round_shapes import round_shapes
 from aatri.observations.rigs import USES as OF_RIGS
 from aatri.observations.rigs import RigOptions, rigs
 from aatri.options import Options
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,17 @@ def observe(given: Given, options: object) -> tuple[Observed, ...]:
     for kind in KINDS:
         found += kind.observe(given, getattr(options, kind.name)) if kind.options else kind.observe(given)
     return with_geodetic_covariances(given.block, found)
+
+
+def options_without_data(block: Block, options: Options) -> list[Note]:
+    """Options of kinds that are set although the block offers nothing they are for."""
+    offered, notes = {offer.name for offer in block.offers()}, []
+    for name in dict.fromkeys(kind.name for kind in KINDS if kind.options):
+        given = getattr(options, name)
+        uses = {use for kind in KINDS if kind.name == name for use in kind.uses if not use.startswith("camera")}
+        if given != type(given)() and getattr(given, "use", True) and not uses & offered:
+            notes.append(Note("warning", f"{name}: options are set, but the block has none of them"))
+    return notes
 
 
 T = TypeVar("T", bound=Options)

@@ -14,6 +14,7 @@ Source: Baeumker and Heimes 2001 (OEEPE, integrated sensor orientation); docs/fo
 from __future__ import annotations
 
 from aatri.adapters.ground.direct import direct_solution
+from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -25,12 +26,21 @@ from aatri.plugin import SILENT, Context, stage
 
 @stage(
     version=1,
-    uses=("exterior.position_m", "cameras.lever_arm_m", "earth_curvature:frame", "undulation", *OF_ATTITUDES),
+    uses=(
+        "exterior.position_m",
+        "cameras.lever_arm_m",
+        "cameras.distortion",
+        "earth_curvature:frame",
+        "undulation",
+        *OF_ATTITUDES,
+    ),
 )
 def direct(block: Block, image_points: ImagePoints | None = None, *, context: Context = SILENT) -> Solution:
     """Orient images by their observed positions and angles."""
     if image_points is not None:
         check_same_block(block, image_points.images.id, "image_points")
+        image_points, of_lens = without_distortion(block, image_points)
+        tell(of_lens, context)
     solution, notes = direct_solution(block, image_points)
     tell(notes, context)
     return solution

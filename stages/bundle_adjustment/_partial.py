@@ -10,6 +10,7 @@ import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.suspects import after
 from aatri.adjustment.settings import Settings
 from aatri.arrays import Bool, Float, Text
@@ -20,6 +21,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
+from aatri.observations.kinds import options_without_data
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
@@ -49,6 +51,7 @@ def resected(
     context: Context,
 ) -> Solution:  # fmt: skip
     """Images on known points; those without orientation start by the linear transformation or three points."""
+    image_points = _corrected(block, image_points, context)
     given = bundle_input(block, image_points, initial, options, linear_start=linear)
     control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
     known = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
@@ -66,6 +69,7 @@ def intersected(
     block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, context: Context
 ) -> Solution:
     """Points from known images."""
+    image_points = _corrected(block, image_points, context)
     given = bundle_input(block, image_points, initial, options)
     known = initial.images.oriented
     covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
@@ -79,12 +83,20 @@ def alternated(
     block: Block, image_points: ImagePoints, initial: Solution | None, options: Iteration, rounds: int, context: Context
 ) -> Solution:
     """Resection and intersection in turn."""
+    image_points = _corrected(block, image_points, context)
     given = bundle_input(block, image_points, initial, options)
 
     def adjust(given: BundleInput, settings: BundleSettings) -> BundleResult:
         return adjust_alternating(given, replace(settings, covariances=False), max_rounds=rounds, reporter=context)
 
     return _made(block, initial, given, options, context, "alternating", adjust)
+
+
+def _corrected(block: Block, image_points: ImagePoints, context: Context) -> ImagePoints:
+    """None of them carries a lens: what the block says of it is corrected before."""
+    corrected, notes = without_distortion(block, image_points)
+    tell(notes, context)
+    return corrected
 
 
 def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
@@ -102,7 +114,7 @@ def _made(
     block: Block, initial: Solution | None, given: BundleInput, options: Iteration, context: Context, variant: str,
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],
 ) -> Solution:  # fmt: skip
-    tell([note for o in given.observed for note in o.notes], context)
+    tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)  # type: ignore[arg-type]
     settings = BundleSettings(solution=Settings(max_iterations=options.max_iterations, tolerance=options.tolerance))
     result = adjust(given, settings)
     tell([*result.notes, *left_out(given, result), *misfit(result, options.max_sigma0)], context)

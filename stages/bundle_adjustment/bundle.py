@@ -55,7 +55,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.notes import tell
-from aatri.observations.kinds import with_kinds
+from aatri.observations.kinds import options_without_data, with_kinds
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput, start_of
@@ -196,7 +196,10 @@ def bundle(
         parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
     )
     given = bundle_input(block, image_points, initial, options, parameters)
-    tell([*given.notes, *(note for o in given.observed for note in o.notes)], context)
+    tell([*options_without_data(block, options), *given.notes], context)
+    tell([note for o in given.observed for note in o.notes], context)
+    if options.self_calibration is not None and image_points is None:
+        context.warn("self_calibration: there are no image points, so nothing is estimated")
     tell([*convention_notes(given), *of_start(block, given, check=initial is None)], context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)

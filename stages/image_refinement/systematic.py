@@ -46,7 +46,14 @@ class SystematicOptions(Options):
     earth_curvature: bool = Field(True, description="correct earth curvature, if the block asks for it (map frame)")
 
 
-@stage(version=2, uses=("images.strip", "cameras.distortion", "earth_curvature:correct"))
+def _uses(options: SystematicOptions) -> tuple[str, ...]:
+    """What is switched off leaves what it would be made of."""
+    of_terrain = ("images.strip", "terrain_height") if options.refraction or options.earth_curvature else ()
+    curvature = ("earth_curvature:correct",) if options.earth_curvature else ()
+    return (*of_terrain, *curvature, *(("cameras.distortion",) if options.distortion else ()))
+
+
+@stage(version=2, uses=_uses)
 def systematic(
     block: Block,
     image_points: ImagePoints,

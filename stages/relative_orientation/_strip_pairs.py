@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.pairs.pair_methods import PairRules, oriented_pairs
+from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
@@ -46,8 +47,9 @@ def oriented(block: Block, image_points: ImagePoints, frame: str, options: PairO
         options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0, options.equation,
         options.coordinates, options.orientation_points,
     )  # fmt: skip
+    image_points, of_lens = without_distortion(block, image_points)
     images, found = strip_pairs(block, image_points)
-    tell(found, context)
+    tell([*of_lens, *found], context)
     models, notes = oriented_pairs(block, image_points, images, frame, rules, context)
     tell(notes, context)
     return models

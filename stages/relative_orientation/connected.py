@@ -21,6 +21,7 @@ from typing import Literal
 
 from aatri.adapters.pairs.pair_connection import connected_pairs
 from aatri.adapters.pairs.pair_methods import PairRules
+from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_pairs import strip_pairs
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
@@ -47,7 +48,7 @@ class ConnectedOptions(Options):
     )
 
 
-@stage(version=1, uses=("images.strip",))
+@stage(version=1, uses=("images.strip", "cameras.distortion"))
 def connected(
     block: Block,
     image_points: ImagePoints,
@@ -61,8 +62,9 @@ def connected(
         options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0,
         coordinates=options.coordinates,
     )  # fmt: skip
+    image_points, of_lens = without_distortion(block, image_points)
     images, found = strip_pairs(block, image_points)
-    tell(found, context)
+    tell([*of_lens, *found], context)
     models, notes = connected_pairs(block, image_points, images, rules, context)
     tell(notes, context)
     return models

@@ -34,7 +34,7 @@ class DependentOptions(PairOptions):
     """Options of the dependent relative orientation."""
 
 
-@stage(version=2, uses=("images.strip",))
+@stage(version=2, uses=("images.strip", "cameras.distortion"))
 def dependent(
     block: Block,
     image_points: ImagePoints,

@@ -23,6 +23,7 @@ from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import neighbouring_images, overlapping_images, pairs_of
 from aatri.adapters.pairs.pair_methods import with_elements
 from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
@@ -50,7 +51,7 @@ class EssentialOptions(Options):
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
 
 
-@stage(version=1, uses=("images.strip",))
+@stage(version=1, uses=("images.strip", "cameras.distortion"))
 def essential(
     block: Block,
     image_points: ImagePoints,
@@ -60,6 +61,8 @@ def essential(
 ) -> Models:
     """Orient pairs of images to each other."""
     check_same_block(block, image_points.images.id, "image_points")
+    image_points, of_lens = without_distortion(block, image_points)
+    tell(of_lens, context)
     by_strips = options.pairs == "strips" or (options.pairs == "auto" and len(block.strips) > 0)
     images = neighbouring_images(block) if by_strips else overlapping_images(block, image_points, options.min_common)[0]
     pairs = pairs_of(block, image_points, images)

@@ -30,7 +30,7 @@ class IndependentOptions(PairOptions):
     """Options of the independent relative orientation."""
 
 
-@stage(version=1, uses=("images.strip",))
+@stage(version=1, uses=("images.strip", "cameras.distortion"))
 def independent(
     block: Block,
     image_points: ImagePoints,

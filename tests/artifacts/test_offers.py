@@ -75,7 +75,7 @@ def test_a_folder_with_a_bit_of_everything_offers_it_by_name_with_count_and_plac
          "exterior.drift_group:without_positions"),
         ("exterior.csv", "d2,4505179.5,446463.9,385.2,,,,1,2,3,,,,observed,,",
          "d2,4505179.5,446463.9,385.2,,,,1,2,3,,,,observed,antenna,", "cameras.lever_arm_m"),
-        ("block.yaml", "terrain_height: 6.1", "terrain_height: 6.1\nundulation: 12.3", "undulation"),
+        ("block.yaml", "terrain_height: 6.1", "terrain_height: 6.1\nundulation: 12.3", "undulation:without_effect"),
     ],
 )  # fmt: skip
 def test_what_is_given_otherwise_has_a_name_of_its_own(

@@ -13,7 +13,7 @@ from aatri.errors import InputError
 from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative, texts, yes_no
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable
-from aatri.ids import canonical, clipped, did_you_mean
+from aatri.ids import canonical, clipped, did_you_mean, shown
 
 ID, TEXT, NUMBER, NEEDED = Column("id", "cell"), Column("text"), Column("number"), Column("number", "cell")
 
@@ -51,6 +51,7 @@ def image_tables(source: Source, cameras: Cameras) -> ImageTables:
     unused = [name for name in known if name not in set(table.text["camera"])]
     if unused:
         source.reporter.warn(f"{table.path}: no image of camera {', '.join(unused)}")
+    _places_in_strips(source, table)
     strip_ids = canonical(name for name in table.text["strip"] if name)
     strip_row = {name: k for k, name in enumerate(strip_ids)}
     ids = table.text["image"]
@@ -64,6 +65,21 @@ def image_tables(source: Source, cameras: Cameras) -> ImageTables:
         file=source.file("images.csv", len(table)), line=table.line,
     ).take(np.array(order, dtype=np.intp))  # fmt: skip
     return ImageTables(images, Strips(id=texts(strip_ids)), {str(name): k for k, name in enumerate(images.id)})
+
+
+def _places_in_strips(source: Source, table: CsvTable) -> None:
+    """Warn of images of one strip and camera without a place in it, or with the same one."""
+    lacking, seen, twice = list[str](), dict[tuple[str, ...], str](), list[str]()
+    cells = zip(*(table.text[name] for name in ("image", "strip", "camera", "member")), table.number["sequence"])
+    for image, strip, camera, member, sequence in cells:
+        if strip and np.isnan(sequence):
+            lacking.append(image)
+        elif strip and seen.setdefault((strip, camera, member, repr(float(sequence))), image) != image:
+            twice.append(image)
+    for images, what in ((lacking, "have no sequence"), (twice, "have the sequence of another image of their strip")):
+        if images:
+            source.reporter.warn(f"{table.path}: {len(images)} images of strips {what}; their order in the strip is "
+                                 f"that of their ids: {shown(images)}")  # fmt: skip
 
 
 def read_image_points(source: Source) -> CsvTable | None:

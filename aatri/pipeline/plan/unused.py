@@ -55,7 +55,12 @@ def unused(
         kinds = {node.method.kind for node in nodes if node.name in below}
         used = {name for node in takers for name in node.uses or ()}
         silent = sorted({node.method.name for node in takers if node.uses is None})
-        for offer in map(offer_from_plain, record.get("offers") or ()):
+        offers = [offer_from_plain(plain) for plain in record.get("offers") or ()]
+        if sum(node.method.kind == record.get("output", {}).get("kind") for node in nodes) == 1:
+            warnings += [
+                (source, _of_nothing(name)) for name in ignore if not any(covers(name, o.name) for o in offers)
+            ]
+        for offer in offers:
             if offer.name in used or offer.bears_on not in kinds:
                 continue
             ignored = any(covers(name, offer.name) for name in ignore)
@@ -84,6 +89,10 @@ def _warning(offer: Offer, ignored: bool, silent: list[str]) -> str:
     elif silent and offer.nature not in MILD:
         why = f"no stage says that it uses it ({', '.join(silent)} states nothing)"
     return f"{prefix}{offer.what}: {why}"
+
+
+def _of_nothing(name: str) -> str:
+    return f"pipeline.yaml, ignore: {name}: there is nothing of that name to ignore; take it out, or mend the name"
 
 
 def _quoted(name: str) -> str:
