@@ -241,13 +241,3 @@ def named(image: Text | None = None, point: Text | None = None) -> Names:
         return (nothing if image is None else image[rows], nothing if point is None else point[rows])
 
     return names
-
-
-def named_by(ids: Text, number: Int, *, point: bool = False) -> Names:
-    """Names by a table of ids and the row of it that each observation touches."""
-
-    def names(rows: Int) -> tuple[Text, Text]:
-        found, nothing = ids[number[rows]], np.full(len(rows), "")
-        return (nothing, found) if point else (found, nothing)
-
-    return names

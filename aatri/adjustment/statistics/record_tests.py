@@ -89,22 +89,6 @@ class RecordTests:
         return size, test
 
 
-def tests_of_records(records: Records, state: State, adjusted_covariance: Float) -> RecordTests:
-    """Test all records of one type.
-
-    Parameters
-    ----------
-    records : Records
-    state : mapping
-        The solution.
-    adjusted_covariance : (n, m, m) float64
-        Covariance of their whitened adjusted or predicted values, see `marginal_covariances`.
-    """
-    v, whitener = records.residuals(state), records.whitener
-    whitened = whitener * v if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, v)
-    return record_tests(records, state, adjusted_covariance, whitened)
-
-
 def record_tests(records: Records, state: State, adjusted_covariance: Float, whitened: Float) -> RecordTests:
     """The same with the whitened residuals given, (n, m), as `Covariances` has them."""
     cofactor = -adjusted_covariance

@@ -180,17 +180,6 @@ def correlated_with_others(
     return _pairs(rho, e.names, other_names, limit)
 
 
-def total_correlations(e: Estimates) -> Float:
-    """Correlation of each parameter with all others together, (s,); 1 if it is a combination of them."""
-    rho = correlations(e)
-    known = np.isfinite(np.diag(rho))
-    inner = rho[np.ix_(known, known)]
-    total = np.full(len(rho), np.nan)
-    inverse = np.diag(np.linalg.pinv(inner, rcond=1e-14, hermitian=True))
-    total[known] = np.sqrt(np.clip(1.0 - 1.0 / np.maximum(inverse, 1.0), 0.0, 1.0))
-    return total
-
-
 def _spread_under_zero(e: Estimates) -> Float:
     """V = C - C P0 C; rows of undetermined parameters stay NaN."""
     known = np.isfinite(np.diag(e.covariance))

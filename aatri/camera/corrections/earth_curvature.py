@@ -63,14 +63,5 @@ def earth_curvature_of_rays(
     return turned_rays(xy_mm, principal_distance_mm, level_from_image, lambda tan2: 1.0 + factor * tan2)
 
 
-def earth_curvature_derivative(
-    xy_mm: npt.NDArray[Any], flying_height_m: npt.NDArray[Any], principal_distance_mm: npt.NDArray[Any]
-) -> npt.NDArray[Any]:
-    """Derivative of the correction with respect to the photo coordinates, (n, 2, 2)."""
-    isotropic = (xy_mm**2).sum(axis=1)[:, None, None] * np.eye(2)
-    outer = 2.0 * xy_mm[:, :, None] * xy_mm[:, None, :]
-    return np.asarray(_factor(flying_height_m, principal_distance_mm)[:, None, None] * (isotropic + outer))
-
-
 def _factor(flying_height_m: npt.NDArray[Any], principal_distance_mm: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.asarray(flying_height_m / (2.0 * EARTH_RADIUS_M * principal_distance_mm**2))

@@ -52,13 +52,3 @@ def refraction_correction(
     """
     r2 = xy_mm**2 @ np.ones(2)
     return np.asarray(-xy_mm * (constant_rad * (1.0 + r2 / principal_distance_mm**2))[:, None])
-
-
-def refraction_derivative(
-    xy_mm: npt.NDArray[Any], constant_rad: npt.NDArray[Any], principal_distance_mm: npt.NDArray[Any]
-) -> npt.NDArray[Any]:
-    """Derivative of the correction with respect to the photo coordinates, (n, 2, 2)."""
-    c2 = principal_distance_mm**2
-    isotropic = (1.0 + (xy_mm**2).sum(axis=1) / c2)[:, None, None] * np.eye(2)
-    outer = 2.0 * xy_mm[:, :, None] * xy_mm[:, None, :] / c2[:, None, None]
-    return np.asarray(-constant_rad[:, None, None] * (isotropic + outer))

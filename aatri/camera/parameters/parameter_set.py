@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Float
-from aatri.errors import ConvergenceError, SpecError
+from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 
 
@@ -146,30 +146,6 @@ def correction(parameter_set: ParameterSet, scale: SetScale, values_mm: Float, x
     (n, 2) float64, mm
     """
     return np.asarray(parameter_set.basis(xy_mm, scale) @ values_mm)
-
-
-def measured_from_corrected(
-    parameter_set: ParameterSet, scale: SetScale, values_mm: Float, xy_mm: Float, max_iterations: int = 50
-) -> Float:
-    """Coordinates that would be measured where the corrected ones are known: solves z + K(z) p = xy for z.
-
-    Raises
-    ------
-    ConvergenceError
-        If the correction is too steep to be inverted.
-    """
-    measured = xy_mm.copy()
-    for _ in range(max_iterations):
-        misfit = measured + correction(parameter_set, scale, values_mm, measured) - xy_mm
-        measured = measured - misfit
-        if not np.abs(measured).max(initial=0.0) < 1e3 * scale.radius_mm:
-            break
-        if np.abs(misfit).max(initial=0.0) <= 1e-13 * scale.radius_mm:
-            return np.asarray(measured)
-    raise ConvergenceError(
-        f"the correction of {parameter_set.name} cannot be inverted inside the image",
-        remedy="check the parameters: they are mm near the border of the format",
-    )
 
 
 def classical(

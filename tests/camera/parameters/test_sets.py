@@ -23,10 +23,9 @@ from aatri.camera.parameters.parameter_set import (
     chosen,
     classical,
     correction,
-    measured_from_corrected,
     scale_of_format,
 )
-from aatri.errors import ConvergenceError, SpecError
+from aatri.errors import SpecError
 
 FILM = scale_of_format((115.0, 115.0), 153.84, base_mm=90.0)
 DIGITAL = scale_of_format((52.0, 34.0), 100.5)
@@ -210,15 +209,6 @@ def test_rotational_symmetry() -> None:
         assert np.abs(turned[:, :, k] - K[:, :, k] @ turn.T).max() < 1e-15
     B, turned_B = EBNER12.basis(POINTS, FILM), EBNER12.basis(POINTS @ turn.T, FILM)
     assert np.abs(turned_B[:, :, 0] + B[:, :, 0] @ turn.T).max() < 1e-15
-
-
-def test_measured_coordinates_are_found_from_corrected_ones() -> None:
-    p = np.full(12, 0.01)
-    ideal = POINTS.copy()
-    measured = measured_from_corrected(EBNER12, FILM, p, ideal)
-    assert np.abs(measured + correction(EBNER12, FILM, p, measured) - ideal).max() < 1e-11
-    with pytest.raises(ConvergenceError, match="ebner12 cannot be inverted"):
-        measured_from_corrected(EBNER12, FILM, np.full(12, 200.0), ideal)
 
 
 def test_classical_covariance() -> None:
