@@ -21,8 +21,11 @@ class PairOptions(Options):
     """Options of the relative orientation of single pairs."""
 
     max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
-    snooping_limit: float = Field(
-        4.0, gt=0, description="a point is rejected if its y-parallax is wrong by more standard deviations than this"
+    snooping_limit: float | None = Field(
+        None,
+        gt=0,
+        description="a point is rejected if its y-parallax is wrong by more standard deviations than this; null: by "
+        "the number of points, 4 at least",
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")

@@ -17,6 +17,7 @@ Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Chum, Matas & Kittle
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 from aatri.adapters.pairs.essential_models import essential_models
@@ -31,6 +32,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.notes import tell
 from aatri.orientation.relative.essential_pairs import SAMPLES, essential_orientations
+from aatri.orientation.relative.image_scale import with_sigmas
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -44,8 +46,11 @@ class EssentialOptions(Options):
     min_common: int = Field(8, ge=5, description="with pairs: all, points in common of a pair")
     max_samples: int = Field(SAMPLES, ge=1, description="most samples of five points of a pair")
     max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
-    snooping_limit: float = Field(
-        4.0, gt=0, description="a point is rejected if its y-parallax is wrong by more standard deviations than this"
+    snooping_limit: float | None = Field(
+        None,
+        gt=0,
+        description="a point is rejected if its y-parallax is wrong by more standard deviations than this; null: by "
+        "the number of points, 4 at least",
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
@@ -76,6 +81,7 @@ def essential(
         reporter=context,
     )
     refuse_misfits(made.found, options.max_sigma0)
+    pairs = replace(pairs, rays=with_sigmas(pairs.rays, made.found.scale))
     models = with_elements(essential_models(block, image_points, pairs, made), "dependent")
     context.progress(len(pairs.left), len(pairs.left), "models")
     tell(notes_of_pairs(block, image_points, pairs, made.found, models), context)

@@ -17,6 +17,7 @@ from aatri.artifacts.models import Elements, Models
 from aatri.artifacts.suspects import Suspects
 from aatri.notes import Note
 from aatri.orientation.relative.classical_points import classical_points, connection_points
+from aatri.orientation.relative.image_scale import limit_of
 from aatri.orientation.relative.pair_loops import RelativeOrientations
 from aatri.orientation.strips.connected import Before, Connected, connected_orientation
 from aatri.progress import Reporter
@@ -38,7 +39,7 @@ def connected_pairs(
         before = ends_at.get(left)
         if before is None or not (found.formed[pair] and found.formed[before]):
             continue
-        joint = _joined(pairs, found, before, pair, rules.snooping_limit)
+        joint = _joined(pairs, found, before, pair, limit_of(pairs.rays, rules.snooping_limit))
         if joint is None:
             loose.append(pair)
         else:

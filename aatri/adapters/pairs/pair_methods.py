@@ -20,6 +20,7 @@ from aatri.notes import Note
 from aatri.orientation.relative.classical_points import classical_points
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
 from aatri.orientation.relative.equal_weights import adjusted_with_equal_weights
+from aatri.orientation.relative.image_scale import limit_of, with_sigmas
 from aatri.orientation.relative.pair_loops import RelativeOrientations
 from aatri.orientation.relative.pairs import relative_orientations
 from aatri.progress import Reporter
@@ -32,7 +33,8 @@ class PairRules:
     Attributes
     ----------
     max_iterations : int
-    snooping_limit : float
+    snooping_limit : float or None
+        None: by the number of points tested.
     min_points : int
     max_sigma0 : float
     equation : {'rigorous', 'q', 'determinant'}
@@ -43,7 +45,7 @@ class PairRules:
     """
 
     max_iterations: int
-    snooping_limit: float
+    snooping_limit: float | None
     min_points: int
     max_sigma0: float
     equation: str = "rigorous"
@@ -76,7 +78,7 @@ def oriented_pairs(
 def adjusted_pairs(
     block: Block, image_points: ImagePoints, images: Int, frame: str, rules: PairRules, reporter: Reporter
 ) -> tuple[Pairs, RelativeOrientations, tuple[Note, ...]]:
-    """The pairs and their orientations by the equation asked for."""
+    """The pairs, their rays with the standard deviations used, and their orientations by the equation asked for."""
     pairs = pairs_of(block, image_points, images)
 
     def orient(rays: RayPairs, start: Int) -> RelativeOrientations:
@@ -90,7 +92,8 @@ def adjusted_pairs(
         found = orient(pairs.rays, pairs.start)
     else:
         named = named_points(rules.orientation_points, block.points.id)
-        found = oriented_by(pairs, named, rules.snooping_limit, orient)
+        found = oriented_by(pairs, named, limit_of(pairs.rays, rules.snooping_limit), orient)
+    pairs = replace(pairs, rays=with_sigmas(pairs.rays, found.scale))
     notes: tuple[Note, ...] = ()
     if rules.equation != "rigorous" and found.formed.any():
         _with_equal_weights(pairs, found, rules.equation, frame, named[pairs.point])

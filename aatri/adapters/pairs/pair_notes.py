@@ -39,7 +39,7 @@ def notes_of_pairs(
     """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts, rejections."""
     rejected = rejection_notes(models.suspects, "relative_orientation")
     loose = notes_of(models.uncontrolled, "one model alone sees") if models.uncontrolled is not None else []
-    of_models = (*_of_models(models), *_of_axes(models), *rejected, *loose)
+    of_models = (*_of_models(models, found.scale), *_of_axes(models), *rejected, *loose)
     return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *of_models)
 
 
@@ -68,11 +68,14 @@ def _of_axes(models: Models) -> Iterator[Note]:
         yield Note("note", text + "phi2 ... bz/bx have their axes turned by a quarter, X along the flight")
 
 
-def _of_models(models: Models) -> Iterator[Note]:
+def _of_models(models: Models, scale: float) -> Iterator[Note]:
     o = models.orientations
     if len(o):
         yield sigma0_note(pooled_test(o.sigma0, o.redundancy), f"of {len(o)} models")
-    off = single_misfits(o.sigma0, o.redundancy)
+    if scale > 1.0:
+        text = f"tests and covariances with {scale:.2f} times the standard deviations of the image points, as the "
+        yield Note("note", text + "y-parallaxes of all points ask for before any is rejected")
+    off = single_misfits(o.sigma0 / scale, o.redundancy)
     if off.any():
         told = tuple(f"{name} ({s:.2f})" for name, s in zip(o.id[off], o.sigma0[off]))
         yield Note("warning", "sigma0 of single models is too large", told)

@@ -13,7 +13,7 @@ Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Longuet-Higgins, Pro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
 from aatri.orientation.relative.dependent import FEWEST
+from aatri.orientation.relative.image_scale import limit_of, with_image_scale
 from aatri.orientation.relative.kernels.consensus import JUDGES, KEPT, consensus
 from aatri.orientation.relative.pair_adjustment import SNOOPED
 from aatri.orientation.relative.pair_loops import Portion, RelativeOrientations, oriented_in_loops
@@ -75,7 +76,7 @@ class EssentialOrientations:
 
 
 def essential_orientations(
-    rays: RayPairs, start: Int, *, snooping_limit: float = 4.0, max_iterations: int = 20, min_points: int = 5,
+    rays: RayPairs, start: Int, *, snooping_limit: float | None = None, max_iterations: int = 20, min_points: int = 5,
     max_samples: int = SAMPLES, patient: bool = True, reporter: Reporter = SILENT,
 ) -> EssentialOrientations:  # fmt: skip
     """Orient the right image of every pair to its left one.
@@ -87,7 +88,7 @@ def essential_orientations(
     start : (m + 1,) int
         First point of each pair; the last is the number of points.
     snooping_limit, max_iterations, min_points
-        See `dependent.relative_orientation`.
+        See `dependent.relative_orientation`; without a limit it counts the points tested.
     max_samples : int
         Most samples of a pair.
     patient : bool
@@ -96,6 +97,21 @@ def essential_orientations(
     reporter : Reporter
         Told how many pairs are done.
     """
+    limit = limit_of(rays, snooping_limit)
+    made, scale = with_image_scale(
+        lambda scaled: _oriented(
+            scaled, start, limit, max_iterations, min_points, max_samples, patient=patient, reporter=reporter
+        ),
+        lambda made: made.found,
+        rays,
+    )
+    return replace(made, found=replace(made.found, sigma0=scale * made.found.sigma0, scale=scale))
+
+
+def _oriented(
+    rays: RayPairs, start: Int, snooping_limit: float, max_iterations: int, min_points: int, max_samples: int, *,
+    patient: bool, reporter: Reporter,
+) -> EssentialOrientations:  # fmt: skip
     m = len(start) - 1
     second, samples, share = np.full((m, 3, 4), np.nan), np.zeros(m, dtype=np.int64), np.zeros(m)
 

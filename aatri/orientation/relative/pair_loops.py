@@ -52,6 +52,9 @@ class RelativeOrientations:
         Why a pair makes no model, by pair.
     warnings : dict
         Of formed pairs, by pair.
+    scale : float
+        What the standard deviations of the image points were multiplied by, see `image_scale`; covariances, tests and
+        errors are with it, sigma0 is not.
     """
 
     formed: Bool
@@ -71,6 +74,7 @@ class RelativeOrientations:
     depth: Float
     reasons: dict[int, str] = field(default_factory=dict)
     warnings: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ rules of `relative.dependent`, which takes all other pairs, one by one, and give
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.arrays import Int
@@ -14,6 +16,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.intersection import Intersection
 from aatri.orientation.relative.dependent import relative_orientation
+from aatri.orientation.relative.image_scale import limit_of, with_image_scale
 from aatri.orientation.relative.kernels.start import parallel_starts
 from aatri.orientation.relative.pair_loops import Portion, RelativeOrientations, oriented_in_loops
 from aatri.progress import SILENT, Reporter
@@ -23,7 +26,7 @@ def relative_orientations(
     rays: RayPairs,
     start: Int,
     *,
-    snooping_limit: float = 4.0,
+    snooping_limit: float | None = None,
     max_iterations: int = 20,
     min_points: int = 5,
     reporter: Reporter = SILENT,
@@ -37,10 +40,20 @@ def relative_orientations(
     start : (m + 1,) int
         First point of each pair; the last is the number of points.
     snooping_limit, max_iterations, min_points
-        See `dependent.relative_orientation`.
+        See `dependent.relative_orientation`; without a limit it counts the points tested.
     reporter : Reporter
         Told how many pairs are done.
     """
+    limit = limit_of(rays, snooping_limit)
+    found, scale = with_image_scale(
+        lambda scaled: _oriented(scaled, start, limit, max_iterations, min_points, reporter), lambda made: made, rays
+    )
+    return replace(found, sigma0=scale * found.sigma0, scale=scale)
+
+
+def _oriented(
+    rays: RayPairs, start: Int, snooping_limit: float, max_iterations: int, min_points: int, reporter: Reporter
+) -> RelativeOrientations:
     found = oriented_in_loops(rays, start, from_parallel, snooping_limit, max_iterations, min_points, reporter)
     left = [pair for pair in np.flatnonzero(~found.formed).tolist() if pair not in found.reasons]
     done = len(found.formed) - len(left)

@@ -118,7 +118,7 @@ def _assert_as_alone(found: many.RelativeOrientations, rays: RayPairs, start: np
 def test_pairs_of_every_kind_come_out_as_each_alone() -> None:
     cases = _unlike()
     rays, start = _stacked(list(cases.values()))
-    found = many.relative_orientations(rays, start)
+    found = many.relative_orientations(rays, start, snooping_limit=4.0)
     for pair in range(len(cases)):
         _assert_as_alone(found, rays, start, pair)
     assert found.formed[0]
@@ -132,7 +132,7 @@ def test_pairs_of_every_kind_come_out_as_each_alone() -> None:
 def test_the_compiled_loop_rejects_and_readmits_as_the_numpy_form(wrong: float) -> None:
     pairs = [_pair(seed, points=3 + seed % 9, wrong=wrong, size_mm=0.1 * 4.0 ** (seed % 5)) for seed in range(40)]
     rays, start = _stacked(pairs)
-    found = many.relative_orientations(rays, start)
+    found = many.relative_orientations(rays, start, snooping_limit=4.0)
     for pair in range(len(pairs)):
         _assert_as_alone(found, rays, start, pair)
 
@@ -150,7 +150,7 @@ def test_the_result_has_the_same_bits_for_any_number_of_threads_and_portions(mon
     for count, at_once in ((1, 500_000), (3, 500_000), (2, 100), (1, 1)):
         monkeypatch.setattr(threads, "default_threads", lambda count=count: count)
         monkeypatch.setattr(loops, "AT_ONCE", at_once)
-        results.append(many.relative_orientations(rays, start))
+        results.append(many.relative_orientations(rays, start, snooping_limit=4.0))
     for other in results[1:]:
         for name in many.RelativeOrientations.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(other, name), getattr(results[0], name), err_msg=name)

@@ -1,0 +1,74 @@
+"""By how much the standard deviations of the image points are too small, before any point is rejected for good.
+
+Guessed standard deviations that are half of what they should be make a tenth of all points gross errors. So the pairs
+are oriented once with those given; the y-parallaxes of all their points together, the rejected ones among them, tell
+the scale s of the image coordinates (adjustment.statistics.class_scales), which a few gross errors hardly touch. Where
+it is clearly above 1 the pairs are oriented anew with s times the standard deviations, until s stands still. What was
+rejected for them comes back, and the covariances of the models are those that the points deserve.
+
+Standard deviations that are too large reject nothing that is right, and stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from aatri.adjustment.statistics.class_scales import class_scales
+from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.geometry.coplanarity import RayPairs
+from aatri.orientation.relative.pair_loops import RelativeOrientations
+
+A = TypeVar("A")
+
+ROUNDS = 5
+SETTLED = 0.05
+"""Change of the scale, as a share of it, at which the rounds end."""
+
+
+def with_image_scale(
+    orient: Callable[[RayPairs], A], of: Callable[[A], RelativeOrientations], rays: RayPairs
+) -> tuple[A, float]:
+    """What `orient` makes of pairs, with the scale that their image points ask for; that scale.
+
+    Parameters
+    ----------
+    orient : callable
+        Orients all pairs.
+    of : callable
+        The orientations in what it makes.
+    rays : RayPairs
+    """
+    made, scale = orient(rays), 1.0
+    for _ in range(ROUNDS):
+        asked, clear = _scale_of(of(made))
+        better = max(scale * asked, 1.0)
+        settled = abs(better - scale) <= SETTLED * scale
+        if settled or (scale == 1.0 and not clear):
+            break
+        scale = better
+        made = orient(with_sigmas(rays, scale))
+    return made, scale
+
+
+def with_sigmas(rays: RayPairs, scale: float) -> RayPairs:
+    """The rays with `scale` times their standard deviations."""
+    return replace(rays, left_sigma=scale * rays.left_sigma, right_sigma=scale * rays.right_sigma)
+
+
+def limit_of(rays: RayPairs, limit: float | None) -> float:
+    """The limit of a test that is given, or that counts the points tested."""
+    return limit_of_tests(len(rays.left)) if limit is None else limit
+
+
+def _scale_of(found: RelativeOrientations) -> tuple[float, bool]:
+    """The scale of all y-parallaxes, of rejected points too, and whether it is clearly above 1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        redundancy = np.minimum(np.abs(found.parallax_mm / found.error_mm), 1.0)
+    known = np.isfinite(redundancy) & np.isfinite(found.test)
+    r = np.where(known, redundancy, 0.0)
+    scales = class_scales(np.where(known, found.test, 0.0) * np.sqrt(r), r, np.where(known, 0, -1), 1)
+    return float(scales.scale[0]), bool(scales.differing[0] > 1.0)
