@@ -23,7 +23,6 @@ from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.absolute_orientation import absolute_solution, control_notes, ground_of, orient_strips
 from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -47,8 +46,11 @@ class SimilarityOptions(Options):
     tie_limit: float = Field(6.0, gt=0, description="test statistic of a wrong tie between strips, in sigma")
     control_limit: float = Field(5.0, gt=0, description="test statistic of wrong control, in sigma")
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
-    max_sigma0: float = Field(
-        MAX_SIGMA0, gt=0, description="an error where strips deform by so many times what their length explains"
+    max_sigma0: float | None = Field(
+        None,
+        gt=0,
+        description="an error where strips deform by so many times what their length explains; null: 20, and "
+        "off by 0.5 % of the distance",
     )
 
 

@@ -28,7 +28,6 @@ from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.model_adjustment import ModelRules, adjusted_models
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
@@ -56,7 +55,9 @@ class IndependentModelsOptions(Options):
         "together", description="all seven parameters together, or plan (4) and height (3) in turn"
     )
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
-    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="an error where sigma0 is larger")
+    max_sigma0: float | None = Field(
+        None, gt=0, description="an error where sigma0 is larger; null: 20, and off by 0.5 % of the distance"
+    )
 
     @field_validator("centres", mode="before")
     @classmethod

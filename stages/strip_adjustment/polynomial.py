@@ -26,7 +26,6 @@ from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
 from aatri.adapters.strips.strip_degrees import highest_degree
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -47,8 +46,11 @@ class PolynomialOptions(Options):
         "linear", description="across the strip: V alone, or V^2 (degree 2), U V^2 and V^3 (degree 3) too"
     )
     limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
-    max_sigma0: float = Field(
-        MAX_SIGMA0, gt=0, description="an error where strips deform by so many times what their length explains"
+    max_sigma0: float | None = Field(
+        None,
+        gt=0,
+        description="an error where strips deform by so many times what their length explains; null: 20, and "
+        "off by 0.5 % of the distance",
     )
 
 

@@ -27,7 +27,7 @@ from aatri.observations.positions import positions_of
 from aatri.orientation.free_block.absolute import orient_component
 from aatri.orientation.free_block.components import Component, FreeBlock, join_strips, strip_names
 from aatri.orientation.free_block.datum import Datum
-from aatri.orientation.free_block.deformation import search_notes, sigma0_notes
+from aatri.orientation.free_block.deformation import Misfit, rms_m, search_notes, sigma0_notes
 
 EXTRAPOLATION_WARNED = 3.0
 
@@ -56,7 +56,7 @@ def ground_of(block: Block, strips: Strips, *, use_positions: bool) -> Ground:
 
 
 def orient_strips(
-    ground: Ground, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float,
+    ground: Ground, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float | None,
     two_points: bool = False,
 ) -> OrientedStrips:  # fmt: skip
     """Join strips to components and orient each.
@@ -68,7 +68,7 @@ def orient_strips(
         Test statistics of wrong ties and of wrong control.
     every_component : bool
         A component without a datum is an error; else it is left out with a warning.
-    max_sigma0 : float
+    max_sigma0 : float or None
     two_points : bool
         Each starts from two control points.
 
@@ -92,7 +92,8 @@ def orient_strips(
     try:
         notes += sigma0_notes(
             [tied for _, tied in adjusted], [name for name, _ in adjusted], tables.pooled(parts)[1],
-            pieces.most_models(ground.strips), max_sigma0, "absolute orientation",
+            pieces.most_models(ground.strips), Misfit(max_sigma0, _distance_m(ground, parts)),
+            _misfit_m(parts), "absolute orientation",
         )  # fmt: skip
     except ConvergenceError as error:
         raise ConvergenceError(error.what + _worst(ground, parts), where=error.where, remedy=error.remedy) from error
@@ -128,6 +129,25 @@ def _joined_and_oriented(
         for text, weak in zip(free.unjoined, free.weak)
     ]
     return free, parts, failed, [*joined, *notes]
+
+
+def _distance_m(ground: Ground, parts: Sequence[OrientedPart]) -> float:
+    """From the projection centres to the points, mean of all components, m."""
+    found = []
+    for part in parts:
+        centres = free_images(ground.strips, part.component)[0]
+        found.append(part.result.ground_from_component.scale * pieces.distance_m(centres, part.component.xyz))
+    return float(np.mean(found)) if found else 0.0
+
+
+def _misfit_m(parts: Sequence[OrientedPart]) -> float:
+    """The largest RMS by which control and positions, or strips, do not fit."""
+    found = [rms_m(part.result.residual_m, part.result.active) for part in parts]
+    for part in parts:
+        ties = part.component.tied
+        if ties is not None:
+            found.append(part.result.ground_from_component.scale * rms_m(ties.residual_m, ties.active))
+    return max(found, default=0.0)
 
 
 def _worst(ground: Ground, parts: Sequence[OrientedPart]) -> str:

@@ -12,7 +12,7 @@ from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips.model_bodies import Bodies, GivenRows, bodies_of
 from aatri.adapters.strips.strip_adjustment import resected_on
 from aatri.adapters.uncontrolled_before import NOT_SEEN, not_seen_since, notes_of, of_observations
-from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note
+from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -22,7 +22,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
-from aatri.orientation.free_block.deformation import search_notes
+from aatri.orientation.free_block.deformation import Misfit, rms_m, search_notes
 from aatri.orientation.free_block.independent_models import AdjustedModels, adjust_models
 
 STAGE = "model_adjustment"
@@ -35,7 +35,7 @@ class ModelRules:
     centre_sigma_m: float | None
     plan_height: bool
     limit: float
-    max_sigma0: float
+    max_sigma0: float | None
 
 
 def adjusted_models(
@@ -75,7 +75,8 @@ def adjusted_models(
         return told + [every[k] for k in of_given.tolist()]
 
     fit = pooled_test(np.array([tied.sigma0]), np.array([tied.observations - tied.unknowns]))
-    refuse_misfit(fit, rules.max_sigma0, "of the independent models")
+    misfit = Misfit(rules.max_sigma0, pieces.distance_m(initial.images.position_m, initial.points.xyz_m))
+    notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residual_m, tied.active), "independent models", "")
     per_model = np.bincount(rows.model[: bodies.n_model_points], minlength=len(names))
     counts = f"{len(names)} models of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
     text = f"{counts} and two perspective centres; deformation beyond their standard deviations {tied.tau_m:.3f} m"

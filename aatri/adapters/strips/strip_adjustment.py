@@ -29,7 +29,7 @@ from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.deformation import given_note, search_notes, sigma0_notes
+from aatri.orientation.free_block.deformation import Misfit, given_note, rms_m, search_notes, sigma0_notes
 from aatri.orientation.free_block.deformed_covariances import (
     DeformedCovariances,
     covariance_notes,
@@ -110,7 +110,7 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 def adjust_strips(
     block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, degree: int, degrees: Mapping[str, int],
-    asked: bool, limit: float, max_sigma0: float,
+    asked: bool, limit: float, max_sigma0: float | None,
 ) -> AdjustedStrips:  # fmt: skip
     """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `asked` for.
 
@@ -157,8 +157,15 @@ def adjust_strips(
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
     notes += [Note("note", text), *search_notes(tied, called, "strip block")]
+    misfit = Misfit(max_sigma0, pieces.distance_m(initial.images.position_m - ground.origin, ground.points.xyz))
     notes += sigma0_notes(
-        [tied], ["strip block"], tied.sigma0, pieces.most_models(strips), max_sigma0, "strip block adjustment"
+        [tied],
+        ["strip block"],
+        tied.sigma0,
+        pieces.most_models(strips),
+        misfit,
+        rms_m(tied.residual_m, tied.active),
+        "strip block adjustment",
     )
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
     deformed = deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)

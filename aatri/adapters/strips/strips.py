@@ -101,6 +101,11 @@ def most_models(strips: Strips) -> int:
     return int(np.bincount(strips.strip_images.strip).max(initial=1)) - 1
 
 
+def distance_m(position_m: Float, point_m: Float) -> float:
+    """From the middle of the projection centres to that of the points, m."""
+    return float(np.linalg.norm(np.nanmean(position_m, axis=0) - np.nanmean(point_m, axis=0)))
+
+
 def left_out(block: Block, oriented: Bool) -> list[Note]:
     """A warning that names the images in use that are not oriented."""
     left = np.flatnonzero(~oriented & block.images.active)

@@ -10,7 +10,8 @@ differ from each other and from the ground by
 times the standard deviations of their points: 8 times for 27 models, 50 times for 100. That is the ratio sigma0 of the
 adjustments of whole strips, in which tau, the deformation added to the standard deviations of the points, is *not*
 counted. How much strips in fact deform depends on their points and overlaps, hence this is a gauge of one digit: beyond
-`max_sigma0` times what is expected points, ids or frames are mixed up.
+`max_sigma0` times what is expected points, ids or frames are mixed up, or the standard deviations are guessed: that is
+told from the size of the misfit (`Misfit`).
 
 With tau counted sigma0 is near 1 by construction wherever tau had to be added, so that its test warns where gross
 errors are left. Where strips agree better than the standard deviations of their points say it is small, which the
@@ -20,24 +21,30 @@ stages before have told of their image points: here that is a note.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import (
+    MAX_SIGMA0,
     GlobalTest,
     global_test,
     pooled_test,
     sigma0_note,
     single_misfits,
 )
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
 from aatri.orientation.free_block.tied_adjustment import TiedResult
 
 GROWTH = 0.05
+
+START = 0.005
+"""Misfit, as a share of the distance between images and points, that no block of right ids, units and axes has: a tenth
+of what the bundle can begin from (docs/convergence.md)."""
+
 OF_GIVEN = "of control, the deformation counted,"
 
 
@@ -46,34 +53,58 @@ def expected_ratio(models: int) -> float:
     return 1.0 + GROWTH * float(models * np.sqrt(models))
 
 
-def refuse_deformed(sigma0: float, models: int, max_sigma0: float, what: str) -> None:
-    """Refuse strips that no deformation explains.
+@dataclass(frozen=True)
+class Misfit:
+    """From where on strips and control do not fit.
 
-    Parameters
+    Attributes
     ----------
-    sigma0 : float
-        Ratio to the a priori standard deviations; NaN counts as not determined.
-    models : int
-        Of the longest strip.
-    max_sigma0 : float
-    what : str
-
-    Raises
-    ------
-    ConvergenceError
+    max_sigma0 : float or None
+        Largest ratio to what deformation explains. None: `MAX_SIGMA0`, and only where the misfit is also more than
+        `START` of the distance; the bundle can begin from less.
+    distance_m : float, m
+        From the projection centres to the points.
     """
-    expected = expected_ratio(models)
-    if np.isfinite(sigma0) and sigma0 > max_sigma0 * expected:
-        raise ConvergenceError(
-            f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g} times the {expected:.2g} that strips "
-            f"of {models} models lead one to expect: strips and control do not fit each other",
-            remedy="check ids of points and control, units and axes of control, strips and models of the images; "
-            "standard deviations that are too small by this factor are to be corrected in the block",
-        )
+
+    max_sigma0: float | None
+    distance_m: float
+
+    def notes(self, sigma0: float, expected: float, off_m: float, what: str, why: str) -> list[Note]:
+        """A warning where sigma0 is beyond the limit and the misfit is small.
+
+        Raises
+        ------
+        ConvergenceError
+            Where it is not.
+        """
+        limit = MAX_SIGMA0 if self.max_sigma0 is None else self.max_sigma0
+        if not (np.isfinite(sigma0) and sigma0 > limit * expected):
+            return []
+        text = f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {limit:g}{why}: strips and control do not fit "
+        text += "each other"
+        remedy = ("check ids of points and control, units and axes of control, strips and models of the images; "
+                  "standard deviations that are too small by this factor are to be corrected in the block")  # fmt: skip
+        if self.max_sigma0 is not None or not off_m <= START * self.distance_m:
+            raise ConvergenceError(text, remedy=remedy)
+        share = f"{off_m:.2g} m (RMS), {off_m / self.distance_m:.1%} of the distance of the images"
+        return [Note("warning", f"{text}, but by {share}: the bundle can begin from there; {remedy}")]
+
+
+def rms_m(residual_m: Float, active: Bool) -> float:
+    """RMS length of the residuals in use, (n, 3), m; those that vanish, of points observed once, do not count."""
+    squares = np.nansum(residual_m[active] ** 2, axis=1)
+    squares = squares[squares > 0]
+    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
 
 
 def sigma0_notes(
-    tied: Sequence[TiedResult[Any]], names: Sequence[str], sigma0: float, models: int, max_sigma0: float, what: str
+    tied: Sequence[TiedResult[Any]],
+    names: Sequence[str],
+    sigma0: float,
+    models: int,
+    misfit: Misfit,
+    off_m: float,
+    what: str,
 ) -> list[Note]:
     """sigma0 of one or several adjustments of strips: its test, pooled, the single ones, and what the ratio means.
 
@@ -86,7 +117,9 @@ def sigma0_notes(
         Ratio to the a priori standard deviations of all together.
     models : int
         Of the longest strip.
-    max_sigma0 : float
+    misfit : Misfit
+    off_m : float, m
+        RMS of what does not fit.
     what : str
 
     Raises
@@ -94,15 +127,16 @@ def sigma0_notes(
     ConvergenceError
         If no deformation explains the misfit.
     """
-    refuse_deformed(sigma0, models, max_sigma0, what)
+    expected = expected_ratio(models)
+    why = f" times the {expected:.2g} that strips of {models} models lead one to expect"
+    notes = misfit.notes(sigma0, expected, off_m, what, why)
     ratios: Float = np.array([t.weighted_sigma0 for t in tied])
     redundancy: Int = np.array([max(t.observations - t.unknowns, 0) for t in tied])
     test = pooled_test(ratios, redundancy)
     what_of_it = "with the deformation of the strips counted"
     small = test.verdict != "untested" and test.sigma0 < 1
-    notes = [sigma0_note(replace(test, verdict="fits") if small else test, what_of_it)]
-    if test.sigma0 > max_sigma0:
-        refuse_deformed(test.sigma0, 0, max_sigma0, f"{what}, deformation counted")
+    notes.append(sigma0_note(replace(test, verdict="fits") if small else test, what_of_it))
+    notes += misfit.notes(test.sigma0, 1.0, off_m, f"{what}, deformation counted", "")
     misfits = np.flatnonzero(single_misfits(ratios, redundancy))
     if len(tied) > 1 and len(misfits):
         notes.append(

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from aatri.errors import ConvergenceError
-from aatri.orientation.free_block.deformation import expected_ratio, refuse_deformed, sigma0_notes
+from aatri.orientation.free_block.deformation import START, Misfit, expected_ratio, sigma0_notes
 
 
 def _levels(*weighted: float, redundancy: int = 400) -> list[str]:
     tied = [SimpleNamespace(weighted_sigma0=w, observations=redundancy, unknowns=0) for w in weighted]
     names = [f"component {k}" for k in range(len(tied))]
-    return [note.level for note in sigma0_notes(tied, names, 1.0, 20, 20.0, "strip block")]
+    return [note.level for note in sigma0_notes(tied, names, 1.0, 20, Misfit(20.0, 500.0), 1.0, "strip block")]
 
 
 def test_noise_summed_twice_has_the_size_expected_of_strips() -> None:
@@ -37,7 +37,19 @@ def test_nothing_is_tested_without_redundancy() -> None:
     assert "warning" not in _levels(float("nan"), redundancy=0)
 
 
+def _of(sigma0: float, max_sigma0: float | None, off_m: float) -> list[str]:
+    misfit = Misfit(max_sigma0, 500.0)
+    return [note.level for note in misfit.notes(sigma0, expected_ratio(27), off_m, "strip block", " of 27 models")]
+
+
 def test_strips_off_by_more_than_any_deformation_are_refused() -> None:
-    refuse_deformed(20.0 * expected_ratio(27) - 1.0, 27, 20.0, "strip block")
-    with pytest.raises(ConvergenceError, match=r"strip block: sigma0 is .* strips of 27 models"):
-        refuse_deformed(20.0 * expected_ratio(27) + 1.0, 27, 20.0, "strip block")
+    beyond = 20.0 * expected_ratio(27) + 1.0
+    assert _of(beyond - 2.0, 20.0, 100.0) == []
+    with pytest.raises(ConvergenceError, match=r"strip block: sigma0 is .* of 27 models"):
+        _of(beyond, 20.0, 0.1)
+    with pytest.raises(ConvergenceError, match="beyond max_sigma0 = 20"):
+        _of(beyond, None, 1.1 * START * 500.0)
+
+
+def test_a_misfit_that_is_small_in_metres_is_a_warning_where_no_limit_is_given() -> None:
+    assert _of(20.0 * expected_ratio(27) + 1.0, None, 0.9 * START * 500.0) == ["warning"]
