@@ -3,6 +3,7 @@
 An end is one of
 
     good            a result, and nothing speaks against it
+    aside           images that a thing wrong has cut off are left out by name, and the rest is good
     refused         an error of aatri's, where a dense network says that the datum is open, or the whole is weak
     told            a result that its truth contradicts, or that lost good observations, with a warning
     INTERNAL        an error that is none of aatri's
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.integrate import quad
 from scipy.stats import chi2
 
@@ -57,6 +59,8 @@ LEVEL = 1e-4
 FOUND = 8.0
 """A wrong control point or position of more standard deviations must be found: 4 sigma at a power of 1 - 3e-5."""
 MOST_LOST = 0.003
+CUT_OFF = ("few", "shuffled", "weak")
+"""What may leave neighbours without a tie."""
 BAD = ("INTERNAL", "LOST", "OPEN", "WRONG", "REJECTED")
 
 
@@ -153,16 +157,15 @@ def judged(scene: Scene, network: Network, block: Block, solution: Solution, war
     missing = [scene.image_ids[k] for k in network.images if k != scene.wrong_image]
     missing = [name for name in missing if not solution.images.oriented[block.images.id == name].all()]
     if missing:
-        return End("LOST", f"not oriented: {', '.join(missing)}", warnings, lost, good)
+        named = scene.cell.wrong in CUT_OFF and all(any(name in text for text in warnings) for name in missing[:1])
+        return End("aside" if named else "LOST", f"not oriented: {', '.join(missing)}", warnings, lost, good)
     return End("good", "", warnings, lost, good)
 
 
 def contradiction(scene: Scene, network: Network, block: Block, solution: Solution) -> str:
     """Points off by more than their covariances allow; empty if none are."""
     row = {name: k for k, name in enumerate(block.points.id.tolist())}
-    blamed = np.unique(scene.true_rays.point[scene.wrong_rays])
-    rays = np.bincount(scene.true_rays.point, minlength=len(scene.xyz_m))
-    points = np.setdiff1d(network.points, [*blamed[rays[blamed] < 4], scene.far_point])
+    points = np.setdiff1d(network.points, [*doubtful(scene), scene.far_point])
     points = points[[scene.point_ids[p] in row for p in points]]
     at = np.array([row[scene.point_ids[p]] for p in points])
     d, C = solution.points.xyz_m[at] - scene.xyz_m[points], solution.points.covariance_m2[at]
@@ -184,6 +187,14 @@ def contradiction(scene: Scene, network: Network, block: Block, solution: Soluti
     return ""
 
 
+def doubtful(scene: Scene) -> npt.NDArray[np.int64]:
+    """Points of which nothing tells what is wrong: fewer than three right rays, or not more right ones than wrong."""
+    n = len(scene.xyz_m)
+    wrong = np.bincount(scene.true_rays.point[scene.wrong_rays], minlength=n)
+    right = np.bincount(scene.true_rays.point, minlength=n) - wrong
+    return np.flatnonzero((wrong > 0) & ((right < 3) | (right <= wrong)))
+
+
 @cache
 def mean_band() -> tuple[float, float]:
     """Band of the mean of chi-squares of three over 3, whatever their correlation, LEVEL on each side.
@@ -197,20 +208,18 @@ def mean_band() -> tuple[float, float]:
 
 
 def lost_of(scene: Scene, block: Block, solution: Solution) -> tuple[int, int]:
-    """Good observations that stay out, and all good ones; rays of points where a wrong one leaves less than three."""
+    """Good observations that stay out, and all good ones; not counted are rays of doubtful points."""
     wrong = {
         (scene.image_ids[scene.true_rays.image[k]], scene.point_ids[scene.true_rays.point[k]]) for k in scene.wrong_rays
     }
-    rays = np.bincount(scene.true_rays.point, minlength=len(scene.xyz_m))
-    touched = np.unique(scene.true_rays.point[scene.wrong_rays])
-    doubtful = {scene.point_ids[p] for p in touched[rays[touched] < 4]} | {f"p{scene.far_point + 1}"}
+    of_doubtful = {scene.point_ids[p] for p in doubtful(scene)} | {f"p{scene.far_point + 1}"}
     innocent = 0
     for kind, image, point in _left_out(solution):
         if kind == "control" and point in [scene.point_ids[p] for p in scene.control[scene.wrong_control]]:
             continue
         if kind == "position" and image in [scene.image_ids[k] for k in scene.positioned[scene.wrong_positions]]:
             continue
-        if kind == "image_point" and ((image, point) in wrong or point in doubtful):
+        if kind == "image_point" and ((image, point) in wrong or point in of_doubtful):
             continue
         innocent += 1
     good = len(scene.xy_mm) - len(wrong) + len(scene.control) + len(scene.positioned)
