@@ -23,14 +23,9 @@ from typing import Literal
 import numpy as np
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.ground.initial_notes import not_oriented, rejected_note, shown_components
 from aatri.adapters.ground.initial_observed import USES, ground_of
-from aatri.adapters.ground.initial_orientation import (
-    initial_solution,
-    not_oriented,
-    rejected_note,
-    shown_components,
-    to_ground,
-)
+from aatri.adapters.ground.initial_orientation import initial_solution, to_ground
 from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of
 from aatri.adapters.pairs.pair_graph import graph_of, strongest_pairs, turns_of

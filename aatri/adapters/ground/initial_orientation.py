@@ -8,6 +8,7 @@ import numpy as np
 
 from aatri.adapters.ground.control_fit import exchange_notes, height_notes
 from aatri.adapters.ground.initial_datum import Known, datum_of, held_datum, known_of, precision
+from aatri.adapters.ground.initial_neighbours import ground_of_neighbours
 from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_tests import (
     STAGE,
@@ -28,11 +29,10 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.geometry.vectors import finite_rows
-from aatri.ids import shown
-from aatri.notes import Level, Note
+from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.free_block.absolute import OrientedComponent, orient_component
@@ -83,7 +83,7 @@ def to_ground(
         If there is control or there are positions, and no component can be oriented by them.
     """
     done: list[OnGround] = []
-    notes, failed = [*ground.notes], []
+    notes, failed = [*ground.notes], list[tuple[Component, str, AatriError]]()
     known = [known_of(ground, c) for c in components]
     if not any(of.placed for of in known):
         part, told = _free(block, ground, components[0], rays, known[0], limit)
@@ -94,14 +94,35 @@ def to_ground(
         try:
             part, told = _oriented(block, ground, component, rays, of, what, limit)
         except (ConvergenceError, GeometryError) as error:
-            failed.append(error)
-            notes.append(_apart(block, component, error.what))
+            failed.append((component, what, error))
             continue
         done.append(part)
         notes += [*told, *_control_notes(block, ground, part, what)]
     if not done:
-        raise failed[0]
+        raise failed[0][2]
+    for component, what, error in failed:
+        beside = _by_neighbours(block, ground, component, rays, done, what, limit)
+        if beside is None:
+            notes.append(_apart(block, component, error.what))
+        else:
+            done.append(beside)
+            notes.append(Note("note", f"{what}: oriented by the images and points it shares with others; {error.what}"))
     return done, notes
+
+
+def _by_neighbours(
+    block: Block, ground: Ground, component: Component, rays: ImagePointRows, done: list[OnGround], what: str,
+    limit: float,
+) -> OnGround | None:  # fmt: skip
+    """A component that has too little of its own, by what it shares with those on the ground."""
+    more = ground_of_neighbours(ground, [part.component for part in done], component, rays)
+    if more is None:
+        return None
+    try:
+        part, _ = _oriented(block, more, component, rays, known_of(more, component), what, limit)
+    except (ConvergenceError, GeometryError):
+        return None
+    return replace(part, known=known_of(ground, component), oriented=None, left=None)
 
 
 def _control_notes(block: Block, ground: Ground, part: OnGround, what: str) -> list[Note]:
@@ -248,35 +269,3 @@ def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows:
         point=block.points.id[rays.point[rows]], stage=np.full(n, STAGE), size=np.where(finite, off, np.nan),
         unit=np.full(n, "mm"), sigma=sigma, test=np.where(finite, off / sigma, np.nan), verdict=np.full(n, verdict),
     )  # fmt: skip
-
-
-def rejected_note(suspects: Suspects) -> list[Note]:
-    """How many image points, control points and positions are rejected, and what points have no two rays that meet."""
-    notes = []
-    open_ = np.unique(suspects.point[(suspects.verdict == "undecidable") & (suspects.stage == STAGE)])
-    if len(open_):
-        text = f"{len(open_)} points whose image points contradict each other are not determined"
-        notes.append(Note("note", text, tuple(open_.tolist())))
-    for kind in np.unique(suspects.kind[(suspects.verdict == "rejected") & (suspects.stage == STAGE)]).tolist():
-        rows = np.flatnonzero((suspects.kind == kind) & (suspects.verdict == "rejected") & (suspects.stage == STAGE))
-        ids = tuple("/".join(x for x in pair if x) for pair in zip(suspects.image[rows], suspects.point[rows]))
-        level: Level = "note" if kind == "image_point" else "warning"
-        notes.append(Note(level, f"{kind}: {len(rows)} rejected", ids))
-    return notes
-
-
-def not_oriented(block: Block, solution: Solution) -> list[Note]:
-    """A warning that names the images in use that are not oriented."""
-    return pieces.left_out(block, solution.images.oriented)
-
-
-def shown_components(components: tuple[Component, ...], block: Block) -> list[Note]:
-    """Sizes of the components; the images of all but the first by name."""
-    if len(components) == 1:
-        return [Note("note", f"one component of {int(components[0].images.sum())} images")]
-    return [
-        Note("warning", f"{len(components)} components that are not joined; number {k} has {int(c.images.sum())} "
-             f"images: {shown(block.images.id[c.images])}")
-        for k, c in enumerate(components, 1)
-        if k > 1
-    ]  # fmt: skip

@@ -1,7 +1,8 @@
 """Components joined by the points they have in common, and single images resected to what is known.
 
-Two components become one by the robust similarity of their common points, where enough of these fit; the whole is
-adjusted again. What stays apart is listed. Images in no component that see enough known points are resected.
+Two components become one by the robust similarity of their common points, where enough of these fit; where they share
+images these give all but the scale, and the distances of a few common points from them give that. The whole is adjusted
+again. What stays apart is listed. Images in no component that see enough known points are resected.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import robust_closed_form, transform
+from aatri.geometry.rotations import nearest_rotation
+from aatri.geometry.similarity import Similarity, robust_closed_form, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
@@ -33,6 +35,9 @@ MOST_WRONG = 0.4
 
 FLAT = 0.02
 """Common points lie on a line if they spread less across it, as a share of their length."""
+
+FEWEST_DISTANCES, SAME_SCALE = 2, 0.05
+"""Common points that must agree on the scale of components that share an image, to this share of it."""
 
 
 def joined(
@@ -71,6 +76,19 @@ def joined(
 
 def _merged(whole: Component, other: Component) -> tuple[Poses, int] | None:
     """Poses of both in the frame of the first, and the points that joined them; None where they do not."""
+    found = _by_points(whole, other) or _by_images(whole, other)
+    if found is None:
+        return None
+    similarity, points = found
+    new = other.images & ~whole.images
+    position = np.where(new[:, None], transform(similarity, other.poses.position_m), whole.poses.position_m)
+    turned = similarity.rotation @ other.poses.ground_from_image
+    rotation = np.where(new[:, None, None], turned, whole.poses.ground_from_image)
+    return Poses(position, rotation), points
+
+
+def _by_points(whole: Component, other: Component) -> tuple[Similarity, int] | None:
+    """The similarity of common points, and how many of them fit it."""
     common = finite_rows(whole.xyz) & finite_rows(other.xyz)
     x, X = other.xyz[common], whole.xyz[common]
     if len(x) < FEWEST:
@@ -80,13 +98,24 @@ def _merged(whole: Component, other: Component) -> tuple[Poses, int] | None:
         return None
     similarity, distance = robust_closed_form(x, X)
     fits = distance < FITS * float(np.linalg.norm(X - np.median(X, axis=0), axis=1).max())
-    if fits.sum() < max(FEWEST, (1.0 - MOST_WRONG) * len(x)):
+    return (similarity, int(fits.sum())) if fits.sum() >= max(FEWEST, (1.0 - MOST_WRONG) * len(x)) else None
+
+
+def _by_images(whole: Component, other: Component) -> tuple[Similarity, int] | None:
+    """The same of common images: the scale is that of the distances of common points from them."""
+    shared, common = whole.images & other.images, finite_rows(whole.xyz) & finite_rows(other.xyz)
+    if not shared.any() or common.sum() < FEWEST_DISTANCES:
         return None
-    new = other.images & ~whole.images
-    position = np.where(new[:, None], transform(similarity, other.poses.position_m), whole.poses.position_m)
-    turned = similarity.rotation @ other.poses.ground_from_image
-    rotation = np.where(new[:, None, None], turned, whole.poses.ground_from_image)
-    return Poses(position, rotation), int(fits.sum())
+    (c, R), (C, S) = ((of.poses.position_m[shared], of.poses.ground_from_image[shared]) for of in (other, whole))
+    away, far = (np.linalg.norm(of.xyz[common][None] - centre[:, None], axis=2)
+                 for of, centre in ((other, c), (whole, C)))  # fmt: skip
+    ratio = np.median(np.log(far / np.maximum(away, 1e-300)), axis=0)
+    fits = np.abs(ratio - np.median(ratio)) < SAME_SCALE
+    if fits.sum() < max(FEWEST_DISTANCES, (1.0 - MOST_WRONG) * len(ratio)):
+        return None
+    scale = float(np.exp(np.median(ratio[fits])))
+    turn = nearest_rotation(np.einsum("nij,nkj->ik", S, R))
+    return Similarity((C - scale * c @ turn.T).mean(axis=0), scale, turn), int(fits.sum())
 
 
 def _with_resected(
