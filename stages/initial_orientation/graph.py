@@ -18,6 +18,7 @@ Photogrammetry (absolute orientation).
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -26,6 +27,7 @@ from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.initial_notes import not_oriented, rejected_note, shown_components
 from aatri.adapters.ground.initial_observed import USES, ground_of
 from aatri.adapters.ground.initial_orientation import initial_solution, to_ground
+from aatri.adapters.ground.initial_whole import by_all_kinds
 from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of
 from aatri.adapters.pairs.pair_graph import graph_of, strongest_pairs, turns_of
@@ -111,7 +113,9 @@ def graph(
 
     def on_the_ground(block: Block) -> tuple[Solution, list[Note]]:
         ground = ground_of(block, given, use_positions=options.use_positions)
-        parts, notes = to_ground(block, ground, free.components, rays, options.control_limit)
+        by_all = partial(by_all_kinds, given, ground.origin_m, use_positions=options.use_positions)
+        more = len(given.geodetic) or len(given.relative_control_members)
+        parts, notes = to_ground(block, ground, free.components, rays, options.control_limit, by_all if more else None)
         method = "initial_orientation/graph"
         return initial_solution(block, image_points, rays, ground, parts, method, image_points.suspects), list(notes)
 

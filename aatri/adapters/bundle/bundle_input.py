@@ -10,7 +10,7 @@ import numpy as np
 from aatri.adapters.bundle.network_start import network_start
 from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.film_errors import film_errors
-from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
+from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of, points_into, poses_into
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -21,7 +21,6 @@ from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import rays_of
 from aatri.observations.kinds import observe
-from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
@@ -29,7 +28,6 @@ from aatri.observations.rigs import poses_by_rigs
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
-from aatri.units import EARTH_RADIUS_M
 
 
 def bundle_input(
@@ -79,7 +77,7 @@ def bundle_input(
                 remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
             )
     geodesy = geodesy_of(block, frame)
-    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters, _level(frame, geodesy, origin),
+    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters, level_of(frame, geodesy, origin),
                   frame, geodesy)  # fmt: skip
     return BundleInput(
         block.images.id,
@@ -103,13 +101,6 @@ def _offered(block: Block, frame: TangentFrame | None, origin: Float) -> Poses:
     """What the block itself gives of its images."""
     poses = poses_into(frame, *given_orientations(block))
     return Poses(poses.position_m - origin, poses.ground_from_image)
-
-
-def _level(frame: TangentFrame | None, geodesy: TangentFrame | None, origin_m: Float) -> Level:
-    """What is up: along the normals in a tangent frame; Z in any other, over a curved earth where it is a map's."""
-    if frame is not None:
-        return tangent_level(frame, origin_m)
-    return PLANE if geodesy is None else replace(PLANE, curvature_per_m=1.0 / EARTH_RADIUS_M)
 
 
 def with_parameters(made: BundleInput, options: object, parameters: tuple[ParameterRows, ...]) -> BundleInput:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,9 +74,22 @@ class OnGround:
 
 
 def to_ground(
-    block: Block, ground: Ground, components: tuple[Component, ...], rays: ImagePointRows, limit: float
-) -> tuple[list[OnGround], list[Note]]:
+    block: Block, ground: Ground, components: tuple[Component, ...], rays: ImagePointRows, limit: float,
+    by_all: Callable[[Component, Float], Similarity] | None = None,
+) -> tuple[list[OnGround], list[Note]]:  # fmt: skip
     """Every component by one similarity; the first one stays free where none has a datum.
+
+    Parameters
+    ----------
+    block : Block
+    ground : Ground
+    components : tuple of Component
+    rays : ImagePointRows
+    limit : float
+        Test statistic of what is wrong.
+    by_all : callable, optional
+        (component, direction up in it) -> the similarity by observations of all kinds, where there are more than
+        control, positions, distances and attitudes.
 
     Raises
     ------
@@ -84,6 +98,7 @@ def to_ground(
     """
     done: list[OnGround] = []
     notes, failed = [*ground.notes], list[tuple[Component, str, AatriError]]()
+    first: GeometryError | None = None
     known = [known_of(ground, c) for c in components]
     if not any(of.placed for of in known):
         part, told = _free(block, ground, components[0], rays, known[0], limit)
@@ -98,15 +113,24 @@ def to_ground(
             continue
         done.append(part)
         notes += [*told, *_control_notes(block, ground, part, what)]
-    if not done:
-        raise failed[0][2]
     for component, what, error in failed:
-        beside = _by_neighbours(block, ground, component, rays, done, what, limit)
-        if beside is None:
-            notes.append(_apart(block, component, error.what))
-        else:
-            done.append(beside)
-            notes.append(Note("note", f"{what}: oriented by the images and points it shares with others; {error.what}"))
+        why, how, part = error.what, "the images and points it shares with others", None
+        try:
+            if by_all is not None:
+                to = by_all(component, _body(component)[1])
+                how = "observations of all kinds together"
+                part = OnGround(moved(component, to), known_of(ground, component), None, to, False, False)
+        except (ConvergenceError, GeometryError) as more:
+            why += f"; with observations of all kinds: {more.what}"
+        part = part or _by_neighbours(block, ground, component, rays, done, what, limit)
+        if part is not None:
+            done.append(part)
+            notes.append(Note("note", f"{what}: oriented by {how}; without them {error.what}"))
+            continue
+        notes.append(_apart(block, component, why))
+        first = first or GeometryError(why, remedy=error.remedy)
+    if not done:
+        raise first or failed[0][2]
     return done, notes
 
 

@@ -1,0 +1,67 @@
+"""A component to the ground by all that a block observes of it, where control and positions leave something open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
+from aatri.arrays import Float
+from aatri.artifacts.block import Block
+from aatri.geometry.similarity import Similarity
+from aatri.observations.kinds import observe, with_kinds
+from aatri.observations.observed import Given, Observed
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.options import Options
+from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.whole_body import brought_to_ground
+
+NEARLY_M = 1e-3
+"""Standard deviation of exact control: of a start it need not hold to the last digit."""
+
+
+@with_kinds
+class _Kinds(Options):
+    """The options of all kinds, as they are by default."""
+
+
+def by_all_kinds(
+    as_given: Block, origin_m: Float, component: Component, up: Float, *, use_positions: bool
+) -> Similarity:
+    """The similarity that brings a component to the ground, reduced to its origin.
+
+    Parameters
+    ----------
+    as_given : Block
+        In its own frame.
+    origin_m : (3,) float64, m
+        In the frame of the adjustment.
+    component : Component
+    up : (3,) float64
+        Direction against the mean viewing direction, in the component.
+    use_positions : bool
+
+    Raises
+    ------
+    GeometryError
+        If something of the seven is left open.
+    ConvergenceError
+    """
+    frame, geodesy = frame_of(as_given), geodesy_of(as_given)
+    as_given = _without_exact_control(as_given)
+    options = _Kinds(positions={"use": use_positions, "drift": "none"})
+
+    def observed(poses: Poses, xyz: Float) -> tuple[Observed, ...]:
+        start = {POSE: poses, POINT: xyz}
+        level = level_of(frame, geodesy, origin_m)
+        return observe(Given(as_given, None, origin_m, start, (), level, frame, geodesy), options)
+
+    return brought_to_ground(observed, component.poses, component.xyz, up)
+
+
+def _without_exact_control(block: Block) -> Block:
+    covariance = block.ground_points.covariance_m2.copy()
+    row, axis = np.nonzero(np.einsum("nii->ni", covariance) == 0)
+    covariance[row, axis, axis] = NEARLY_M**2
+    return replace(block, ground_points=replace(block.ground_points, covariance_m2=covariance))

@@ -1,0 +1,117 @@
+"""A datum of any kind that is determined can begin; one that is open ends by naming what is open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.errors import GeometryError
+from tests.small_blocks import Small, adjusted_by, flown, measure, off_m
+
+
+def bare(tilt_deg: float = 0.0) -> Small:
+    """Two strips of four images, of whose datum nothing is known."""
+    made = flown(2, 4, tilt_deg=tilt_deg)
+    made.control, made.observed = {}, {}
+    return made
+
+
+def distance(small: Small, a: str, b: str) -> None:
+    value = float(np.linalg.norm(small.xyz_m[a] - small.xyz_m[b]))
+    small.geodetic.append(f"distance,{a},{b},{value!r},0.01,,,,")
+
+
+def azimuth(small: Small, a: str, b: str) -> None:
+    """From grid north, clockwise."""
+    d = small.xyz_m[b] - small.xyz_m[a]
+    small.geodetic.append(f"azimuth,{a},{b},{float(np.degrees(np.arctan2(d[0], d[1])) % 360)!r},0.002,,,,")
+
+
+def heights(small: Small, a: str, *others: str) -> None:
+    """Levelled height differences."""
+    small.geodetic += [f"height_difference,{a},{b},{float(small.xyz_m[b][2] - small.xyz_m[a][2])!r},0.01,,,,"
+                       for b in others]  # fmt: skip
+
+
+def levelled(tilt_deg: float = 0.0) -> Small:
+    """One point, a distance, an azimuth, and a level."""
+    made = bare(tilt_deg)
+    made.control = {"C1": "XYZ"}
+    distance(made, "C1", "C4")
+    azimuth(made, "C1", "C4")
+    heights(made, "C1", "C2", "C3", "C4")
+    return made
+
+
+def two_points_and_a_level() -> Small:
+    made = bare()
+    made.control = {"C1": "XYZ", "C2": "XYZ"}
+    heights(made, "C1", "C3", "C4")
+    return made
+
+
+def coordinates_one_by_one() -> Small:
+    made = bare()
+    made.control = {"C1": "X", "C2": "Y", "C3": "XYZ", "C4": "Z", "p30": "Z"}
+    distance(made, "C1", "C4")
+    return made
+
+
+def houses() -> Small:
+    """Edges of houses, plumb; a distance along the ground with its azimuth, and one point."""
+    made = bare()
+    made.xyz_m |= {"top1": made.xyz_m["p20"] + [0, 0, 40.0], "top2": made.xyz_m["p50"] + [0, 0, 35.0]}
+    measure(made, np.random.default_rng(5))
+    made.relative = [{"type": "plumb_line", "points": [foot, top], "sigma": 0.005}
+                     for foot, top in (("p20", "top1"), ("p50", "top2"))]  # fmt: skip
+    made.control = {"C1": "XYZ"}
+    distance(made, "C1", "C4")
+    azimuth(made, "C1", "C4")
+    return made
+
+
+def some_positions(axes: str, *control: tuple[str, str]) -> Small:
+    made = bare()
+    made.observed, made.control = {"101": axes, "104": axes}, dict(control)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("made", "within_m"),
+    [
+        (levelled, 0.3), (lambda: levelled(40.0), 0.3), (two_points_and_a_level, 0.3), (coordinates_one_by_one, 0.4),
+        (houses, 1.0),
+        (lambda: some_positions("XYZ", ("C2", "Z"), ("C4", "Z")), 0.3),
+        (lambda: some_positions("XY", ("C1", "Z"), ("C2", "Z"), ("C4", "Z")), 0.3),
+    ],
+)  # fmt: skip
+def test_a_determined_datum_begins(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
+    small = made()
+    done = adjusted_by("graph", small.write(tmp_path / "block"))
+    assert done.bundle.images.oriented.all()
+    assert off_m(small, done.initial) < 2 * within_m
+    assert off_m(small, done.bundle) < within_m
+    assert done.bundle.sigma0 < 1.3
+
+
+def without(small: Small, *kinds: str) -> Small:
+    small.geodetic = [row for row in small.geodetic if not row.startswith(kinds)]
+    return small
+
+
+@pytest.mark.parametrize(
+    ("made", "open_"),
+    [
+        (lambda: without(levelled(), "height"), "rotation about"),
+        (lambda: without(levelled(), "azimuth"), "rotation about Z"),
+        (lambda: without(levelled(), "distance", "height_difference,C1,C4"), "scale"),
+    ],
+)
+def test_an_open_datum_is_named(tmp_path: Path, made: Callable[[], Small], open_: str) -> None:
+    folder: Any = made().write(tmp_path / "block")
+    with pytest.raises(GeometryError, match=f"with observations of all kinds: .*{open_}"):
+        adjusted_by("graph", folder)
