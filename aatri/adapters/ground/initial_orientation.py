@@ -113,22 +113,23 @@ def to_ground(
             continue
         done.append(part)
         notes += [*told, *_control_notes(block, ground, part, what)]
-    for component, what, error in failed:
-        why, how, part = error.what, "the images and points it shares with others", None
+    for component, what, alone in failed:
+        why, how = alone.what, "the images and points it shares with others"
+        beside: OnGround | None = None
         try:
             if by_all is not None:
                 to = by_all(component, _body(component)[1])
                 how = "observations of all kinds together"
-                part = OnGround(moved(component, to), known_of(ground, component), None, to, False, False)
+                beside = OnGround(moved(component, to), known_of(ground, component), None, to, False, False)
         except (ConvergenceError, GeometryError) as more:
             why += f"; with observations of all kinds: {more.what}"
-        part = part or _by_neighbours(block, ground, component, rays, done, what, limit)
-        if part is not None:
-            done.append(part)
-            notes.append(Note("note", f"{what}: oriented by {how}; without them {error.what}"))
+        beside = beside or _by_neighbours(block, ground, component, rays, done, what, limit)
+        if beside is not None:
+            done.append(beside)
+            notes.append(Note("note", f"{what}: oriented by {how}; without them {alone.what}"))
             continue
         notes.append(_apart(block, component, why))
-        first = first or GeometryError(why, remedy=error.remedy)
+        first = first or GeometryError(why, remedy=alone.remedy)
     if not done:
         raise first or failed[0][2]
     return done, notes

@@ -50,7 +50,7 @@ def by_all_kinds(
     """
     frame, geodesy = frame_of(as_given), geodesy_of(as_given)
     as_given = _without_exact_control(as_given)
-    options = _Kinds(positions={"use": use_positions, "drift": "none"})
+    options = _Kinds.model_validate({"positions": {"use": use_positions, "drift": "none"}})
 
     def observed(poses: Poses, xyz: Float) -> tuple[Observed, ...]:
         start = {POSE: poses, POINT: xyz}

@@ -27,6 +27,7 @@ from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation, levelling
 from aatri.geometry.similarity import Similarity, transform
+from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_generator
@@ -115,7 +116,7 @@ def _retracted(value: Similarity, step: Float) -> Similarity:
 
 def _of_component(records: Records, poses: Poses, xyz: Float) -> Int:
     """Rows that touch nothing but images and points of the component, and unknowns of their own."""
-    known = {POSE: np.isfinite(poses.position_m).all(axis=1), POINT: np.isfinite(xyz).all(axis=1)}
+    known = {POSE: finite_rows(poses.position_m), POINT: finite_rows(xyz)}
     use = records.active.copy()
     for group, block in records.touches:
         use &= known[group][block] if group in known else True
