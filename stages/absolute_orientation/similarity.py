@@ -71,10 +71,10 @@ def similarity(
     check_same_block(block, strips.images.id, "strips")
     check_same_block(block, image_points.images.id, "image_points")
     inside = in_tangent_frame(block)
-    solution, notes = _oriented(inside.block, strips, image_points, options)
+    solution, notes = _oriented(inside.block, block, strips, image_points, options)
     if inside.partial:  # once more, with control in plan or height only where the first has found it
         inside = in_tangent_frame(block, inside.back(solution))
-        solution, notes = _oriented(inside.block, strips, image_points, options)
+        solution, notes = _oriented(inside.block, block, strips, image_points, options)
     solution = inside.back(solution)
     images = solution.images
     plausible = sanity(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
@@ -83,10 +83,10 @@ def similarity(
 
 
 def _oriented(
-    block: Block, strips: Strips, image_points: ImagePoints, options: SimilarityOptions
+    block: Block, as_given: Block, strips: Strips, image_points: ImagePoints, options: SimilarityOptions
 ) -> tuple[Solution, list[Note]]:
     oriented = orient_strips(
-        ground_of(block, strips, use_positions=options.use_positions),
+        ground_of(block, as_given, strips, use_positions=options.use_positions),
         tie_limit=options.tie_limit,
         control_limit=options.control_limit,
         every_component=options.components == "all",

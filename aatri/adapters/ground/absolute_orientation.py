@@ -8,31 +8,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.ground import absolute_tables as tables
+from aatri.adapters.ground.absolute_datum import free_images, oriented_part
 from aatri.adapters.ground.absolute_tables import Ground, OrientedPart
 from aatri.adapters.ground.control_fit import exchange_notes, height_notes
+from aatri.adapters.ground.initial_observed import seen_attitudes
 from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
-from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
+from aatri.codes import OBSERVED_VALUE
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.positions import positions_of
-from aatri.orientation.free_block.absolute import orient_component
-from aatri.orientation.free_block.components import Component, FreeBlock, join_strips, strip_names
-from aatri.orientation.free_block.datum import Datum
+from aatri.orientation.free_block.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.free_block.deformation import Misfit, rms_m, search_notes, sigma0_notes
 
 EXTRAPOLATION_WARNED = 3.0
-
-UNCERTAIN = 0.1
-"""Share of its distance by which a point at infinity, of parallel rays, is uncertain: no part of what is oriented."""
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""
@@ -47,12 +44,14 @@ class OrientedStrips:
     notes: tuple[Note, ...]
 
 
-def ground_of(block: Block, strips: Strips, *, use_positions: bool) -> Ground:
-    """What the block knows of the ground."""
+def ground_of(block: Block, as_given: Block, strips: Strips, *, use_positions: bool) -> Ground:
+    """What a block in the frame of the adjustment knows of the ground; attitudes from that in its own frame."""
     control, positions = control_of(block), positions_of(block)
     if not use_positions:
         positions = positions.take(np.zeros(0, dtype=np.int64))
-    return Ground(block, strips, control, positions, pieces.origin_of(control, positions))
+    seen = (as_given.exterior.angle_use == OBSERVED_VALUE).any()
+    attitudes = seen_attitudes(as_given)[0] if seen else None
+    return Ground(block, strips, control, positions, pieces.origin_of(control, positions), attitudes)
 
 
 def orient_strips(
@@ -117,12 +116,12 @@ def _joined_and_oriented(
     for number, component in enumerate(free.components, 1):
         what = f"component {number} ({strip_names(component, names)})"
         try:
-            part = _orient(ground, component, what, control_limit, two_points)
+            part, more = oriented_part(ground, component, what, control_limit, two_points=two_points)
         except GeometryError as error:
             failed.append(error)
             continue
         parts.append(part)
-        notes += [*_height_notes(ground, part), *_part_notes(ground, part)]
+        notes += [*more, *_height_notes(ground, part), *_part_notes(ground, part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
     joined = [
         Note("note" if weak and not failed else "warning", f"not joined: {text}")
@@ -205,55 +204,6 @@ def _all_of(failed: Sequence[GeometryError], free: FreeBlock) -> GeometryError:
     if len(failed) < len(free.components):
         remedies.append("or set `components: largest` to orient the rest")
     return GeometryError("; ".join(texts), remedy="; ".join(remedies))
-
-
-def _orient(ground: Ground, component: Component, what: str, limit: float, two_points: bool) -> OrientedPart:
-    centres, rotations, image = free_images(ground.strips, component)
-    row_of = np.full(len(ground.block.images), -1)
-    row_of[image] = np.arange(len(image))
-    control, positions = ground.control, ground.positions
-    held = np.flatnonzero(np.isin(control.point, component.point))
-    at = np.searchsorted(component.point, control.point[held])
-    seen = np.flatnonzero(row_of[positions.image] >= 0)
-    station = row_of[positions.image[seen]]
-    # A projection centre is about as uncertain as a typical point of the component.
-    typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
-    ids = ground.block.points.id[control.point[held]], ground.block.images.id[positions.image[seen]]
-    datum = Datum(
-        name=tuple(f"point {p}" for p in ids[0]) + tuple(f"image {i}" for i in ids[1]),
-        x=np.concatenate([component.xyz[at], centres[station]]),
-        covariance=np.concatenate([component.covariance[at], np.tile(typical * np.eye(3), (len(seen), 1, 1))]),
-        offset_m=np.concatenate(
-            [np.zeros((len(held), 3)), np.einsum("nij,nj->ni", rotations[station], positions.lever_arm_m[seen])]
-        ),
-        xyz_m=np.concatenate([control.xyz_m[held], positions.position_m[seen]]) - ground.origin,
-        covariance_m2=np.concatenate([control.covariance_m2[held], positions.covariance_m2[seen]]),
-        given=np.concatenate([control.given[held], positions.given[seen]]),
-        n_control=len(held),
-    )
-    before = ground.strips.suspects
-    began = ~np.concatenate([
-        pieces.rejected_rows(before, "control", control.row[held]),
-        pieces.rejected_rows(before, "position", positions.row[seen]),
-    ])  # fmt: skip
-    spread = np.sqrt(np.einsum("nii->n", component.covariance))
-    near = spread < UNCERTAIN * np.linalg.norm(component.xyz - centres.mean(axis=0), axis=1)
-    body = np.concatenate([component.xyz[near], centres])
-    up = rotations[:, :, 2].mean(0)
-    result = orient_component(datum, body, up, what=what, active=began, limit=limit, two_points=two_points)
-    return OrientedPart(what, component, held, seen, began, result)
-
-
-def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int]:
-    """Projection centres and rotations of a component's images, in its frame; rows in images."""
-    table = strips.strip_images
-    rows = np.flatnonzero(np.isin(table.strip, component.strips))
-    centres, rotations = np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))
-    for strip, pose in zip(component.strips, component.component_from_strip):
-        of = table.strip[rows] == strip
-        centres[of] = transform(pose, table.position[rows[of]])
-        rotations[of] = pose.rotation @ table.strip_from_image[rows[of]]
-    return centres, rotations, table.image[rows].astype(np.int64)
 
 
 def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, method: str) -> tuple[Solution, list[Note]]:

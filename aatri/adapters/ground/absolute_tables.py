@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters import solution as assemble
+from aatri.adapters.ground.initial_observed import SeenAttitudes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.uncontrolled_before import not_seen_since, of_observations
@@ -36,6 +37,7 @@ class Ground:
     control: Control
     positions: Positions
     origin: Float
+    attitudes: SeenAttitudes | None
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def pooled(parts: Sequence[OrientedPart]) -> tuple[tuple[int, int], float]:
                 observations, unknowns = observations + tied.observations, unknowns + tied.unknowns
             else:  # the component's points are no observations of their own: given coordinates against seven parameters
                 given = np.isfinite(part.result.residual_m)[part.result.active]
-                observations, unknowns = observations + int(given.sum()), unknowns + 7
+                turned = 3 * int(tied.active[2 * len(part.result.active) :].sum())
+                observations, unknowns = observations + int(given.sum()) + turned, unknowns + 7
     redundancy = observations - unknowns
     return (observations, unknowns), float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
 
@@ -89,7 +92,9 @@ def observation_names(ground: Ground, part: OrientedPart) -> list[Callable[[Int]
     control = [f"control point {p}" for p in block.points.id[ground.control.point[part.control]]]
     images = [f"position of image {i}" for i in block.images.id[ground.positions.image[part.positions]]]
     table, rows = strips.strip_points, part.component.rows
-    twice = 2 * (control + images)
+    turned = [] if ground.attitudes is None else block.images.id[ground.attitudes.image].tolist()
+    attitudes = [f"attitude of image {i}" for i in turned]
+    twice = 2 * (control + images) + attitudes
 
     def of_ties(some: Int) -> list[str]:
         names = zip(block.points.id[table.point[rows[some]]], strips.strips.id[table.strip[rows[some]]])
@@ -158,7 +163,8 @@ def suspect_tables(ground: Ground, part: OrientedPart) -> list[Suspects]:
     block, result = ground.block, part.result
     n, total = len(part.control), len(result.active)
     tied = result.tied
-    size, test, above = tied.size_m[total:], tied.test[total:], tied.above[total:]
+    mine = slice(total, 2 * total)  # behind the component's points, before attitudes
+    size, test, above = tied.size_m[mine], tied.test[mine], tied.above[mine]
     image = ground.positions.image[part.positions]
     tables = [
         pieces.tested(

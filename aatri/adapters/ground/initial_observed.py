@@ -75,6 +75,10 @@ class SeenAttitudes:
     turning: Float
     covariance_rad2: Float
 
+    def take(self, rows: Int) -> SeenAttitudes:
+        """The chosen ones."""
+        return SeenAttitudes(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -103,7 +107,7 @@ def ground_of(block: Block, as_given: Block, *, use_positions: bool) -> Ground:
     if not use_positions:
         positions = positions.take(np.zeros(0, dtype=np.int64))
     lengths, notes = _lengths(block)
-    attitudes, more = _attitudes(as_given)
+    attitudes, more = seen_attitudes(as_given)
     return Ground(control, positions, pieces.origin_of(control, positions), lengths, attitudes, (*notes, *more))
 
 
@@ -125,7 +129,7 @@ def _lengths(block: Block) -> tuple[tuple[Lengths, ...], list[Note]]:
     return tuple(part for part in found if len(part.sights)), notes
 
 
-def _attitudes(block: Block) -> tuple[SeenAttitudes, list[Note]]:
+def seen_attitudes(block: Block) -> tuple[SeenAttitudes, list[Note]]:
     """Attitudes of cameras whose boresight is known or weighted; a note of the others."""
     frame, n = frame_of(block), len(block.images)
     nowhere = Poses(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
