@@ -5,7 +5,8 @@
 Every input is a good one (`fuzz_seeds`) with up to six changes: bytes flipped, put in, cut out, doubled; words replaced
 by numbers too large, too small, not finite, not ASCII, by quotes, zero bytes, control characters, the words of other
 places; lines doubled, swapped, glued; texts of 40,000 characters; HDF5 files also by changes of what they hold
-(`hdf5_changes`). Afterwards the reader must have given a result or an
+(`hdf5_changes`). One input in four has one number written anew, and must be read as that number or refused
+(`fuzz_numbers`). Afterwards the reader must have given a result or an
 error of aatri's own, of the kind that its input can have (exit code 2, 3, 4 or 9 for what a user writes, 7 for files of
 a run), each in at most 2 s of processor time and 500 MB of memory more than before. What is not so is printed and, with
 `--keep DIR`, kept.
@@ -28,10 +29,13 @@ from collections import Counter
 from pathlib import Path
 
 from aatri.errors import AatriError, Errors
-from tests.campaigns.fuzz_seeds import READERS, Reader
+from tests.campaigns.fuzz_numbers import Numbers
+from tests.campaigns.fuzz_seeds import OF_BLOCKS, READERS, Reader
 
 MOST_SECONDS, MOST_BYTES = 2.0, 500_000_000
 HANGS_S = 60
+OF_NUMBERS = 0.25
+"""Share of the inputs of a reader of blocks that have one number written anew."""
 IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """Where inputs are written: on a disk their writing takes longer than their reading."""
 WORDS = (
@@ -69,12 +73,17 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
         reader.write(folder)
         reader.read(folder)  # a good input is read, and all is imported
         good = {file: (folder / file).read_bytes() for file in reader.files}
+        numbers = Numbers(name, folder, good) if name in OF_BLOCKS else None
         for number in range(count):
             chance = random.Random(f"{name}:{seed}:{number}")
             file = chance.choice(reader.files)
-            (folder / file).write_bytes(_input(good[file], reader, chance))
             memory, clock = _memory_now(), time.process_time()
-            outcome, complaint = _tried(reader, folder)
+            if numbers is not None and chance.random() < OF_NUMBERS:
+                outcome, complaint = "with one number written anew", numbers.wrong(chance)
+            else:
+                (folder / file).write_bytes(_input(good[file], reader, chance))
+                memory, clock = _memory_now(), time.process_time()
+                outcome, complaint = _tried(reader, folder)
             seconds, grown = time.process_time() - clock, _most_memory() - memory
             if seconds > MOST_SECONDS and not complaint:
                 complaint = f"{seconds:.1f} s"

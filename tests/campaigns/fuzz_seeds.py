@@ -14,6 +14,8 @@ from aatri.formats.bal.reader import read_bal
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
 from aatri.formats.dbat.reader import read_dbat
+from aatri.formats.gama.reader import read_gama
+from aatri.formats.pairs.reader import read_pairs
 from aatri.formats.tables.reader import read_block
 from aatri.formats.wucaps.reader import read_wucaps
 from aatri.pipeline.methods.catalogue import Catalogue
@@ -75,6 +77,50 @@ DBAT = (
 CONTROL = (
     "# id, name, X, Y, Z, sX, sY, sZ\n1001, a, 0, 1, 0\n1002, b, 1, 1, 0, 0.01\n1003, c, 0, 0, 0.1, 0.01, 0.01, 0.02\n"
 )
+_GRID = [(k, 20 * (k // 3 + 1), 30 * (k % 3 - 1)) for k in range(9)]
+PAIRS = {
+    "1-2.dat": "153.84 0.011 0.002\n" + "".join(f"{k} {x + 0.5} {y} {x - 70.25} {y + 1.5}\n" for k, x, y in _GRID),
+    "2-3.dat": "153.84 0.011 0.002\n"
+               + "".join(f"{k} {x - 70.25} {y + 1.5} {x - 140.5} {y - 0.5}\n" for k, x, y in _GRID),
+    "control.txt": "0 1000.5 2000.25 30.125\n2, 1010.5, 2040.25, 31.5\n",
+    "check.txt": "# check\n4 1020.5 2020.25 33.5\n",
+}  # fmt: skip
+GAMA = """\
+<?xml version="1.0" encoding="utf-8"?>
+<gama-local xmlns="http://www.gnu.org/software/gama/gama-local">
+<network axes-xy="ne" angles="left-handed">
+<description>a network</description>
+<parameters sigma-apr="1" />
+<points-observations distance-stdev="3 2 0.5" direction-stdev="10">
+<point id="A" x="1000.5" y="5000.25" z="10.5" fix="xyz" />
+<point id="B" x="1100.25" y="5000.5" fix="xy" z="11" adj="z" />
+<point id="P" adj="xyz" />
+<obs from="A">
+<direction to="B" val="0" />
+<direction to="P" val="45-00-59.5" stdev="2" />
+<distance to="P" val="100.125" />
+<z-angle to="P" val="99.5" stdev="10" from_dh="1.5" />
+</obs>
+<obs from="B">
+<s-distance to="P" val="80.5" stdev="5" />
+<angle bs="A" fs="P" val="350.5" stdev="10" />
+<cov-mat dim="2" band="1">25.5 10.5 100.5</cov-mat>
+</obs>
+<height-differences>
+<dh from="A" to="P" val="1.25" stdev="2.5" />
+</height-differences>
+<vectors>
+<vec from="A" to="P" dx="70.5" dy="70.25" dz="1.5" />
+<cov-mat dim="3" band="2">9.5 1.5 1.25 9.5 1.5 9.5</cov-mat>
+</vectors>
+<coordinates>
+<point id="Q" x="1200.5" y="5100.5" />
+<cov-mat dim="2" band="1">4.5 1.5 4.5</cov-mat>
+</coordinates>
+</points-observations>
+</network>
+</gama-local>
+"""
 PIPELINE = """\
 run: runs/fuzz
 seed: 3
@@ -165,6 +211,14 @@ READERS: dict[str, Reader] = {
         _write({"export.txt": DBAT, "control.txt": CONTROL}),
         lambda f: read_dbat(f / "export.txt", f / "control.txt"), ("export.txt", "control.txt"),
     ),
+    "gama": Reader(_write({"n.gkf": GAMA}), lambda f: read_gama(f / "n.gkf"), ("n.gkf",)),
+    "pairs": Reader(
+        _write(PAIRS),
+        lambda f: read_pairs(
+            f, unit_um=1000.0, image_sigma_um=10.0, control=f / "control.txt", check=f / "check.txt",
+            control_sigma_m=0.02, max_reject_share=1.0),
+        tuple(PAIRS),
+    ),
     "bal": Reader(_write({"p.txt": BAL}), lambda f: read_bal(f / "p.txt"), ("p.txt",)),
     "colmap": Reader(
         lambda f: colmap_model(f / "m"), lambda f: read_colmap(f / "m"),
@@ -184,3 +238,6 @@ READERS: dict[str, Reader] = {
         _artifact, lambda f: _every_way(f / "a.h5", Block), ("a.h5",), binary=True, other=changed_file
     ),
 }  # fmt: skip
+
+OF_BLOCKS = ("tables", "block", "wucaps", "dbat", "gama", "pairs", "bal", "colmap", "control")
+"""Readers of texts that make a Block."""
