@@ -1,7 +1,7 @@
 """Screening: what of a block cannot be used is set aside, by name and with the reason, and nothing else.
 
-Every reader of blocks ends with `screen_block`. What does not pass the `gate` is refused. On the tables of a `Block` in
-which everything read is still active this is repeated until nothing changes:
+Every reader of blocks ends with `screen_block`. What does not pass the `gate` is refused, `copies` count once. On the
+tables of a `Block` in which everything else is still active this is repeated until nothing changes:
 
 1. image point outside the image format by more than 5 % of the format -> rejected;
 2. point seen in one image only, without control and without other observations -> its image points are rejected;
@@ -28,6 +28,7 @@ from aatri.adapters.sanity_as_given import as_given
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
+from aatri.formats.copies import without_copies
 from aatri.formats.gate import faults_of
 from aatri.formats.positions_screened import without_impossible_positions
 from aatri.ids import printable
@@ -72,7 +73,8 @@ class _Set:
         self.reasons.update({int(row): reason for row in rows})
 
 
-def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE) -> Block:
+def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE, *,
+                 copies: bool = False) -> Block:  # fmt: skip
     """The block with what cannot be used set inactive and listed in `rejects`.
 
     Parameters
@@ -83,6 +85,8 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
         Gets a warning per reject.
     max_reject_share : float
         Largest share of the image points that may lie outside the format, and of the positions that cannot be.
+    copies : bool
+        What is given twice counts twice: for problems that are defined by all their rows.
 
     Raises
     ------
@@ -91,6 +95,7 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
         is left.
     """
     raise_all(faults_of(block))
+    block, told_of_copies = (block, []) if copies else without_copies(block)
     block, impossible = without_impossible_positions(block, max_reject_share)
     problems = [*repeated_measurements(block), *impossible]
     images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
@@ -103,7 +108,7 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     misplaced, notes = control_as_given(block)
     raise_all(misplaced)
     contradictions, figures = as_given(block, points.active)
-    tell([*figures, *notes], reporter)
+    tell([*figures, *notes, *told_of_copies], reporter)
     raise_all(contradictions)
     rejects = _rejects(block, images, points)
     tell(_told(rejects), reporter)

@@ -35,7 +35,7 @@ class Written:
         if not self.points:
             half = len(self.images) // 2 if self.halves else len(self.images)
             self.points = [
-                f"{image},{'p' if i < half else 'q'}{k},{10 + k},{10 + k}"
+                f"{image},{'p' if i < half else 'q'}{k},{10 + k},{10 + k - i / 8}"
                 for i, image in enumerate(self.images)
                 for k in range(10)
             ]
@@ -84,7 +84,7 @@ def test_a_photo_point_may_lie_a_twentieth_of_the_format_outside(
 ) -> None:
     for beyond, expected in ((-1e-6, []), (1e-6, [("image_point", "i1/p3", "outside the image format")])):
         of = Written()
-        xy = [13.0, 13.0]
+        xy = [13.0, 12.875]
         xy[axis] = sign * (limit + beyond)
         of.points[13] = f"i1,p3,{xy[0]!r},{xy[1]!r}"
         block = of.read(tmp_path)
@@ -110,7 +110,7 @@ def test_a_pixel_point_may_lie_as_much_outside_from_its_own_origin(
                           (high[axis] + 0.1, True)):  # fmt: skip
         of = Written(camera)
         of.points[29] = "i2,p9,2500,1500"  # all in a corner would be another unit
-        xy = [13.0, 13.0]
+        xy = [13.0, 12.875]
         xy[axis] = value
         of.points[13] = f"i1,p3,{xy[0]!r},{xy[1]!r}"
         assert len(rejects(of.read(tmp_path))) == is_out
@@ -151,7 +151,7 @@ def test_a_twentieth_of_the_image_points_may_lie_outside(tmp_path: Path, out: in
 def test_a_point_seen_once_goes_unless_something_else_determines_it(tmp_path: Path) -> None:
     of = Written(halves=True)
     of.points += ["i0,once,1,1", "i1,control,2,2", "i2,plan,3,3", "i0,far,8,8", "i0,near,9,9"]
-    of.ground = ["control,1,2,3,", "plan,1,2,3,XY:check Z:control"]
+    of.ground = ["control,1,2,3,", "plan,1,2,4,XY:check Z:control"]
     of.geodetic = ["distance,near,far,100,0.01,"]
     block = of.read(tmp_path)
     assert rejects(block) == [("image_point", "i0/once", "seen in one image only")]
@@ -176,7 +176,7 @@ def test_a_distance_that_is_switched_off_keeps_no_point(tmp_path: Path) -> None:
 
 def test_twice_in_one_image_is_seen_once(tmp_path: Path) -> None:
     of = Written(halves=True)
-    of.points += ["i0,once,1,1", "i0,once,1,1"]
+    of.points += ["i0,once,1,1", "i0,once,1,1.001"]
     found = rejects(of.read(tmp_path))
     assert found == [("image_point", "i0/once", "seen in one image only")] * 2
 
@@ -203,7 +203,7 @@ def test_ids_that_agree_in_no_two_images_leave_no_image_and_are_an_error(tmp_pat
 
 def test_known_points_that_no_image_shows_are_listed_and_keep_their_role(tmp_path: Path) -> None:
     of = Written()
-    of.ground = ["a,1,2,3,control", "b,1,2,3,check", "c,1,2,3,approximate", "p1,1,2,3,control", "d,1,2,3,control"]
+    of.ground = ["a,1,2,3,control", "b,1,2,4,check", "c,1,2,3,approximate", "p1,1,2,5,control", "d,1,2,6,control"]
     of.geodetic = ["distance,d,p1,100,0.01,"]
     block = of.read(tmp_path)
     assert rejects(block) == [("ground_point", "a", "seen in no image"), ("ground_point", "b", "seen in no image")]
@@ -224,7 +224,7 @@ def test_two_measurements_may_differ_by_six_sigmas_of_their_difference(
 ) -> None:
     for factor, is_refused in ((0.999, False), (1.001, True)):
         of = Written()
-        xy = [13.0, 13.0]
+        xy = [13.0, 12.875]
         xy[axis] += factor * limit_mm
         of.points.append(f"i1,p3,{xy[0]!r},{xy[1]!r}{sigmas if sigmas != ',,' else ''}")
         if not is_refused:
@@ -260,7 +260,7 @@ def test_a_measurement_that_is_switched_off_disagrees_with_nothing(tmp_path: Pat
 def test_of_many_faults_the_first_twenty_are_shown_and_the_rest_counted(tmp_path: Path) -> None:
     of = Written()
     for k in range(25):
-        of.points[k] = ",".join([*of.points[k].split(",")[:2], "500", "0"])
+        of.points[k] = ",".join([*of.points[k].split(",")[:2], "500", str(k)])
     with pytest.raises(AatriError, match="25 of 40 image points") as error:
         of.read(tmp_path)
     (what,) = messages(error)

@@ -10,7 +10,7 @@ X0 = -R' t, and each image has a camera of its own with the distortion `bal`. Th
 taken as 0.001 mm, which makes c = f um. Camera and image k have the id k, so has point k.
 
 The rotation leaves it open whether a point lies in front of its camera; observations of points behind stay active, as
-the problem defines its cost: half the sum of all squares.
+the problem defines its cost: half the sum of all squares. So do features that the problem has twice.
 
 Source: Agarwal, Snavely, Seitz & Szeliski 2010, Bundle adjustment in the large; grail.cs.washington.edu/projects/bal.
 """
@@ -118,7 +118,7 @@ def read_bal(
             **_at(lines["cameras"]),
         },
     )  # fmt: skip
-    return screen_block(block, reporter, max_reject_share)
+    return screen_block(block, reporter, max_reject_share, copies=True)
 
 
 def _at(line: Int) -> dict[str, Int]:

@@ -89,7 +89,7 @@ def ground_point_tables(
 
 
 def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> None:
-    """Point out control points of two ids at one place."""
+    """Point out control points of two ids at one place; those of equal coordinates are counted once later."""
     full = np.flatnonzero((rows.role == CONTROL).all(axis=1))
     if len(full) < 2:
         return
@@ -97,7 +97,7 @@ def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> 
     near = cKDTree(rows.xyz_m[full]).query_pairs(SAME_PLACE_SIGMAS * float(sigma.max()))
     for a, b in sorted(near):
         gap = float(np.linalg.norm(rows.xyz_m[full[a]] - rows.xyz_m[full[b]]))
-        if gap <= SAME_PLACE_SIGMAS * float(np.hypot(sigma[a], sigma[b])):
+        if 0 < gap <= SAME_PLACE_SIGMAS * float(np.hypot(sigma[a], sigma[b])):
             names = [clipped(table.text["point"][full[k]]) for k in (a, b)]
             where = table.where(int(full[b]))
             source.reporter.warn(f"{where}: control points {names[0]} and {names[1]} are {gap:.3g} m apart: one place?")

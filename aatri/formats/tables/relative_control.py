@@ -78,7 +78,12 @@ def relative_control_tables(source: Source, images: Iterable[str],
         raise InputError("is no list of conditions", where=document.where(), remedy="begin each one with `- {type: `")
     known = {"images": set(images), "points": set(points)}
     found = [_condition(source, document, k, known) for k in range(len(document.value))]
-    conditions = sorted((c for c in found if c is not None), key=_order)
+    first: dict[Any, int] = {}
+    for c in found:
+        if c is not None and first.setdefault(_order(c), c.line) != c.line:
+            what = f"{c.type} is equal to that of line {first[_order(c)]} in every digit: they count once"
+            source.reporter.warn(f"{path}:{c.line}: {what}")
+    conditions = sorted((c for c in found if c is not None and first[_order(c)] == c.line), key=_order)
     return tables_of_conditions(conditions, FILES.index(FILE))
 
 
@@ -122,8 +127,8 @@ def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, st
 
 
 def _order(c: Condition) -> Any:
-    members = [(part.encode(), name.encode()) for part, name in c.members]
-    return (c.type, c.axis, members, np.nan_to_num(c.value, nan=-1.0), c.sigma)
+    members = tuple((part.encode(), name.encode()) for part, name in c.members)
+    return (c.type, c.axis, members, float(np.nan_to_num(c.value, nan=-1.0)), c.sigma)
 
 
 def _condition(source: Source, document: Document, k: int, known: dict[str, set[str]]) -> Condition | None:

@@ -24,6 +24,9 @@ from aatri.units import ANGLE_RAD
 FILES = ("block.yaml", "images.csv", "image_points.csv", "fiducials.csv", "ground_points.csv", "exterior.csv",
          "geodetic.csv", "covariances.csv", "relative_control.yaml")  # fmt: skip
 
+COUNTED_LATER = ("image_points.csv", "geodetic.csv")
+"""Tables of measurements, whose copies every format may have: `copies` finds them."""
+
 YES_NO = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
 
 
@@ -44,12 +47,27 @@ class Source:
         if not os.path.lexists(path):
             return None
         try:
-            return read_csv(path, columns, self.problems, self.reporter)
+            table = read_csv(path, columns, self.problems, self.reporter)
+            return table if name in COUNTED_LATER else self._without_copies(table)
         except Errors as several:
             self.problems.extend(several.errors)
         except InputError as error:
             self.problems.append(error)
         return None
+
+    def _without_copies(self, table: CsvTable) -> CsvTable:
+        """The table without rows whose cells are all those of an earlier row."""
+        first: dict[tuple[object, ...], int] = {}
+        columns = [*table.text.values(), *(map(repr, column.tolist()) for column in table.number.values())]
+        of_row = [first.setdefault(cells, k) for k, cells in enumerate(zip(*columns))]
+        copies = [k for k, earlier in enumerate(of_row) if earlier != k]
+        if not copies:
+            return table
+        lines = ", ".join(str(table.line[k]) for k in copies[:MOST_PER_COLUMN])
+        more = ", ..." if len(copies) > MOST_PER_COLUMN else ""
+        self.reporter.warn(f"{table.where(copies[0])}: {len(copies)} rows are equal to earlier ones in every digit and "
+                           f"count once: line {lines}{more}")  # fmt: skip
+        return table.taken(sorted(first.values()))
 
     def file(self, name: str, rows: int) -> Int:
         """The column `file` of rows read from a file of the folder."""

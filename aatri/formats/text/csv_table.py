@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -53,6 +53,12 @@ class CsvTable:
 
     def __len__(self) -> int:
         return len(self.line)
+
+    def taken(self, rows: Sequence[int]) -> CsvTable:
+        """The table of some of its rows."""
+        text = {name: [cells[k] for k in rows] for name, cells in self.text.items()}
+        number = {name: values[rows] for name, values in self.number.items()}
+        return replace(self, line=self.line[rows], text=text, number=number)
 
     def where(self, row: int, column: str = "") -> str:
         """`file:line:character` of a cell; of the row if the file does not have the column."""

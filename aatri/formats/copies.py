@@ -1,0 +1,184 @@
+"""The same thing twice: rows copied to the last digit, and measurements given under two names, count once.
+
+1. an image point or geodetic observation whose row is equal to an earlier one in every column;
+2. an image of which every point it shares with an earlier image, and most of both are shared, has the same coordinates:
+   the whole image;
+3. a point that has the coordinates of another in two images or more (a second feature at one place): its rows in them;
+4. a control or check point at the coordinates of another, all three equal: it keeps them, without a role.
+
+Two measurements of two things never agree in every digit; where they are rounded to whole pixels, not in two images.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.imported import Imported, read_at
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block, Rejects
+from aatri.ids import printable
+from aatri.notes import Note
+from aatri.tables.schema import Table, columns_of
+
+COPIED = "equal to another row in every digit: counts once"
+LEAST_SHARED = 5
+"""Points two images must share to be one image given twice: as many as orient one to the other."""
+LEAST_SHARE = 0.5
+"""And the share of the points of each."""
+MOST_AT_ONE_PLACE = 20
+"""Rows of one place that are compared with each other; of more, neighbours."""
+LEAST_IMAGES = 2
+"""Images in which two points must coincide to be one."""
+
+
+def without_copies(block: Block) -> tuple[Block, list[Note]]:
+    """The block with copies inactive and listed in its rejects, or, of ground points, without a role and told."""
+    for step in (_copied_rows, _images_twice, _points_twice):
+        block = step(block)
+    return _ground_points_twice(block)
+
+
+def _copied_rows(block: Block) -> Block:
+    """Rule 1."""
+    points, geodetic = block.image_points, block.geodetic
+    correlated = np.concatenate([block.geodetic_covariances.row_a, block.geodetic_covariances.row_b])
+    of_points = _copies(points) & points.active
+    of_geodetic = _copies(geodetic) & geodetic.active & ~np.isin(np.arange(len(geodetic)), correlated)
+    if not (of_points.any() or of_geodetic.any()):
+        return block
+    rows = np.flatnonzero(of_points).tolist()
+    block = _rejected(block, "image_point", points, rows, [_image_point(block, k) for k in rows], [COPIED] * len(rows))
+    rows = np.flatnonzero(of_geodetic).tolist()
+    names = [f"{geodetic.type[k]} {geodetic.start[k]} {geodetic.end[k]}" for k in rows]
+    block = _rejected(block, "geodetic", geodetic, rows, names, [COPIED] * len(rows))
+    return replace(block, image_points=replace(points, active=points.active & ~of_points),
+                   geodetic=replace(geodetic, active=geodetic.active & ~of_geodetic))  # fmt: skip
+
+
+def _copies(rows: Table) -> Bool:
+    """Rows equal to the one before them, in canonical order, but for where they were read."""
+    n = len(rows)
+    same = np.zeros(n, dtype=bool)
+    same[1:] = True
+    for name in columns_of(type(rows)):
+        if name in ("file", "line") or not same.any():
+            continue
+        column = getattr(rows, name).reshape(n, -1)
+        equal = column[1:] == column[:-1]
+        if column.dtype.kind == "f":
+            equal |= np.isnan(column[1:]) & np.isnan(column[:-1])
+        same[1:] &= equal.all(axis=1)
+    return same
+
+
+def _images_twice(block: Block) -> Block:
+    """Rule 2."""
+    rows = np.flatnonzero(block.image_points.active)
+    image, point = block.image_points.image[rows], block.image_points.point[rows]
+    a, b = _pairs_of_equals(block.image_points.xy[rows], point)
+    equal = Counter(zip(image[a].tolist(), image[b].tolist()))
+    likely = [(i, j) for (i, j), count in sorted(equal.items()) if i != j and count >= LEAST_SHARED]
+    if not likely:
+        return block
+    seen = {i: set(point[image == i].tolist()) for i in {i for pair in likely for i in pair}}
+    copy: dict[int, int] = {}
+    for i, j in likely:
+        most = max(len(seen[i]), len(seen[j]))
+        if i not in copy and len(seen[i] & seen[j]) == equal[i, j] >= LEAST_SHARE * most:
+            copy.setdefault(j, i)
+    active = block.images.active.copy()
+    active[list(copy)] = False
+    ids = block.images.id
+    reasons = [f"its measurements are those of image {printable(str(ids[i]))}: count once" for i in copy.values()]
+    block = _rejected(block, "image", block.images, list(copy), [str(ids[j]) for j in copy], reasons)
+    return replace(block, images=replace(block.images, active=active))
+
+
+def _points_twice(block: Block) -> Block:
+    """Rule 3."""
+    rows = np.flatnonzero(block.image_points.active & block.images.active[block.image_points.image])
+    image, point = block.image_points.image[rows], block.image_points.point[rows]
+    a, b = _pairs_of_equals(block.image_points.xy[rows], image)
+    if not len(a):
+        return block
+    seen = np.bincount(point, minlength=len(block.points))
+    given = np.zeros(len(block.points), dtype=bool)
+    given[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
+    p, q = point[a], point[b]
+    first = (given[p] > given[q]) | ((given[p] == given[q]) & (seen[p] >= seen[q]))  # which of the two goes on
+    p, q, out = np.where(first, p, q), np.where(first, q, p), np.where(first, b, a)
+    count = Counter(zip(p.tolist(), q.tolist()))
+    copied = {int(rows[k]): int(i) for i, j, k in zip(p, q, out) if count[int(i), int(j)] >= LEAST_IMAGES}
+    active = block.image_points.active.copy()
+    active[list(copied)] = False
+    reasons = [f"at the very place of point {printable(str(block.points.id[i]))}: counts once" for i in copied.values()]
+    names = [_image_point(block, row) for row in copied]
+    block = _rejected(block, "image_point", block.image_points, list(copied), names, reasons)
+    return replace(block, image_points=replace(block.image_points, active=active))
+
+
+def _ground_points_twice(block: Block) -> tuple[Block, list[Note]]:
+    """Rule 4; control goes before check points."""
+    ground = block.ground_points
+    full = np.flatnonzero(np.isin(ground.role, (CONTROL, CHECK)).all(axis=1))
+    is_check = (ground.role[full] == CHECK).any(axis=1)
+    full = full[np.argsort(is_check, kind="stable")]
+    a, b = _pairs_of_equals(ground.xyz_m[full], np.zeros(len(full), dtype=np.int64))
+    if not len(a):
+        return block, []
+    first: dict[int, int] = {}
+    for i, j in sorted(zip(full[a].tolist(), full[b].tolist()), key=lambda pair: (pair[1], pair[0])):
+        if i not in first:
+            first.setdefault(j, i)
+    role = ground.role.copy()
+    role[list(first)] = NO_ROLE
+    ids = block.points.id[ground.point]
+    notes = []
+    for j, i in first.items():
+        other, name = (printable(str(ids[k])) for k in (i, j))
+        what = f"{name} has the coordinates of {other} in every digit: they count once, for {other}"
+        notes.append(Note("warning", f"{read_at(block, ground, j)}: {what}"))
+    return replace(block, ground_points=replace(ground, role=role)), notes
+
+
+def _pairs_of_equals(xy: Float, group: Int) -> tuple[Int, Int]:
+    """Pairs of rows of one group with equal coordinates, the earlier row first."""
+    bits = np.ascontiguousarray(xy + 0.0).view(np.uint64)
+    key = group.astype(np.uint64)
+    for column in bits.T:  # quick to sort; that they are equal is seen below
+        key = (key ^ (key >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15) ^ column
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    first, second = [order[:0]], [order[:0]]
+    for apart in range(1, MOST_AT_ONE_PLACE):
+        together = np.flatnonzero(key[apart:] == key[:-apart])
+        if not len(together):
+            break
+        first.append(order[together])
+        second.append(order[together + apart])
+    a, b = np.concatenate(first), np.concatenate(second)
+    equal = (group[a] == group[b]) & (xy[a] == xy[b]).all(axis=1)
+    return a[equal], b[equal]
+
+
+def _image_point(block: Block, row: int) -> str:
+    rows = block.image_points
+    return f"{block.images.id[rows.image[row]]}/{block.points.id[rows.point[row]]}"
+
+
+def _rejected(
+    block: Block, kind: str, table: Imported, rows: list[int], names: list[str], reasons: list[str]
+) -> Block:  # fmt: skip
+    """The block with rows of a table listed in its rejects."""
+    if not rows:
+        return block
+    old = block.rejects
+    rejects = Rejects(
+        kind=np.array([*old.kind, *[kind] * len(rows)]), id=np.array([*old.id, *names]),
+        reason=np.array([*old.reason, *reasons]), file=np.append(old.file, table.file[rows]).astype(np.int32),
+        line=np.append(old.line, table.line[rows]).astype(np.int32),
+    )  # fmt: skip
+    return replace(block, rejects=rejects)
