@@ -19,11 +19,12 @@ import numpy as np
 from aatri.adapters.imported import Imported, read_at
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block, Rejects
-from aatri.ids import printable
+from aatri.ids import printable, shown
 from aatri.notes import Note
 from aatri.tables.schema import Table, columns_of
 
 COPIED = "equal to another row in every digit: counts once"
+ONE_PLACE = "at the very place of another point: counts once"
 LEAST_SHARED = 5
 """Points two images must share to be one image given twice: as many as orient one to the other."""
 LEAST_SHARE = 0.5
@@ -36,9 +37,9 @@ LEAST_IMAGES = 2
 
 def without_copies(block: Block) -> tuple[Block, list[Note]]:
     """The block with copies inactive and listed in its rejects, or, of ground points, without a role and told."""
-    for step in (_copied_rows, _images_twice, _points_twice):
-        block = step(block)
-    return _ground_points_twice(block)
+    block, of_points = _points_twice(_images_twice(_copied_rows(block)))
+    block, of_ground = _ground_points_twice(block)
+    return block, [*of_points, *of_ground]
 
 
 def _copied_rows(block: Block) -> Block:
@@ -97,13 +98,13 @@ def _images_twice(block: Block) -> Block:
     return replace(block, images=replace(block.images, active=active))
 
 
-def _points_twice(block: Block) -> Block:
+def _points_twice(block: Block) -> tuple[Block, list[Note]]:
     """Rule 3."""
     rows = np.flatnonzero(block.image_points.active & block.images.active[block.image_points.image])
     image, point = block.image_points.image[rows], block.image_points.point[rows]
     a, b = _pairs_of_equals(block.image_points.xy[rows], image)
     if not len(a):
-        return block
+        return block, []
     seen = np.bincount(point, minlength=len(block.points))
     given = np.zeros(len(block.points), dtype=bool)
     given[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
@@ -111,13 +112,17 @@ def _points_twice(block: Block) -> Block:
     first = (given[p] > given[q]) | ((given[p] == given[q]) & (seen[p] >= seen[q]))  # which of the two goes on
     p, q, out = np.where(first, p, q), np.where(first, q, p), np.where(first, b, a)
     count = Counter(zip(p.tolist(), q.tolist()))
-    copied = {int(rows[k]): int(i) for i, j, k in zip(p, q, out) if count[int(i), int(j)] >= LEAST_IMAGES}
+    copied = {int(rows[k]): (int(i), int(j)) for i, j, k in zip(p, q, out) if count[int(i), int(j)] >= LEAST_IMAGES}
+    if not copied:
+        return block, []
     active = block.image_points.active.copy()
     active[list(copied)] = False
-    reasons = [f"at the very place of point {printable(str(block.points.id[i]))}: counts once" for i in copied.values()]
     names = [_image_point(block, row) for row in copied]
-    block = _rejected(block, "image_point", block.image_points, list(copied), names, reasons)
-    return replace(block, image_points=replace(block.image_points, active=active))
+    block = _rejected(block, "image_point", block.image_points, list(copied), names, [ONE_PLACE] * len(copied))
+    pairs = [f"{block.points.id[j]} (as {block.points.id[i]})" for i, j in dict.fromkeys(copied.values())]
+    what = f"{len(pairs)} points lie at the very place of another in two images or more, where they count once: "
+    note = Note("warning", what + shown(pairs))
+    return replace(block, image_points=replace(block.image_points, active=active)), [note]
 
 
 def _ground_points_twice(block: Block) -> tuple[Block, list[Note]]:

@@ -50,9 +50,8 @@ MIN_IMAGE_POINTS = 3
 SAME_POINT_SIGMAS = 6.0
 """Two measurements of one point in one image agree if they differ by at most this many sigmas of the difference."""
 
-MOST_LISTED = 20
-MANY = 5
-"""More rejects of one kind for one reason than this are told in one line."""
+MOST_LISTED, MANY = 20, 5
+"""Places shown of one error; more rejects of one kind for one reason are told in one line."""
 
 OUTSIDE = "outside the image format"
 SEEN_ONCE = "seen in one image only"
@@ -99,11 +98,11 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     block, impossible = without_impossible_positions(block, max_reject_share)
     problems = [*repeated_measurements(block), *impossible]
     images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
-    outside = _outside_format(block) & points.active
-    points.reject(np.flatnonzero(outside), OUTSIDE)
+    points.reject(np.flatnonzero(_outside_format(block) & points.active), OUTSIDE)
     while _reject_round(block, images, points):
         pass
     problems += _too_many(block, images, points, max_reject_share)
+    tell(_told(block.rejects) if problems else [], reporter)  # they may be why so little is left
     raise_all(problems)
     misplaced, notes = control_as_given(block)
     raise_all(misplaced)

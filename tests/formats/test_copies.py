@@ -63,9 +63,10 @@ def test_a_second_feature_at_one_place_counts_once_where_it_is_so_in_two_images(
     xy = {row.split(",")[0]: ",".join(row.split(",")[2:]) for row in of.points if ",p3," in row}
     of.points += [f"i0,second,{xy['i0']}", f"i1,second,{xy['i1']}", "i2,second,1,1", "i3,second,2,2"]
     of.points += [f"i0,chance,{xy['i0']}", "i1,chance,5,7", "i2,chance,5,8"]
-    found = rejects(of.read(tmp_path))
+    heard = Heard()
+    found = rejects(of.read(tmp_path, heard))
     assert [r[:2] for r in found] == [("image_point", "i0/second"), ("image_point", "i1/second")]
-    assert "at the very place of point p3" in found[0][2]
+    assert any("1 points lie at the very place" in w and w.endswith("second (as p3)") for w in heard.warned)
 
 
 def test_the_second_feature_of_control_is_the_one_that_goes(tmp_path: Path) -> None:
