@@ -71,7 +71,8 @@ def ground_point_tables(
     sigma = stacked(table, SIGMAS)
     if default is None:
         ask_for_sigma(source, table, needs & np.isnan(sigma), "control", "ground")
-    sigma = np.where(np.isnan(sigma), np.where(needs, default, 0.0) if default else 0.0, sigma)
+    known = needs | (role == CHECK)
+    sigma = np.where(np.isnan(sigma), np.where(known, default, 0.0) if default else 0.0, sigma)
     if source.problems:
         return nothing
     warn_of_unusual(source, table, sigma)

@@ -209,3 +209,10 @@ class Listener:
 
     def progress(self, done: int, total: int, what: str = "") -> None:
         pass
+
+
+def test_check_points_without_standard_deviations_take_the_default_as_control_does(block: Block) -> None:
+    """Point 3 is a check point with empty cells; north, east, up of the table with 2, 3, 4 cm."""
+    row = int(np.flatnonzero(block.points.id[block.ground_points.point] == "3")[0])
+    sigma = np.sqrt(np.diag(block.ground_points.covariance_m2[row]))
+    np.testing.assert_allclose(sigma, [0.03, 0.02, 0.04])
