@@ -1,19 +1,21 @@
-"""What an adjustment would give for further parameters, without carrying them: one solve, no further adjustment.
+"""What an adjustment would give for further parameters, without carrying them: a few solves, no further adjustment.
 
 Residuals v + H p depend on parameters p that were held at zero. With the whitened Jacobian A of all unknowns x, their
 covariance Q (under exact constraints the constrained one) and c = A'H,
 
-    M = H'H - c'Q c,     p = -M^-1 H'v,     C_pp = M^-1,     dx = -Q c p
+    M = H'H - c'Q c,     g = H'v,     p = -M^-1 g,     C_pp = M^-1,     dx = -Q c p,     gain = g'M^-1 g
 
-which is one Gauss-Newton step of the adjustment with p from the solution without. p / sigma_p is the score test (the
-multiplier of the condition p = 0): N(0, 1) where there is no such effect.
+which is one Gauss-Newton step of the adjustment with p from the solution without. The gain, by which p would reduce
+v'v, is the score test (the multiplier of the condition p = 0): chi-square of the rank of M where there is no such
+effect.
 
 Source: Rao 1948 (score test); Kraus, Photogrammetry, on systematic errors found in residuals.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,32 +26,75 @@ from aatri.adjustment.elimination.right_hand_sides import backward, forward, sid
 from aatri.adjustment.records import Records, whitened
 from aatri.arrays import Float, Int
 
+LEAST_SEEN = 1e-9
+"""Share of an effect on the observations below which what the unknowns leave of it is rounding."""
+
+MOST_SIDES = 48
+"""Right-hand sides solved for at a time: they are as long as all unknowns."""
+
 
 @dataclass(frozen=True)
-class Score:
-    """Parameters that were not carried, each tried by itself.
+class Joint:
+    """Some parameters of a unit together.
 
     Attributes
     ----------
-    value, sigma : (s,) float64
-        Of each with the others held at zero; sigma a priori, infinite where the unknowns take up all of it.
-    seen : (s,) float64
-        Share of the squares of its effect on the observations that the unknowns cannot take up, 0 ... 1.
-    by_value : dict of str to (n, k, s) float64
-        Change of every unknown per unit of each parameter; zero for held scalars.
+    gain : float
+        By which they would reduce v'v.
+    rank : int
+        How many of them the unknowns leave open to be seen.
+    value : (k,) float64
+    covariance : (k, k) float64
+        A priori.
     """
 
+    gain: float
+    rank: int
     value: Float
-    sigma: Float
-    seen: Float
-    by_value: dict[str, Float]
+    covariance: Float
 
 
-LEAST_SEEN = 1e-9
-"""Below, it is rounding."""
+@dataclass(frozen=True)
+class Score:
+    """Parameters that were not carried, unit by unit (a strip, a camera): the other units' are held at zero.
+
+    Attributes
+    ----------
+    gradient, whole : (u, k) float64
+        g, and the diagonal of H'H.
+    information : (u, k, k) float64
+        M.
+    """
+
+    gradient: Float
+    whole: Float
+    information: Float
+
+    @property
+    def seen(self) -> Float:
+        """Share of the squares of each effect on the observations that the unknowns cannot take up, 0 ... 1, (u, k)."""
+        left = np.einsum("ukk->uk", self.information)
+        share = np.divide(left, self.whole, out=np.zeros_like(left), where=self.whole > 0)
+        return np.where(share > LEAST_SEEN, share, 0.0)
+
+    def joint(self, unit: int, columns: Sequence[int]) -> Joint:
+        """The test of some parameters of a unit, all others held at zero."""
+        some, scale = list(columns), np.sqrt(self.whole[unit])[list(columns)]
+        inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+        size, axes = np.linalg.eigh(self.information[unit][np.ix_(some, some)] * inverse[:, None] * inverse)
+        seen = size > LEAST_SEEN
+        axes = inverse[:, None] * axes[:, seen]
+        along = axes.T @ self.gradient[unit, some]
+        C = (axes / size[seen]) @ axes.T
+        return Joint(float((along**2 / size[seen]).sum()), int(seen.sum()), -C @ self.gradient[unit, some], C)
 
 
-def score(adjusted: Adjusted, records: Records, rows: Int, H: Float) -> Score:
+def with_factor(adjusted: Adjusted) -> Adjusted:
+    """The same with the factor of its normal equations, for several scores."""
+    return replace(adjusted, factored=adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state))
+
+
+def score(adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int | None = None) -> Score:
     """Try parameters that some records depend on.
 
     Parameters
@@ -60,37 +105,78 @@ def score(adjusted: Adjusted, records: Records, rows: Int, H: Float) -> Score:
         One of the observation types of the problem, with its blocks.
     rows : (n,) int
         Those that depend on the parameters.
-    H : (n, m, s) float64
+    H : (n, m, k) float64
         Derivative of the residuals, in units of the observation.
+    unit : (n,) int, optional
+        Whose parameters those of each row are; default: all are of one.
     """
-    problem, state = adjusted.problem, adjusted.state
-    v, jacobians = whitened(records, state, rows)
-    H = np.where(records.active[rows, None, None], H, 0.0)
+    unit = np.zeros(len(rows), dtype=np.int64) if unit is None else unit
+    adjusted = with_factor(adjusted)
+    n, k = int(unit.max(initial=-1)) + 1, H.shape[2]
+    gradient, whole, information = np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k))
+    at_a_time = max(1, MOST_SIDES // k)
+    for first in range(0, n, at_a_time):
+        some = np.flatnonzero((unit >= first) & (unit < first + at_a_time))
+        units = min(at_a_time, n - first)
+        v, white, right = _sides(adjusted, records, rows[some], H[some], unit[some] - first, units)
+        place, here = unit[some], slice(first, first + units)
+        np.add.at(gradient, place, np.einsum("nmk,nm->nk", white, v))
+        np.add.at(information, place, np.einsum("nmk,nml->nkl", white, white))
+        whole[here] = np.einsum("ukk->uk", information[here])
+        taken_up = _gram(adjusted, right).reshape(units, k, units, k)
+        information[here] -= taken_up[np.arange(units), :, np.arange(units)]
+    return Score(gradient, whole, information)
+
+
+def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dict[str, Float]:
+    """Change of all unknowns, (n, k) by group, if residuals had an effect that was not carried; zero for held scalars.
+
+    Parameters
+    ----------
+    effect : (n, m) float64
+        H p, in units of the observation.
+    """
+    adjusted = with_factor(adjusted)
+    one = np.zeros(len(rows), dtype=np.int64)
+    right = _sides(adjusted, records, rows, effect[:, :, None], one, 1)[2]
+    return {group: -values[:, :, 0] for group, values in _covariance_times(adjusted, right).items()}
+
+
+def _sides(
+    adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int, units: int
+) -> tuple[Float, Float, dict[str, Float]]:
+    """Whitened v and H, and A'H by group, (blocks, scalars, units * k)."""
+    v, jacobians = whitened(records, adjusted.state, rows)
+    H, k = np.where(records.active[rows, None, None], H, 0.0), H.shape[2]
     L = records.whitener[rows]
     H = L[:, :, None] * H if L.ndim == 2 else L @ H
-    size = {u.name: u.free.shape for u in problem.unknowns}
-    right = {group: np.zeros((*size[group], H.shape[2])) for group, _ in records.touches}
-    for (group, block), J in zip(records.touches, jacobians):
-        np.add.at(right[group], block[rows], np.einsum("nmk,nms->nks", J, H))
-    Qc = _covariance_times(adjusted, right)
-    whole = np.einsum("nms,nms->s", H, H)
-    left = whole - sum(np.einsum("nks,nks->s", right[group], Qc[group]) for group in right)
-    seen = np.divide(left, whole, out=np.zeros_like(whole), where=whole > 0)
-    known = seen > LEAST_SEEN
-    left = np.where(known, left, 1.0)
-    gradient = np.einsum("nms,nm->s", H, v)
-    return Score(
-        np.where(known, -gradient / left, 0.0),
-        np.where(known, 1.0 / np.sqrt(left), np.inf),
-        np.where(known, seen, 0.0),
-        {group: -values for group, values in Qc.items()},
-    )
+    right: dict[str, Float] = {}
+    for u in adjusted.problem.unknowns:
+        for (group, block), J in zip(records.touches, jacobians):
+            if group == u.name:
+                found = right.setdefault(group, np.zeros((len(u.free), units, u.size, k)))
+                np.add.at(found, (block[rows], unit), np.einsum("nma,nmk->nak", J, H))
+    return v, H, {
+        group: found.swapaxes(1, 2).reshape(len(found), found.shape[2], units * k) for group, found in right.items()
+    }
+
+
+def _gram(adjusted: Adjusted, right: dict[str, Float]) -> Float:
+    """c'Q c of right-hand sides c, by group."""
+    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
+    assert factored is not None
+    found = forward(problem, factored, state, sides_of(problem, right)).gram()
+    W = covariance_reduction(problem, factored, state)
+    if W:
+        common = np.asarray(sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items()))
+        found = found - common.T @ common
+    return found
 
 
 def _covariance_times(adjusted: Adjusted, right: dict[str, Float]) -> dict[str, Float]:
     """The covariance of all unknowns times right-hand sides, by group."""
-    problem, state = adjusted.problem, adjusted.state
-    factored = adjusted.factored or factorise_constrained(problem, state)
+    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
+    assert factored is not None
     W = covariance_reduction(problem, factored, state)
     found = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)))
     if W:

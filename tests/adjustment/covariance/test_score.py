@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.adjust import adjust_large
-from aatri.adjustment.covariance.score import score
+from aatri.adjustment.covariance.score import moved, score
 from aatri.adjustment.records import whitened
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from tests.adjustment.block_problem import made_problem
@@ -29,12 +29,34 @@ def test_value_and_standard_deviation_are_those_of_an_adjustment_that_carries_th
         A = np.column_stack([J, whole[:, k]])
         Q = np.linalg.inv(A.T @ A)
         x = -Q @ A.T @ v
-        assert found.value[k] == pytest.approx(x[-1], rel=1e-5)
-        assert found.sigma[k] == pytest.approx(np.sqrt(Q[-1, -1]), rel=1e-9)
-        assert found.seen[k] == pytest.approx(1 / (Q[-1, -1] * (whole[:, k] @ whole[:, k])), rel=1e-9)
+        one = found.joint(0, [k])
+        assert one.value[0] == pytest.approx(x[-1], rel=1e-5)
+        assert one.covariance[0, 0] == pytest.approx(Q[-1, -1], rel=1e-9)
+        assert one.gain == pytest.approx(v @ v - ((v + A @ x) ** 2).sum(), rel=1e-5)
+        assert found.seen[0, k] == pytest.approx(1 / (Q[-1, -1] * (whole[:, k] @ whole[:, k])), rel=1e-9)
+        change = moved(result, rays, rows, effect[:, :, k])
         for group in ("a", "p"):
             expected = np.append(Q[:-1, -1] / Q[-1, -1], 0.0)[columns[group]]
-            assert np.allclose(found.by_value[group][:, :, k], expected, atol=1e-9)
+            assert np.allclose(change[group], expected, atol=1e-9)
+    A = np.column_stack([J, whole])
+    both = found.joint(0, [0, 1])
+    assert both.rank == 2
+    assert both.gain == pytest.approx(v @ v - ((v - A @ np.linalg.lstsq(A, v)[0]) ** 2).sum(), rel=1e-5)
+
+
+def test_units_are_tested_each_with_the_others_at_zero() -> None:
+    unknowns, records, start = made_problem(1, n_kept=8, n_points=20)
+    result = adjust_large(unknowns, records, start)
+    rays, rng = records[0], np.random.default_rng(1)
+    rows = np.arange(len(rays.active))
+    effect, unit = rng.normal(size=(len(rows), rays.rows, 3)), rng.permutation(len(rows)) % 40
+    together = score(result, rays, rows, effect, unit)
+    for k in (0, 17, 39):  # of three batches of right-hand sides
+        some = np.flatnonzero(unit == k)
+        alone = score(result, rays, rows[some], effect[some]).joint(0, [0, 2])
+        found = together.joint(k, [0, 2])
+        assert found.gain == pytest.approx(alone.gain, rel=1e-9)
+        assert np.allclose(found.covariance, alone.covariance, rtol=1e-9)
 
 
 def test_what_the_unknowns_take_up_wholly_is_not_seen() -> None:
@@ -45,6 +67,7 @@ def test_what_the_unknowns_take_up_wholly_is_not_seen() -> None:
     fitted = np.array(next(u.free for u in unknowns if u.name == "p"), dtype=np.float64)
     effect = np.einsum("nmk,nk->nm", of_point, fitted[rays.touches[-1][1]])[:, :, None]
     found = score(result, rays, rows, effect)
-    assert found.seen[0] == 0.0
-    assert np.isinf(found.sigma[0])
-    assert found.value[0] == 0.0
+    assert found.seen[0, 0] == 0.0
+    assert found.joint(0, [0]).rank == 0
+    assert found.joint(0, [0]).gain == 0.0
+    assert found.joint(0, [0]).value[0] == 0.0

@@ -1,0 +1,1 @@
+"""Observations that are wrong together: of a strip, a flight, a camera, an image, a neighbourhood."""

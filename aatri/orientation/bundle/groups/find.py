@@ -1,0 +1,206 @@
+"""Whether observations of a unit are wrong together: the score test of what they may have in common.
+
+With M and g of `adjustment.covariance.score`, v'v = W, redundancy r, and k the rank of M,
+
+    gain = g'M^-1 g,    s^2 = max(1, (W - gain) / (r - k)),    gain / s^2  ~  chi^2(k) where nothing is wrong
+
+Tested is at `ALARM` over the number of tests made, so that of ten thousand blocks without errors one is told a group. A
+cause of fewer parameters is preferred to one that gains no more than `SEPARABLE` beyond it; others that explain as much
+cannot be told apart from it, and are named too. Where single observations are tested as well, the group must gain more
+than the largest of them alone, and most of its members must fit better with it: two or three wrong ones of a strip are
+no shift of the strip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.adjusted import Adjusted
+from aatri.adjustment.covariance.score import Joint, Score, moved, score, with_factor
+from aatri.adjustment.records import whitened
+from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.arrays import Float, Int
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.groups.effects import Cause, Effects, effects_of
+from aatri.orientation.bundle.result import BundleResult
+
+ALARM = 1e-4
+"""Probability that a block without errors is told a group."""
+
+AS_GOOD = 0.02
+"""Share of a gain by which another explanation may fall short of it and cannot be told apart: beyond `SEPARABLE`, since
+one step from a wrong model is not exact."""
+
+MOST_POINTS = 20_000
+"""Beyond, only where something is above the limit or tests are asked for: it takes another factor."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Observations that are wrong together, and how.
+
+    Attributes
+    ----------
+    place : int
+        Of their kind among the observations.
+    kind, per, unit, cause : str
+        As in `effects`.
+    rows : (n,) int
+    H : (n, m, k) float64
+        Derivatives of their residuals by the parameters of the cause.
+    value, sigma : (k,) float64
+        Parameters, in units of the kind; a posteriori where sigma0 is above 1.
+    gain : float
+        By which they reduce v'v, over s^2.
+    sigma0 : float
+        With the parameters.
+    harm : float
+        Largest change of a coordinate of a point or of a projection centre, in its standard deviations.
+    change_m : float
+        That change.
+    moved : str
+        What changes so.
+    or_else : tuple of (str, str, str)
+        Unit's kind, unit and cause of others that explain as much.
+    """
+
+    place: int
+    kind: str
+    per: str
+    unit: str
+    cause: str
+    rows: Int
+    H: Float
+    value: Float
+    sigma: Float
+    gain: float
+    sigma0: float
+    harm: float = 0.0
+    change_m: float = 0.0
+    moved: str = ""
+    or_else: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def key(self) -> tuple[int, str, str, str]:
+        """What tells it from others."""
+        return self.place, self.per, self.unit, self.cause
+
+    @property
+    def effect(self) -> Float:
+        """Part of the residuals of its rows, (n, m)."""
+        return self.H @ self.value
+
+
+@dataclass(frozen=True)
+class _Tested:
+    effects: Effects
+    unit: int
+    cause: Cause
+    joint: Joint
+    gain: float
+
+
+def find_group(given: BundleInput, result: BundleResult, single: float = 0.0) -> Group | None:
+    """The group that explains most, if any is wrong.
+
+    Parameters
+    ----------
+    given : BundleInput
+    result : BundleResult
+        Of least squares.
+    single : float
+        Largest |w| of a single observation; 0: single ones have been searched for.
+
+    Returns
+    -------
+    Group or None
+    """
+    from scipy.stats import chi2  # slow to import
+
+    adjusted = result.adjusted
+    if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
+        return None
+    adjusted = with_factor(adjusted)
+    tested = list(_tested(adjusted, result, effects_of(given, result)))
+    wrong = [t for t in tested if chi2.logsf(t.gain, t.joint.rank) < np.log(ALARM / len(tested))]
+    if not wrong:
+        return None
+    most = max(t.gain for t in wrong)
+    as_good = [t for t in wrong if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
+    best = min(as_good, key=lambda t: (t.joint.rank, -t.gain))
+    if single and not _beyond_single_ones(adjusted, result, best, single):
+        return None
+    others = [t for t in as_good if (t.effects.place, t.effects.per) != (best.effects.place, best.effects.per)]
+    found = _group(adjusted, result, best)
+    return _with_harm(given, adjusted, result, replace(found, or_else=tuple(dict.fromkeys(map(_called, others)))))
+
+
+def _called(t: _Tested) -> tuple[str, str, str]:
+    return t.effects.per, str(t.effects.units[t.unit]), t.cause.name
+
+
+def _tested(adjusted: Adjusted, result: BundleResult, all_effects: Iterable[Effects]) -> Iterable[_Tested]:
+    for effects in all_effects:
+        records = result.observations[effects.place].observed.records
+        found = score(adjusted, records, effects.rows, effects.H, effects.unit)
+        for unit in range(len(effects.units)):
+            for cause in effects.causes:
+                joint = found.joint(unit, cause.columns)
+                if joint.rank:
+                    yield _Tested(effects, unit, cause, joint, joint.gain / _variance(adjusted, joint))
+
+
+def _variance(adjusted: Adjusted, joint: Joint) -> float:
+    """Of unit weight with the parameters, at least 1."""
+    left = adjusted.redundancy - joint.rank
+    W = adjusted.cost
+    return max(1.0, (W - joint.gain) / left) if left > 0 else max(1.0, W / adjusted.redundancy)
+
+
+def _group(adjusted: Adjusted, result: BundleResult, t: _Tested) -> Group:
+    e, variance = t.effects, _variance(adjusted, t.joint)
+    mine = np.flatnonzero(e.unit == t.unit)
+    sigma = np.sqrt(np.diagonal(t.joint.covariance) * variance)
+    kind = result.observations[e.place].observed.kind
+    return Group(e.place, kind, e.per, str(e.units[t.unit]), t.cause.name, e.rows[mine],
+                 e.H[mine][:, :, list(t.cause.columns)], t.joint.value, sigma, t.gain, float(np.sqrt(variance)))  # fmt: skip
+
+
+def _beyond_single_ones(adjusted: Adjusted, result: BundleResult, t: _Tested, single: float) -> bool:
+    """Whether a group explains more than its largest member could, and most of its members."""
+    if t.joint.gain < single**2 + SEPARABLE:
+        return False
+    found = _group(adjusted, result, t)
+    records = result.observations[found.place].observed.records
+    change = moved(adjusted, records, found.rows, found.effect)
+    v, jacobians = whitened(records, adjusted.state, found.rows)
+    after = v + _whitened_effect(records.whitener[found.rows], found.effect)
+    for (group, block), J in zip(records.touches, jacobians):
+        after += np.einsum("nmk,nk->nm", J, change[group][block[found.rows]])
+    better = (after**2).sum(axis=1) < (v**2).sum(axis=1)
+    return bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
+
+
+def _whitened_effect(whitener: Float, effect: Float) -> Float:
+    return whitener * effect if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, effect)
+
+
+def _with_harm(given: BundleInput, adjusted: Adjusted, result: BundleResult, group: Group) -> Group:
+    """What the group does to coordinates."""
+    change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
+    worst = (0.0, 0.0, "")
+    for name, ids, what in ((POINT, given.point_ids, "point"), (POSE, given.image_ids, "projection centre of image")):
+        if name not in change or not len(change[name]):
+            continue
+        C = result.covariances[name]
+        sigma = np.sqrt(np.einsum("nii->ni", C)[:, :3])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(sigma > 0, np.abs(change[name][:, :3]) / (sigma * group.sigma0), 0.0)
+        row, axis = np.unravel_index(int(np.nanargmax(np.nan_to_num(ratio))), ratio.shape)
+        size, metres = float(np.nan_to_num(ratio[row, axis])), float(change[name][row, axis])
+        worst = max(worst, (size, metres, f"{'XYZ'[axis]} of {what} {np.asarray(ids)[row]}"))
+    return replace(group, harm=worst[0], change_m=abs(worst[1]), moved=worst[2])
