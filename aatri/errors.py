@@ -73,7 +73,7 @@ class ConvergenceError(AatriError):
 
 
 class GateError(AatriError):
-    """The run finished, but a quality gate failed."""
+    """The run finished, but a quality gate failed, or a result contradicts its own tests."""
 
     exit_code = 6
 

@@ -16,6 +16,9 @@ from aatri.progress import Reporter
 
 Level = Literal["note", "warning"]
 
+CONTRADICTION = "the result contradicts its own tests"
+"""How a warning begins that tells of a model error with an effect beyond the standard deviations of the result."""
+
 
 @dataclass(frozen=True)
 class Note:

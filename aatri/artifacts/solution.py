@@ -251,6 +251,10 @@ class Solution(Artifact):
         default=float("nan"),
     )
 
+    contradictions: int = attribute(
+        doc="model errors that the tests of the result name, with an effect beyond its standard deviations", default=0
+    )
+
     @property
     def counted_redundancy(self) -> int:
         """Redundancy of sigma0, as its global test takes it."""
@@ -273,6 +277,7 @@ class Solution(Artifact):
             **known,
             "iterations": self.iterations,
             "suspects": len(self.suspects),
+            "contradictions": self.contradictions,
             **_image_errors(self.error_fields),
         }
 

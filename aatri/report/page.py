@@ -88,7 +88,11 @@ def render(run: RunView) -> str:
 
 def _verdict(run: RunView) -> str:
     evaluation = run.last(Evaluation)
-    return evaluation.verdict if evaluation else "The accuracy was not evaluated."
+    verdict = evaluation.verdict if evaluation else "The accuracy was not evaluated."
+    wrong = [s.name for s in run.of_kind(Solution) if s.metrics.get("contradictions")]
+    return (
+        f"The result of {', '.join(wrong)} contradicts its own tests, see its warnings. {verdict}" if wrong else verdict
+    )
 
 
 def _gates(run: RunView) -> PageTable | None:

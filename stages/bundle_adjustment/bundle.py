@@ -34,13 +34,11 @@ from pydantic import field_validator, model_validator
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
-from aatri.adapters.bundle.control_relief import relief_notes
 from aatri.adapters.bundle.geodetic_conventions import convention_notes
+from aatri.adapters.bundle.group_effects import effects_of
 from aatri.adapters.bundle.hidden_distortion import distortion_notes
 from aatri.adapters.bundle.orderings import report_orderings
-from aatri.adapters.bundle.position_datum import shift_notes
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
-from aatri.adapters.bundle.systematic_residuals import strip_of_images, systematic_notes
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.plausibility import of_start
@@ -63,7 +61,9 @@ from aatri.orientation.bundle.blunders.robust import How, robustly
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.correlations import correlation_notes
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.group_tests import group_notes
+from aatri.orientation.bundle.group_tests import sigma_notes
+from aatri.orientation.bundle.groups.search import FoundGroup, search_in_groups
+from aatri.orientation.bundle.groups.told import contradicts, group_notes
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_notes import parameter_notes
@@ -203,21 +203,19 @@ def bundle(
     tell([*convention_notes(given), *of_start(block, given, check=initial is None)], context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)
-    as_given = given
-    done = _in_rounds(given, options, context)
+    done, groups = _in_rounds(given, options, context)
     done, components = with_variance_components(
         block, done, lambda block: _adjusted(block, options, context, How()), options.variance_components
     )
     given, suspects = done.given, after(suspects, done)
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)
-    tell(remarks(given, result.adjusted.state, before=False), context)
-    tell(shift_notes(as_given, given, result, lambda block: _adjusted(block, options, SILENT, How())), context)
+    tell([*group_notes(groups), *remarks(given, result.adjusted.state, before=False)], context)
     tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
-    notes = [*left_out(given, result), *misfit(result, options.max_sigma0), *group_notes(result)]
-    notes += [*weak_datum_notes(given, result), *relief_notes(result)]
+    notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
+    notes += [] if any(map(contradicts, groups)) else sigma_notes(result)
+    notes += weak_datum_notes(given, result)
     notes += distortion_notes(given, result, tests=options.reliability)
-    notes += systematic_notes(result, strip_of_images(block))
     notes += [*parameter_notes(given, result), *correlation_notes(result)]
     tell(notes, context)
     told = told_parameters(block, result, chosen)
@@ -229,26 +227,30 @@ def bundle(
                            tests=options.reliability)  # fmt: skip
     uncontrolled, of_them = uncontrolled_of(done.result)
     tell(of_them, context)
+    made = replace(made, contradictions=sum(map(contradicts, groups)))
     made = replace(made, variance_components=components, uncontrolled=uncontrolled,
                    proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None)  # fmt: skip
     return with_datum(block, made, options.datum, options.datum_over)
 
 
-def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> Round:
-    rule = options.blunders.rule()
+def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> tuple[Round, tuple[FoundGroup, ...]]:
+    rule, groups = options.blunders.rule(), tuple[FoundGroup, ...]()
 
     def adjust(block: BundleInput, how: How = How()) -> BundleResult:
         return _adjusted(block, options, context, how)
 
-    if rule.method == "none":
-        done = with_readmission(given, adjust)
-    elif rule.method == "robust":
+    def single(block: BundleInput) -> Round:
+        if rule.method == "none":
+            return with_readmission(block, adjust)
+        return search(block, adjust, rule, options.tolerance)
+
+    if rule.method == "robust":
         done = robustly(given, adjust, rule)
     else:
-        done = search(given, adjust, rule, options.tolerance)
+        done, groups = search_in_groups(given, adjust, single, effects_of, rule)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
-    return done
+    return done, groups
 
 
 def _adjusted(given: BundleInput, options: BundleOptions, context: Context, how: How) -> BundleResult:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adapters.bundle.camera_parameters import additional_parameters
-from aatri.adjustment.covariance.score import Score, score
+from aatri.adjustment.covariance.score import moved, score
 from aatri.camera.parameters.brown import BROWN_CONRADY
 from aatri.camera.parameters.parameter_set import chosen
 from aatri.notes import Note
@@ -25,11 +25,6 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
-
-TO_DO = (
-    "estimate it (`self_calibration: {set: brown_conrady, per: {camera: [k1]}}`) or calibrate the lens; height control "
-    "inside the block, observed positions or oblique images hold the bend"
-)
 
 RADIAL = chosen(BROWN_CONRADY, ("k1",))
 
@@ -62,15 +57,26 @@ def distortion_notes(given: BundleInput, result: BundleResult, *, tests: bool) -
     assert held.basis is not None
     derivative = np.zeros((len(rows), 2, len(held.ids)))
     derivative[np.arange(len(rows)), :, held.block[rows]] = -held.basis[rows, :, 0]
-    tried = score(result.adjusted, found.observed.records, rows, derivative)
+    records = found.observed.records
+    tried = score(result.adjusted, records, rows, derivative)
+    notes = []
     sigma2 = result.point_covariance_m2[:, 2, 2]
     height_m = float(np.sqrt(np.median(sigma2[np.isfinite(sigma2) & (sigma2 > 0)])))
-    return [
-        note
-        for k in range(len(held.ids))
-        if np.isfinite(tried.sigma[k])
-        for note in _of_camera(tried, k, f"camera {held.ids[k]}", max(1.0, result.adjusted.sigma0), height_m)
-    ]
+    for k, camera in enumerate(held.ids):
+        one = tried.joint(0, [k])
+        if one.rank:
+            size_mm = SIGNIFICANT * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)
+            bend_m = float(
+                np.abs(moved(result.adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max()
+            )
+            if bend_m > UNSEEN * height_m:
+                text = (
+                    f"camera {camera}: a radial distortion of {1e3 * size_mm:.2g} um at the corner of the format would "
+                    f"go unseen, and bend heights by {bend_m:.2g} m; their standard deviations hold if the lens is "
+                    "calibrated"
+                )
+                notes.append(Note("note", text))
+    return notes
 
 
 def _asked(result: BundleResult, tests: bool) -> bool:
@@ -82,23 +88,3 @@ def _asked(result: BundleResult, tests: bool) -> bool:
     sigma2 = result.point_covariance_m2[:, 2, 2]
     carried = any(p.given.group != FILM and p.given.free.any() for p in result.parameters)
     return bool((np.isfinite(sigma2) & (sigma2 > 0)).any()) and not carried
-
-
-def _of_camera(tried: Score, k: int, camera: str, sigma0: float, height_m: float) -> list[Note]:
-    value, sigma = float(tried.value[k]), float(tried.sigma[k]) * sigma0
-    per_mm = float(np.abs(tried.by_value[POINT][:, 2, k]).max())  # largest change of a height per mm at the corner
-    bend, unseen = per_mm * abs(value), per_mm * SIGNIFICANT * sigma
-    if abs(value) > SIGNIFICANT * sigma and bend > height_m:
-        text = (
-            f"{camera}: the residuals ask for a radial distortion of {1e3 * value:.3g} um (+- {1e3 * sigma:.2g} um) at "
-            f"the corner of the format, which bends heights by up to {bend:.3g} m (+- {per_mm * sigma:.2g} m); "
-            f"{TO_DO}"
-        )
-        return [Note("warning", text)]
-    if unseen > UNSEEN * height_m:
-        text = (
-            f"{camera}: a radial distortion of {SIGNIFICANT * 1e3 * sigma:.2g} um at the corner of the format would go "
-            f"unseen, and bend heights by {unseen:.2g} m; their standard deviations hold if the lens is calibrated"
-        )
-        return [Note("note", text)]
-    return []

@@ -156,9 +156,11 @@ def _sides(
             if group == u.name:
                 found = right.setdefault(group, np.zeros((len(u.free), units, u.size, k)))
                 np.add.at(found, (block[rows], unit), np.einsum("nma,nmk->nak", J, H))
-    return v, H, {
-        group: found.swapaxes(1, 2).reshape(len(found), found.shape[2], units * k) for group, found in right.items()
-    }
+    return (
+        v,
+        H,
+        {group: found.swapaxes(1, 2).reshape(len(found), found.shape[2], units * k) for group, found in right.items()},
+    )
 
 
 def _gram(adjusted: Adjusted, right: dict[str, Float]) -> Float:

@@ -30,7 +30,7 @@ CLEARLY, CLEAR_REDUNDANCY = 2.0, 10.0
 """Too small by this factor is told, too, with so much redundancy: by chance it happens once in 50,000."""
 
 
-def group_notes(result: BundleResult) -> list[Note]:
+def sigma_notes(result: BundleResult) -> list[Note]:
     """A warning for each group whose standard deviations are wrong by a large factor.
 
     Parameters

@@ -6,6 +6,8 @@
         METRIC: off                           takes a gate away, as in a variant
 
 A gate changes no result and enters no key. A figure without a value fails its gate: what was asked for is not known.
+A result that its own tests contradict has the figure `contradictions`, and needs no gate to fail; `gates: none`, or
+`contradictions: off` of the stage, lets it pass.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from typing import Any
 
 from aatri.errors import AatriError, GateError, SpecError, raise_all
 from aatri.ids import did_you_mean
+from aatri.notes import CONTRADICTION
 from aatri.pipeline.spec.spec import Spec
 
-OFF = "off"
+OFF, NONE = "off", "none"
+CONTRADICTIONS = "contradictions"
 _BOUNDS = ("min", "max")
 _REMEDY = "for example sigma0: {max: 1.5}"
 
@@ -44,10 +48,11 @@ class Gate:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A gate and the value it met; None where the figure has none."""
+    """A gate and the value it met; None where the figure has none. `why` is what the stage said of it."""
 
     gate: Gate
     value: float | None
+    why: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -63,7 +68,8 @@ class Verdict:
     def __str__(self) -> str:
         where = f"{self.gate.where}: " if self.gate.where else ""
         value = "no value" if self.value is None else f"{self.value:.6g}"
-        return f"{where}{self.gate.stage}.{self.gate.metric}: {value}, wanted {self.gate.bounds}"
+        text = f"{where}{self.gate.stage}.{self.gate.metric}: {value}, wanted {self.gate.bounds}"
+        return "\n        ".join([text, *self.why])
 
 
 def read_gates(spec: Spec, errors: list[AatriError]) -> tuple[Gate, ...]:
@@ -100,12 +106,15 @@ def judge(
         If a stage has no such metric.
     """
     errors: list[AatriError] = []
-    made = {str(r["stage"]): figures_of(r) for r in records if stages is None or r["stage"] in stages}
-    verdicts = []
+    made = {
+        str(r["stage"]): (figures_of(r), tuple(w for w in r["warnings"] if w.startswith(CONTRADICTION)))
+        for r in records if stages is None or r["stage"] in stages
+    }  # fmt: skip
+    verdicts = _contradicted(spec, made)
     for gate in read_gates(spec, errors):
         if gate.stage not in made:
             continue
-        figures = made[gate.stage]
+        figures = made[gate.stage][0]
         if gate.metric not in figures:
             hint = did_you_mean(gate.metric, figures) or f"; it has {', '.join(figures)}"
             errors.append(SpecError(f"gate: {gate.stage} has no metric {gate.metric!r}{hint}", where=gate.where,
@@ -117,17 +126,34 @@ def judge(
     return tuple(verdicts)
 
 
+def _contradicted(
+    spec: Spec, made: Mapping[str, tuple[Mapping[str, float | int | None], tuple[str, ...]]]
+) -> list[Verdict]:
+    """Results that contradict themselves, where the file says nothing of it."""
+    return [
+        Verdict(Gate(stage, CONTRADICTIONS, None, 0.0), float(figures[CONTRADICTIONS] or 0), why)
+        for stage, (figures, why) in made.items()
+        if not spec.gates_off and figures.get(CONTRADICTIONS) and not _says_of_it(spec.gates.get(stage))
+    ]
+
+
+def _says_of_it(metrics: object) -> bool:
+    return isinstance(metrics, Mapping) and CONTRADICTIONS in metrics
+
+
 def figures_of(record: Mapping[str, Any]) -> dict[str, float | int | None]:
     """The figures of a stage by name, its seconds among them."""
     return {**record["metrics"], "seconds": record["seconds"]}
 
 
-def failure_of(verdicts: Iterable[Verdict]) -> GateError | None:
+def failure_of(verdicts: Collection[Verdict]) -> GateError | None:
     """The error that names all gates that failed, a line each; None if none did."""
     failed = [str(verdict) for verdict in verdicts if not verdict.passed]
     if not failed:
         return None
     head = "a quality gate failed" if len(failed) == 1 else f"{len(failed)} quality gates failed"
+    if any(v.why for v in verdicts):
+        head = f"{CONTRADICTION} (`gates: none` lets it pass)"
     return GateError("\n    ".join([f"{head}; the results are written", *failed]))
 
 

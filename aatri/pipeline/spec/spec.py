@@ -5,7 +5,7 @@
     ignore: [NAME, ...]            what the block offers and no stage uses, knowingly; enters no key
     stages:
       NAME: {use: ROLE/VARIANT, from: {PORT: STAGE}, with: {OPTION: VALUE}}
-    gates:                         bounds of figures, see `gates`; enter no key
+    gates:                         bounds of figures, see `gates`; enter no key; `none`: nothing is judged
       STAGE: {METRIC: {min: VALUE, max: VALUE}}
     variants:                      named patches of stages and gates
       NAME: {STAGE: {use: ..., from: ..., with: ...}, gates: {STAGE: {METRIC: ...}}}
@@ -61,6 +61,7 @@ class Spec:
     variant: str = ""
     ignore: tuple[str, ...] = ()
     gates: Mapping[str, Any] = field(default_factory=dict)
+    gates_off: bool = False
 
     @property
     def base(self) -> Path:
@@ -117,10 +118,12 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
     if not written and not errors:
         errors.append(SpecError("no stages", where=document.where(), remedy="`aatri new` writes an example"))
     stages = {name: _stage(document, name, errors) for name in written}
-    gates = _gates(document, (GATES,), tuple(stages), errors)
+    gates_off = isinstance(document.value, dict) and document.value.get(GATES) == "none"
+    gates = {} if gates_off else _gates(document, (GATES,), tuple(stages), errors)
     variants = _variants(document, tuple(stages), errors)
     raise_all(errors)
-    return Spec(path, run, seed, stages, variants, document, ignore=ignore, gates=gates)
+    return Spec(path, run, seed, stages, variants, document, ignore=ignore, gates=gates,
+                gates_off=gates_off)  # fmt: skip
 
 
 def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: list[AatriError]) -> Path:

@@ -200,3 +200,27 @@ def test_gates_of_another_shape_in_run_json_are_damage(tmp_path: Path, gates: ob
         overview(path)
     run(path)
     assert overview(path)["gates"] == whole["gates"]
+
+
+@pytest.mark.parametrize(
+    ("gates", "passed"),
+    [("", False), ("gates: {s: {total: {max: 99}}}", False), ("gates: none", True),
+     ("gates: {s: {contradictions: off}}", True), ("gates: {s: {contradictions: {max: 2}}}", True),
+     ("gates: {s: {contradictions: {max: 1}}}", False)],
+)  # fmt: skip
+def test_a_result_that_contradicts_itself_fails_without_a_gate_unless_that_is_said(
+    tmp_path: Path, gates: str, passed: bool
+) -> None:
+    spec, _ = opened(project(tmp_path, gates))
+    why = "the result contradicts its own tests: heights of two surfaces"
+    record = {"stage": "s", "seconds": 1.0, "warnings": ["another", why], "metrics": {"total": 6, "contradictions": 2}}
+    found = judge(spec, [record])
+    error = failure_of(found)
+    assert (error is None) == passed
+    if error is not None and "contradictions" not in gates:
+        assert str(error).startswith("the result contradicts its own tests")
+        assert "s.contradictions: 2, wanted at most 0" in str(error)
+        assert why in str(error)
+        assert error.exit_code == 6
+    clean = {**record, "metrics": {"total": 6, "contradictions": 0}, "warnings": []}
+    assert failure_of(judge(spec, [clean])) is None

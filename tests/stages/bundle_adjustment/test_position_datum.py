@@ -26,7 +26,7 @@ def test_heights_of_two_surfaces_are_named_with_their_difference(dz: float) -> N
     e = block.exterior
     (text,) = _told(replace(block, exterior=replace(e, position_m=e.position_m + np.array([0.0, 0.0, dz]))))
     assert "heights of positions and control count from different surfaces" in text
-    value, sigma = text.split("control ")[2].split(", ")[2].split(" m in")[0].split(" (+- ")
+    value, sigma = text.split("less control ")[1].split(" m;")[0].split(" (+- ")
     assert abs(float(value) - dz) < 4 * float(sigma.rstrip(")"))
     assert float(sigma.rstrip(")")) < 0.1
     assert "undulation" in text

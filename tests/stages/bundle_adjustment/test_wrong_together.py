@@ -39,18 +39,22 @@ def test_positions_of_a_whole_strip_that_are_off_are_named_with_their_shift(chai
     e = chain.block.exterior
     rows = np.flatnonzero(chain.block.strips.id[chain.block.images.strip[e.image]] == "2")
     assert len(rows) == 6
-    _, told = _adjusted(chain, _off(chain.block, rows, [1.5, 1.2, 1.5]))
-    (line,) = [text for text in told.warnings if "whole strips are off together" in text]
-    assert "strip 2 by" in line
-    assert "; strip" not in line
+    solution, told = _adjusted(chain, _off(chain.block, rows, [1.5, 1.2, 1.5]))
+    (line,) = [text for text in told.warnings if "off together" in text]
+    assert line.startswith("observed positions of strip 2 are off together by 1.5")
+    assert "all 6 are left out" in line
     assert "drift: shift, per: strip" in line
+    s = solution.suspects
+    assert set(s.row[staying_out(s)].tolist()) == set(rows.tolist())
+    assert set(s.kind[staying_out(s)].tolist()) == {"position"}
+    assert solution.sigma0 < 1.1
 
 
 def test_positions_without_a_common_shift_are_no_strip_that_is_off(chain: Chain) -> None:
     _, told = _adjusted(chain, chain.block)
-    assert not [text for text in told.warnings if "whole strips" in text]
+    assert not [text for text in told.warnings if "off together" in text]
     _, told = _adjusted(chain, _off(chain.block, np.array([4]), [1.5, 1.2, 1.5]))
-    assert not [text for text in told.warnings if "whole strips" in text]
+    assert not [text for text in told.warnings if "off together" in text]
 
 
 def test_positions_against_control_are_told_and_the_rays_of_control_do_not_go_for_it(chain: Chain) -> None:

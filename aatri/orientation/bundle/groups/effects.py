@@ -1,43 +1,13 @@
-"""What observations of one kind may have in common, unit by unit: the derivatives H of their residuals.
-
-    positions       shift, shift and drift of a strip, a flight, of all of them;  lever arm of a camera
-    attitudes       shift, shift and drift of a strip, a flight;  boresight of a camera
-    image points    of a camera, or of the part of it that a strip took: dc, principal point, radial distortion, affinity
-
-        v = c u / u3 + ...:   dv/dc = (x, y) / c,   dv/dx0 = (1, 0),   dv/dy0 = (0, 1),   dv/dp = -(x, y) (r / r0)^2 / r0,
-                              affinity (x, -y) / r0 and (y, x) / r0
-
-    distances       a common scale, dv/ds = d
-    control         a common scale of the relief, dv/ds = mean Z - Z
-
-c, x0, y0 are added to those of the block; p is the correction of the measured points at r0, the largest radius, in mm.
-"""
+"""What observations of one kind may have in common, unit by unit: derivatives of their residuals."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from aatri.arrays import Float, Int, Text
-from aatri.observations.attitudes import BORESIGHT
-from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.control import KIND as CONTROL
-from aatri.observations.drift import group_times
-from aatri.observations.image_points import KIND as IMAGE_POINT
-from aatri.observations.observed import Given
-from aatri.observations.poses import FILM, POINT, POSE
-from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
-
-DISTANCE = "distance"
-
-FEWEST = 3
-"""Observations of a unit: fewer are single ones."""
-
-FEWEST_FOR_A_DRIFT = 5
+from aatri.orientation.bundle.result import BundleResult
 
 ALL = "all"
 """The unit of a whole kind."""
@@ -65,7 +35,10 @@ class Effects:
     rows, unit : (n,) int
         Observations in use, and the unit of each.
     H : (n, m, k) float64
+        Derivatives of the residuals, in units of the observation.
     causes : tuple of Cause
+    removable : bool
+        A unit that is wrong may be left out.
     """
 
     place: int
@@ -75,120 +48,7 @@ class Effects:
     unit: Int
     H: Float
     causes: tuple[Cause, ...]
+    removable: bool = False
 
 
-def effects_of(given: BundleInput, result: BundleResult) -> Iterator[Effects]:
-    """What is to be tested of a block, kind by kind."""
-    if given.given is None:
-        return
-    for place, found in enumerate(result.observations):
-        rows, o = np.flatnonzero(found.used), found.observed
-        if not len(rows) or o.exact or o.components:
-            continue
-        groups = [group for group, _ in o.records.touches]
-        if o.kind == POSITION and groups[0] == POSE:
-            yield from _of_positions(given.given, result, place, found, rows)
-        elif o.kind == ATTITUDE and groups[:2] == [POSE, BORESIGHT]:
-            yield from _of_attitudes(given.given, result, place, found, rows)
-        elif o.kind == IMAGE_POINT and given.rays is not None:
-            yield from _of_image_points(given, place, found, rows)
-        elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
-            a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
-            yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
-        elif o.kind == CONTROL and groups == [POINT] and o.records.rows == 3:
-            yield from _of_relief(result, place, found, rows)
-
-
-def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Effects:
-    return Effects(place, ALL, np.array([ALL]), rows, np.zeros(len(rows), dtype=np.int64), H, causes)
-
-
-def _of_positions(
-    given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
-) -> Iterator[Effects]:
-    image = found.observed.records.touches[0][1][rows]
-    yield from _in_time(given, place, rows, image, (ALL, "strip", "flight"))
-    by_pose = found.observed.records.evaluate(result.adjusted.state, rows)[1][0]
-    R = result.adjusted.state[POSE].ground_from_image[image]
-    cameras = given.block.cameras.id[given.block.images.camera[image]]
-    yield from _units(place, "camera", cameras, rows, by_pose[:, :, :3] @ R, (Cause("lever arm", (0, 1, 2)),))
-
-
-def _of_attitudes(
-    given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
-) -> Iterator[Effects]:
-    image = found.observed.records.touches[0][1][rows]
-    cameras = given.block.cameras.id[given.block.images.camera[image]]
-    by_boresight = found.observed.records.evaluate(result.adjusted.state, rows)[1][1]
-    yield from _units(place, "camera", cameras, rows, by_boresight, (Cause("boresight", (0, 1, 2)),))
-    yield from _in_time(given, place, rows, image, ("strip", "flight"))
-
-
-def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, ...]) -> Iterator[Effects]:
-    """Shift, and shift and drift, of units of images."""
-    images, strips = given.block.images, np.append(given.block.strips.id, "")
-    names = {"strip": strips[images.strip[image]], "flight": images.flight[image], ALL: np.full(len(rows), ALL)}
-    for per in pers:
-        time = group_times(images.time_s[image], images.sequence[image], names[per])
-        largest = float(np.abs(time).max(initial=0.0)) or 1.0
-        H = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)),
-                            (time / largest)[:, None, None] * np.eye(3)], axis=2)  # fmt: skip
-        causes = (Cause("shift", (0, 1, 2)),)
-        if per != ALL and time.any():
-            causes = (*causes, Cause("drift", tuple(range(6))))
-        yield from _units(place, per, names[per], rows, H, causes)
-
-
-def _units(place: int, per: str, names: Text, rows: Int, H: Float, causes: tuple[Cause, ...]) -> Iterator[Effects]:
-    """Effects unit by unit, of units with enough observations; a single strip or flight is all there is."""
-    ids, number, count = np.unique(names, return_inverse=True, return_counts=True)
-    enough = (count >= FEWEST) & (ids != "")
-    if not enough.any() or (per in ("strip", "flight") and len(ids) < 2):
-        return
-    some = np.flatnonzero(enough[number])
-    new = np.cumsum(enough) - 1
-    yield Effects(place, per, ids[enough], rows[some], new[number[some]], H[some], causes)
-
-
-def _of_image_points(given: BundleInput, place: int, found: AdjustedObservations, rows: Int) -> Iterator[Effects]:
-    assert given.rays is not None
-    assert given.given is not None
-    rays, block = given.rays, given.given.block
-    image, camera = rays.image[rows], block.images.camera[rays.image[rows]]
-    H = _by_camera(rays.xy_mm[rows], rays.c_mm[rows], _largest_radius(rays.xy_mm[rows], camera)[camera])
-    carried = any(p.group != FILM and p.free.any() for p in given.parameters)
-    causes = (Cause("principal distance", (0,)), Cause("principal point", (1, 2)), Cause("radial distortion", (3,)),
-              Cause("affinity", (4, 5)), Cause("camera", tuple(range(6))))  # fmt: skip
-    if not carried:
-        yield from _units(place, "camera", block.cameras.id[camera], rows, H, causes)
-    strips = np.append(block.strips.id, "")[block.images.strip[image]]
-    yield from _units(place, "strip", strips, rows, H, causes)
-
-
-def _largest_radius(xy_mm: Float, camera: Int) -> Float:
-    found = np.full(int(camera.max(initial=0)) + 1, 1e-9)
-    np.maximum.at(found, camera, np.linalg.norm(xy_mm, axis=1))
-    return found
-
-
-def _by_camera(xy_mm: Float, c_mm: Float, r0_mm: Float) -> Float:
-    """Derivatives of residuals by c, x0, y0, radial distortion at r0, affinity and shear at r0, (n, 2, 6)."""
-    H, x = np.zeros((len(xy_mm), 2, 6)), xy_mm / r0_mm[:, None]
-    H[:, :, 0] = xy_mm / c_mm[:, None]
-    H[:, 0, 1] = H[:, 1, 2] = 1.0
-    H[:, :, 3] = -x * (x**2).sum(axis=1)[:, None]
-    H[:, 0, 4], H[:, 1, 4] = -x[:, 0], x[:, 1]
-    H[:, 0, 5], H[:, 1, 5] = -x[:, 1], -x[:, 0]
-    return H
-
-
-def _of_relief(result: BundleResult, place: int, found: AdjustedObservations, rows: Int) -> Iterator[Effects]:
-    records = found.observed.records
-    rows = rows[records.observed_components()[rows, 2]]
-    if len(rows) < 2 * FEWEST:  # three heights tilt and shift the block, and some must be left to contradict
-        return
-    state = result.adjusted.state
-    height = state[POINT][records.touches[0][1][rows], 2] - records.evaluate(state, rows)[0][:, 2]
-    H = np.zeros((len(rows), 3, 1))
-    H[:, 2, 0] = height.mean() - height
-    yield _of_all(place, rows, H, Cause("relief", (0,)))
+EffectsOf = Callable[[BundleInput, BundleResult], Iterator[Effects]]

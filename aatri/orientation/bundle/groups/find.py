@@ -13,19 +13,20 @@ no shift of the strip.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from aatri.adjustment.adjusted import Adjusted
-from aatri.adjustment.covariance.score import Joint, Score, moved, score, with_factor
+from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
 from aatri.adjustment.records import whitened
 from aatri.adjustment.statistics.attribution import SEPARABLE
 from aatri.arrays import Float, Int
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.effects import Cause, Effects, effects_of
+from aatri.orientation.bundle.groups.effects import Cause, Effects, EffectsOf
 from aatri.orientation.bundle.result import BundleResult
 
 ALARM = 1e-4
@@ -35,8 +36,11 @@ AS_GOOD = 0.02
 """Share of a gain by which another explanation may fall short of it and cannot be told apart: beyond `SEPARABLE`, since
 one step from a wrong model is not exact."""
 
-MOST_POINTS = 20_000
-"""Beyond, only where something is above the limit or tests are asked for: it takes another factor."""
+MOST_TRIED, EXPLAINS = 4, 0.3
+"""Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
+is far off tells them apart only so far, an adjustment with each of them does."""
+
+Key = tuple[int, str, str, str]
 
 
 @dataclass(frozen=True)
@@ -61,11 +65,15 @@ class Group:
     harm : float
         Largest change of a coordinate of a point or of a projection centre, in its standard deviations.
     change_m : float
-        That change.
+        That change; of a point where one changes by more than its standard deviation.
     moved : str
         What changes so.
     or_else : tuple of (str, str, str)
         Unit's kind, unit and cause of others that explain as much.
+    c_mm : float, mm
+        Principal distance of its image points.
+    removable : bool
+        It may be left out.
     """
 
     place: int
@@ -83,9 +91,17 @@ class Group:
     change_m: float = 0.0
     moved: str = ""
     or_else: tuple[tuple[str, str, str], ...] = ()
+    c_mm: float = float("nan")
+    removable: bool = False
 
     @property
-    def key(self) -> tuple[int, str, str, str]:
+    def complexity(self) -> tuple[bool, int, bool]:
+        """Of what explains as much the least is taken: cameras of a strip are rare; the fewest parameters; no lens."""
+        of_image = self.kind == IMAGE_POINT
+        return of_image and self.per == "strip", len(self.value), of_image
+
+    @property
+    def key(self) -> Key:
         """What tells it from others."""
         return self.place, self.per, self.unit, self.cause
 
@@ -104,39 +120,48 @@ class _Tested:
     gain: float
 
 
-def find_group(given: BundleInput, result: BundleResult, single: float = 0.0) -> Group | None:
-    """The group that explains most, if any is wrong.
+def wrong_groups(
+    given: BundleInput, result: BundleResult, effects_of: EffectsOf, single: float = 0.0, known: Sequence[Key] = ()
+) -> list[Group]:
+    """Groups that may be wrong and do harm, the one that explains most first, then those that explain half as much.
 
     Parameters
     ----------
     given : BundleInput
     result : BundleResult
         Of least squares.
+    effects_of : callable
+        What is to be tested of a block.
     single : float
         Largest |w| of a single observation; 0: single ones have been searched for.
-
-    Returns
-    -------
-    Group or None
+    known : sequence of key
+        Groups that have been found already.
     """
     from scipy.stats import chi2  # slow to import
 
     adjusted = result.adjusted
     if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
-        return None
+        return []
     adjusted = with_factor(adjusted)
     tested = list(_tested(adjusted, result, effects_of(given, result)))
     wrong = [t for t in tested if chi2.logsf(t.gain, t.joint.rank) < np.log(ALARM / len(tested))]
-    if not wrong:
-        return None
-    most = max(t.gain for t in wrong)
-    as_good = [t for t in wrong if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
-    best = min(as_good, key=lambda t: (t.joint.rank, -t.gain))
-    if single and not _beyond_single_ones(adjusted, result, best, single):
-        return None
-    others = [t for t in as_good if (t.effects.place, t.effects.per) != (best.effects.place, best.effects.per)]
-    found = _group(adjusted, result, best)
-    return _with_harm(given, adjusted, result, replace(found, or_else=tuple(dict.fromkeys(map(_called, others)))))
+    found: list[Group] = []
+    while wrong and len(found) < MOST_TRIED:
+        most = max(t.gain for t in wrong)
+        if found and most < EXPLAINS * found[0].gain:
+            break
+        as_good = [t for t in wrong if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
+        best = min(as_good, key=lambda t: (*_group(given, adjusted, result, t).complexity, -t.gain))
+        group = _with_harm(given, adjusted, result, _group(given, adjusted, result, best))
+        if group.key not in known and group.harm > 1.0 and _beyond_single_ones(given, adjusted, result, best, single):
+            others = [t for t in as_good if _unit_of(t) != _unit_of(best)]
+            found.append(replace(group, or_else=tuple(dict.fromkeys(map(_called, others)))))
+        wrong = [t for t in wrong if t is not best]
+    return found
+
+
+def _unit_of(t: _Tested) -> tuple[int, str, str]:
+    return t.effects.place, t.effects.per, str(t.effects.units[t.unit])
 
 
 def _called(t: _Tested) -> tuple[str, str, str]:
@@ -161,20 +186,27 @@ def _variance(adjusted: Adjusted, joint: Joint) -> float:
     return max(1.0, (W - joint.gain) / left) if left > 0 else max(1.0, W / adjusted.redundancy)
 
 
-def _group(adjusted: Adjusted, result: BundleResult, t: _Tested) -> Group:
+def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Tested) -> Group:
     e, variance = t.effects, _variance(adjusted, t.joint)
     mine = np.flatnonzero(e.unit == t.unit)
     sigma = np.sqrt(np.diagonal(t.joint.covariance) * variance)
     kind = result.observations[e.place].observed.kind
-    return Group(e.place, kind, e.per, str(e.units[t.unit]), t.cause.name, e.rows[mine],
-                 e.H[mine][:, :, list(t.cause.columns)], t.joint.value, sigma, t.gain, float(np.sqrt(variance)))  # fmt: skip
+    H, c_mm = e.H[mine][:, :, list(t.cause.columns)], float("nan")
+    if kind == IMAGE_POINT and given.rays is not None:
+        c_mm = float(np.median(given.rays.c_mm[e.rows[mine]]))
+    return Group(e.place, kind, e.per, str(e.units[t.unit]), t.cause.name, e.rows[mine], H, t.joint.value,
+                 sigma, t.gain, float(np.sqrt(variance)), c_mm=c_mm, removable=e.removable)  # fmt: skip
 
 
-def _beyond_single_ones(adjusted: Adjusted, result: BundleResult, t: _Tested, single: float) -> bool:
+def _beyond_single_ones(
+    given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Tested, single: float
+) -> bool:
     """Whether a group explains more than its largest member could, and most of its members."""
+    if not single:
+        return True
     if t.joint.gain < single**2 + SEPARABLE:
         return False
-    found = _group(adjusted, result, t)
+    found = _group(given, adjusted, result, t)
     records = result.observations[found.place].observed.records
     change = moved(adjusted, records, found.rows, found.effect)
     v, jacobians = whitened(records, adjusted.state, found.rows)
@@ -190,17 +222,19 @@ def _whitened_effect(whitener: Float, effect: Float) -> Float:
 
 
 def _with_harm(given: BundleInput, adjusted: Adjusted, result: BundleResult, group: Group) -> Group:
-    """What the group does to coordinates."""
+    """What the group does to coordinates, those of points first."""
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
-    worst = (0.0, 0.0, "")
+    found = group
     for name, ids, what in ((POINT, given.point_ids, "point"), (POSE, given.image_ids, "projection centre of image")):
         if name not in change or not len(change[name]):
             continue
-        C = result.covariances[name]
-        sigma = np.sqrt(np.einsum("nii->ni", C)[:, :3])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(sigma > 0, np.abs(change[name][:, :3]) / (sigma * group.sigma0), 0.0)
-        row, axis = np.unravel_index(int(np.nanargmax(np.nan_to_num(ratio))), ratio.shape)
-        size, metres = float(np.nan_to_num(ratio[row, axis])), float(change[name][row, axis])
-        worst = max(worst, (size, metres, f"{'XYZ'[axis]} of {what} {np.asarray(ids)[row]}"))
-    return replace(group, harm=worst[0], change_m=abs(worst[1]), moved=worst[2])
+        sigma = group.sigma0 * np.sqrt(np.einsum("nii->ni", result.covariances[name])[:, :3])
+        by = np.abs(change[name][:, :3])
+        ratio = np.divide(by, sigma, out=np.zeros_like(by), where=sigma > 0)
+        row, axis = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        if ratio[row, axis] > max(found.harm, 1.0) or (name == POINT and ratio[row, axis] > 0):
+            harmless, found = found.harm <= 1.0, replace(found, harm=float(ratio[row, axis]))
+            if harmless:
+                called = f"{'XYZ'[axis]} of {what} {np.asarray(ids)[row]}"
+                found = replace(found, change_m=float(by[row, axis]), moved=called)
+    return found

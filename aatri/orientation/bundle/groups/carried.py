@@ -1,0 +1,90 @@
+"""Groups carried as unknowns, while single observations are tested: v + H p, p free, for each group.
+
+Single observations are then tested against a model that has what is wrong with the group, and none is blamed in its
+stead. Image points take p as a set of additional parameters, all other kinds as one more term.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.arrays import Float, Int
+from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.image_points import observed_image_points
+from aatri.observations.observed import Observed
+from aatri.observations.parameters import ParameterRows
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.groups.find import Group
+
+
+def with_groups(given: BundleInput, groups: Sequence[Group]) -> BundleInput:
+    """The block with what is wrong with some groups as unknowns."""
+    for number, group in enumerate(groups):
+        given = _with_group(given, group, name_of(number))
+    return given
+
+
+def name_of(number: int) -> str:
+    """Name of the unknowns of a group, by its place among the groups."""
+    return f"group {number + 1}"
+
+
+def without_groups(given: BundleInput, done: BundleInput) -> BundleInput:
+    """The block as it was given, with the start, the rejections and the standard deviations of one with groups."""
+    observed = tuple(
+        replace(o if d.rejected is None else o.again().without(d.rejected),
+                start={name: d.start.get(name, value) for name, value in o.start.items()})
+        for o, d in zip(given.observed, done.observed, strict=True)
+    )  # fmt: skip
+    observed = tuple(
+        replace(o, records=replace(o.records, whitener=d.records.whitener))
+        for o, d in zip(observed, done.observed, strict=True)
+    )
+    return replace(done, observed=observed, parameters=given.parameters)
+
+
+def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
+    observed = list(given.observed)
+    o, k = observed[group.place], len(group.value)
+    H = np.zeros((len(o), o.records.rows, k))
+    H[group.rows] = group.H
+    labels = tuple(f"{name} {j + 1}" for j in range(k))
+    if o.kind != IMAGE_POINT or given.rays is None:
+        unknowns = Unknowns(name, np.ones((1, k), dtype=bool), labels, [name], add_step)
+        observed[group.place] = _carrying(o, unknowns, H)
+        return replace(given, observed=tuple(observed))
+    other = np.ones(len(o), dtype=np.int64)
+    other[group.rows] = 0
+    zero, free = np.zeros((2, k)), np.array([[True] * k, [False] * k])
+    more = ParameterRows(name, [name, ""], labels, zero, free, zero, np.tile(np.eye(k), (2, 1, 1)), free & False,
+                         other, -H)  # fmt: skip
+    parameters = (*given.parameters, more)
+    rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
+    rays = replace(rays, start={**rays.start, **o.start})
+    observed[group.place] = rays if o.rejected is None else rays.without(o.rejected)
+    return replace(given, observed=tuple(observed), parameters=parameters)
+
+
+def _carrying(o: Observed, unknowns: Unknowns, H: Float) -> Observed:
+    """Observations with one more term."""
+    return replace(
+        o,
+        records=_with_term(o.records, unknowns.name, H),
+        unknowns=(*o.unknowns, unknowns),
+        start={**o.start, unknowns.name: np.zeros((1, unknowns.size))},
+        whole=None if o.whole is None else _carrying(o.whole, unknowns, H),
+    )
+
+
+def _with_term(plain: Records, name: str, H: Float) -> Records:
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        v, jacobians = plain.evaluate(state, some)
+        return v + H[some] @ state[name][0], (*jacobians, H[some])
+
+    touches = (*plain.touches, (name, np.zeros(len(plain.active), dtype=np.int32)))
+    return replace(plain, touches=touches, evaluate=evaluate, compiled=None)

@@ -1,0 +1,158 @@
+"""The search for gross errors with groups before single observations.
+
+1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
+   does, the group is carried as unknowns (`carried`), and the block adjusted again: it is found if that halves the
+   largest |w|; of several the one that leaves the least v'v.
+2. Search for single gross errors, the groups being carried.
+3. Groups of what is left (`find`), which single ones had hidden: with each the search begins anew.
+4. Adjust once more without the unknowns of the groups. Positions and attitudes of a group whose shift is beyond the
+   limit are left out, all of them, where the block is determined without; every other group is kept, all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.robust import Adjust, How
+from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.tested import tests_of
+from aatri.orientation.bundle.groups.carried import name_of, with_groups, without_groups
+from aatri.orientation.bundle.groups.effects import EffectsOf
+from aatri.orientation.bundle.groups.find import Group, wrong_groups
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round
+
+MOST_GROUPS = 6
+"""Groups that are looked for, one by one; where more is wrong, the model of the block is."""
+
+
+SMALLER = 0.5
+"""Share of the largest |w| that a group may leave: what explains less is not what is wrong."""
+
+BETTER = 0.8
+"""Share of v'v that a group of more parameters must leave of that of another: else the simpler one is found."""
+
+
+@dataclass(frozen=True)
+class FoundGroup:
+    """A group that is wrong, and whether it was left out."""
+
+    group: Group
+    left_out: bool
+
+
+def search_in_groups(
+    given: BundleInput, adjust: Adjust, single: Callable[[BundleInput], Round], effects_of: EffectsOf, rule: Rule
+) -> tuple[Round, tuple[FoundGroup, ...]]:
+    """Adjust a block, find groups that are wrong together, and leave out single gross errors.
+
+    Parameters
+    ----------
+    given : BundleInput
+    adjust : callable
+    single : callable
+        Adjusts a block by `rule`, searching for single gross errors.
+    effects_of : callable
+        What is to be tested of a block.
+    rule : Rule
+        With `none` nothing is left out, and groups are told.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+        If the block cannot be adjusted.
+    """
+    groups = [] if rule.method == "none" else _before_single_ones(given, adjust, effects_of, rule)
+    while True:
+        done = single(with_groups(given, groups))
+        single_one = _largest_test(done.result)
+        found = wrong_groups(
+            given, done.result, effects_of, single_one if single_one > rule.limit else 0.0, [g.key for g in groups]
+        )
+        if not found or len(groups) >= MOST_GROUPS:
+            break
+        groups.append(found[0])
+    if not groups:
+        return done, ()
+    return _as_given(given, done, groups, adjust, rule)
+
+
+def _before_single_ones(given: BundleInput, adjust: Adjust, effects_of: EffectsOf, rule: Rule) -> list[Group]:
+    """Groups that explain what is above the limit better than single observations do."""
+    groups: list[Group] = []
+    result = _squares(given, adjust)
+    while result is not None and len(groups) < MOST_GROUPS:
+        single = _largest_test(result)
+        if single <= rule.limit:
+            break
+        tried = [(g, _squares(with_groups(given, [*groups, g]), adjust))
+                 for g in wrong_groups(given, result, effects_of, single, [g.key for g in groups])]  # fmt: skip
+        fits = [(g, r) for g, r in tried if r is not None and _largest_test(r) <= max(rule.limit, SMALLER * single)]
+        if not fits:
+            break
+        least = min(r.adjusted.cost for _, r in fits)
+        as_good = [(g, r) for g, r in fits if BETTER * r.adjusted.cost <= least]
+        group, result = min(as_good, key=lambda one: one[0].complexity)
+        groups.append(group)
+    return groups
+
+
+def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
+    """Least squares with everything; None where that fails."""
+    try:
+        return adjust(given, How(coarse=True))
+    except (ConvergenceError, GeometryError):
+        return None
+
+
+def _largest_test(result: BundleResult) -> float:
+    tests = [tests_of(o, result.adjusted.state)[o.used] for o in result.observations]
+    return float(np.nanmax(np.concatenate([[0.0], *tests])))
+
+
+def _as_given(
+    given: BundleInput, done: Round, groups: list[Group], adjust: Adjust, rule: Rule
+) -> tuple[Round, tuple[FoundGroup, ...]]:
+    """The block adjusted without the unknowns of the groups."""
+    plain = without_groups(given, done.given)
+    left_out = rule.method != "none"
+    far = [g for g in groups if left_out and g.removable and _beyond(g, given, rule.limit)]
+    for out in (far, []):
+        block = _without(plain, out)
+        try:
+            result = adjust(block, How())
+        except GeometryError:
+            if not out:
+                raise
+            continue
+        break
+    found = tuple(FoundGroup(_as_carried(g, k, done.result), any(g is o for o in out)) for k, g in enumerate(groups))
+    return replace(done, given=block, result=result), found
+
+
+def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
+    """The group with the values of the adjustment that carried it."""
+    name = name_of(number)
+    sigma = np.sqrt(np.diagonal(result.covariances[name][0])) * max(1.0, result.adjusted.sigma0)
+    return replace(group, value=result.adjusted.state[name][0], sigma=sigma, sigma0=result.adjusted.sigma0)
+
+
+def _beyond(group: Group, given: BundleInput, limit: float) -> bool:
+    """Whether a single observation with this error would be rejected."""
+    sigma = given.observed[group.place].sigmas()[group.rows]
+    return bool((np.abs(group.effect) > limit * sigma).all(axis=0).any())
+
+
+def _without(given: BundleInput, groups: list[Group]) -> BundleInput:
+    observed = list(given.observed)
+    for g in groups:
+        o = observed[g.place]
+        rejected = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected.copy()
+        rejected[g.rows] = True
+        observed[g.place] = o.again().without(rejected)
+    return replace(given, observed=tuple(observed))

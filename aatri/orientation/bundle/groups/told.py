@@ -1,0 +1,173 @@
+"""Groups in words: what is wrong with which observations, by how much, what it does, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.notes import CONTRADICTION, Note
+from aatri.orientation.bundle.groups.effects import ALL
+from aatri.orientation.bundle.groups.find import Group
+from aatri.orientation.bundle.groups.search import FoundGroup
+
+CONTRADICTED = 3.0
+"""A result contradicts its own tests where a group that is kept moves a coordinate by more of its sigmas."""
+
+BLOCK_SHIFT = "positions: {drift: shift, per: block}"
+
+DRIFT = "`positions: {drift: %s, per: %s}` estimates it"
+
+RADIAL = (
+    "estimate it (`self_calibration: {set: brown_conrady, per: {camera: [k1]}}`) or calibrate the lens; height control "
+    "inside the block, observed positions or oblique images hold the bend"
+)
+
+
+def contradicts(found: FoundGroup) -> bool:
+    """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas."""
+    g = found.group
+    of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
+    return g.harm > CONTRADICTED and (of_datum or not found.left_out)
+
+
+def group_notes(groups: tuple[FoundGroup, ...]) -> list[Note]:
+    """A warning for each group, contradictions first."""
+    return [_note(found) for found in sorted(groups, key=lambda found: not contradicts(found))]
+
+
+def _note(found: FoundGroup) -> Note:
+    g = found.group
+    what, remedy = _TEXTS[g.kind, g.cause](g)
+    parts = [what]
+    if g.moved:
+        parts.append(f"it moves {g.moved} by {g.change_m:.2g} m (up to {g.harm:.3g} standard deviations)")
+    if g.or_else:
+        parts.append(f"{' or '.join(_other(*one) for one in g.or_else[:3])} would explain as much")
+    what_of_it = "left out" if found.left_out else "kept, and nothing is rejected in their stead"
+    parts.append(f"all {len(g.rows)} are {what_of_it}")
+    head = f"{CONTRADICTION}: " if contradicts(found) else ""
+    return Note("warning", f"{head}{'; '.join(parts)}; {remedy}")
+
+
+def _other(per: str, unit: str, cause: str) -> str:
+    of = "" if per == ALL else f" of {per} {unit}"
+    return f"{cause}{of}"
+
+
+def _values(value: Float, sigma: Float, digits: str = ".3f") -> str:
+    return ", ".join(f"{v:{digits}} (+- {s:{digits}})" for v, s in zip(value, sigma))
+
+
+def _whose(g: Group) -> str:
+    return "" if g.per == ALL else f" of {g.per} {g.unit}"
+
+
+def _shift_of_positions(g: Group) -> tuple[str, str]:
+    values = _values(g.value, g.sigma)
+    if g.per != ALL:
+        return f"observed positions{_whose(g)} are off together by {values} m in X, Y, Z", DRIFT % ("shift", g.per)
+    text = f"positions and control differ by a constant: positions less control {values} m in X, Y, Z"
+    return f"{text}; with it sigma0 is {g.sigma0:.3g}", f"declare the frames of both, or leave it open: {BLOCK_SHIFT}"
+
+
+def _height_of_positions(g: Group) -> tuple[str, str]:
+    text = "heights of positions and control count from different surfaces by a constant: positions less control "
+    return (f"{text}{_values(g.value, g.sigma)} m; with it sigma0 is {g.sigma0:.3g}",
+            f"declare `vertical` of the frames, or `undulation`, or leave it open: {BLOCK_SHIFT}")  # fmt: skip
+
+
+def _drift_of_positions(g: Group) -> tuple[str, str]:
+    shift, drift = _values(g.value[:3], g.sigma[:3]), _values(g.value[3:], g.sigma[3:])
+    text = (
+        f"observed positions{_whose(g)} are off together, by {shift} m in X, Y, Z in the middle and by {drift} m more"
+    )
+    return f"{text} at the end", DRIFT % ("linear", g.per)
+
+
+def _lever_arm(g: Group) -> tuple[str, str]:
+    values = _values(g.value, g.sigma)
+    return (f"observed positions{_whose(g)} are shifted by {values} m along the axes of the camera",
+            "is the lever arm (`lever_arm`) or the clock wrong?")  # fmt: skip
+
+
+def _shift_of_attitudes(g: Group) -> tuple[str, str]:
+    text = f"observed attitudes{_whose(g)} are off together, by {_degrees(g, slice(0, 3))} deg"
+    return text, "`attitudes: {drift: shift}` estimates it, with `drift_group` in exterior.csv"
+
+
+def _drift_of_attitudes(g: Group) -> tuple[str, str]:
+    text = f"{_shift_of_attitudes(g)[0]} in the middle and by {_degrees(g, slice(3, 6))} deg more at the end"
+    return text, "`attitudes: {drift: linear}` estimates it, with `drift_group` in exterior.csv"
+
+
+def _degrees(g: Group, some: slice) -> str:
+    return _values(np.degrees(g.value[some]), np.degrees(g.sigma[some]), ".4f")
+
+
+def _boresight(g: Group) -> tuple[str, str]:
+    text = f"attitudes of camera {g.unit} have a common offset of {_degrees(g, slice(0, 3))} deg about its axes"
+    return f"{text}, but its boresight is fixed", "let it free (sigmas: {boresight: .inf}), or give it"
+
+
+def _principal_distance(g: Group) -> tuple[str, str]:
+    factor = 1.0 / (1.0 - float(g.value[0]) / g.c_mm)  # the correction is of measured, not of ideal coordinates
+    c, sigma = f"{g.c_mm * factor:.3f}", f"{float(g.sigma[0]) * factor**2:.2g}"
+    return f"{_ask(g)} a principal distance of {c} (+- {sigma}) mm instead of {g.c_mm:.3f} mm", _lens(g)
+
+
+def _ask(g: Group) -> str:
+    return f"image points{_whose(g)} ask for"
+
+
+def _lens(g: Group) -> str:
+    if g.per == "strip":
+        return "was the strip flown with another camera? give its images that one"
+    return "check it, or estimate it (`self_calibration`)"
+
+
+def _principal_point(g: Group) -> tuple[str, str]:
+    return f"{_ask(g)} a principal point that lies {_values(g.value, g.sigma)} mm off in x, y", _lens(g)
+
+
+def _radial(g: Group) -> tuple[str, str]:
+    text = f"{_ask(g)} a radial distortion of {1e3 * g.value[0]:.3g} um (+- {1e3 * g.sigma[0]:.2g} um)"
+    return f"{text} at the corner of the format", RADIAL if g.per == "camera" else _lens(g)
+
+
+def _affinity(g: Group) -> tuple[str, str]:
+    a, b = (f"{1e3 * v:.3g} (+- {1e3 * s:.2g}) um" for v, s in zip(g.value, g.sigma))
+    text = f"{_ask(g)} an affinity: x longer and y shorter by {a} at the corner of the format, axes turned by {b}"
+    return text, "`interior_orientation: affine` for film that shrinks; are both scales of comparator or pixels right?"
+
+
+def _camera(g: Group) -> tuple[str, str]:
+    names = ("principal distance", "principal point x", "y", "radial distortion at the corner", "affinity", "shear")
+    values = ", ".join(f"{name} {v:+.4f} (+- {s:.4f})" for name, v, s in zip(names, g.value, g.sigma))
+    return f"{_ask(g)} another interior orientation: {values} mm", _lens(g)
+
+
+def _scale(g: Group) -> tuple[str, str]:
+    ppm, sigma = 1e6 * float(g.value[0]), 1e6 * float(g.sigma[0])
+    how = "long" if ppm > 0 else "short"
+    return (f"distances are {abs(ppm):.0f} ppm (+- {sigma:.0f}) too {how} for the rest of the block",
+            "were they reduced to a map or to another height?")  # fmt: skip
+
+
+def _relief(g: Group) -> tuple[str, str]:
+    times = f"{1 + g.value[0]:.3g} (+- {g.sigma[0]:.2g}) times"
+    return (f"heights of {len(g.rows)} control points fit the images with {times} their relief",
+            "are they in feet (0.305), do they count downwards or are two axes exchanged (-1), or is the principal "
+            "distance wrong?")  # fmt: skip
+
+
+_TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
+    ("position", "height"): _height_of_positions,
+    ("position", "shift"): _shift_of_positions, ("position", "drift"): _drift_of_positions,
+    ("position", "lever arm"): _lever_arm, ("attitude", "shift"): _shift_of_attitudes,
+    ("attitude", "drift"): _drift_of_attitudes, ("attitude", "boresight"): _boresight,
+    ("image_point", "principal distance"): _principal_distance, ("image_point", "principal point"): _principal_point,
+    ("image_point", "radial distortion"): _radial, ("image_point", "affinity"): _affinity,
+    ("image_point", "camera"): _camera, ("distance", "scale"): _scale, ("control", "relief"): _relief,
+}  # fmt: skip
