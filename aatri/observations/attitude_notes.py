@@ -1,11 +1,10 @@
-"""What attitudes tell when they are held against the orientations of the images: a common offset, a wrong convention.
+"""What attitudes tell when they are held against the orientations of the images: a wrong convention.
 
     exp([b]x) = R_obs' B' R      of every image: the turn of the camera that its attitude lacks
 
-The median of b over the images of a camera is its common offset; where the boresight is fixed and the offset is beyond
-three times its standard deviation (from scatter and standard deviations), it is a warning with the value. Where the b
-scatter by more than angles can err, the angles are tried in the other conventions in use: the other system, opposite
-signs, the transposed matrix, another mount; the one in which they agree is proposed.
+Where the b scatter by more than angles can err, the angles are tried in the other conventions in use: the other system,
+opposite signs, the transposed matrix, another mount; the one in which they agree is proposed. What all b of a camera
+have in common, its boresight, is tested after the adjustment, with the covariance of the orientations.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float
+from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.geometry.carrier import angle_axes, body_from_mount, log_vector
 from aatri.geometry.rotations import nearest_rotation
@@ -28,9 +27,6 @@ from aatri.observations.poses import POSE
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
-
-LIMIT = 3.0
-"""Common offsets beyond so many of their standard deviations are told."""
 
 WRONG_RAD, AGREES = np.radians(1.0), 0.2
 """Attitudes that scatter by more are in another convention, if one is found that scatters by this share of it."""
@@ -46,7 +42,7 @@ NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 Remarks = Callable[[State, bool], tuple[Note, ...]]
 
 
-def remarks_on(block: Block, rows: Any, records: Records, fixed: Bool) -> Remarks:
+def remarks_on(block: Block, rows: Any, records: Records) -> Remarks:
     """What to say of attitudes, given orientations: before the adjustment those of `initial`, after it the adjusted.
 
     Parameters
@@ -54,8 +50,6 @@ def remarks_on(block: Block, rows: Any, records: Records, fixed: Bool) -> Remark
     block : Block
     rows : Attitudes
     records : Records
-    fixed : (n_cameras,) bool
-        The boresight of the camera is fixed.
     """
 
     def remarks(state: State, before: bool) -> tuple[Note, ...]:
@@ -64,34 +58,12 @@ def remarks_on(block: Block, rows: Any, records: Records, fixed: Bool) -> Remark
         notes: list[Note] = []
         for camera in np.unique(rows.camera[usable]):
             mine = np.flatnonzero(usable & (rows.camera == camera))
-            lacking = log_vector(rows.observed[mine].swapaxes(1, 2) @ rotation[mine])
             name = str(block.cameras.id[camera])
             if len(mine) >= LEAST and _scatter(rows.observed[mine], rotation[mine]) > WRONG_RAD:
                 notes += _of_convention(block, rows, mine, rotation[mine], name, before)
-            elif (fixed[camera] and not before) or (fixed[camera] and len(mine) >= LEAST):
-                notes += _of_offset(lacking - block.cameras.boresight_rad[camera], rows.sigma_rad[mine], name)
         return tuple(notes)
 
     return remarks
-
-
-def _of_offset(lacking: Float, sigma: Float, camera: str) -> list[Note]:
-    """The common offset, where it is beyond its standard deviation."""
-    n = len(lacking)
-    median = np.median(lacking, axis=0)
-    scatter = 1.4826 * np.median(np.abs(lacking - median), axis=0)
-    one = np.sqrt(scatter**2 + (sigma**2).mean())
-    error = one if n == 1 else 1.2533 * one / np.sqrt(n)
-    ratio = float(np.max(np.abs(median) / error))
-    if ratio <= LIMIT:
-        return []
-    x, y, z = np.degrees(median)
-    text = (
-        f"attitudes of camera {camera} have a common offset of {x:.4f}, {y:.4f}, {z:.4f} deg about its axes "
-        f"({n} images, {ratio:.0f} times its standard deviation), but its boresight is fixed: "
-        "let it free (sigmas: {boresight: .inf}), or give it"
-    )
-    return [Note("warning", text)]
 
 
 def _of_convention(block: Block, rows: Any, mine: Any, rotation: Float, camera: str, before: bool) -> list[Note]:

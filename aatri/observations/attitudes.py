@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from aatri.adjustment.records import Records, whitener_of_sigmas
@@ -140,7 +139,7 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
                 new[DRIFT] = (drift.unknowns, np.zeros((len(drift.unknowns.free), 6)))
             part = rows.take(some)
             records = attitude_records(part, (drift.group[some], time[some]) if drifting else None, exact=exact)
-            remarks = None if exact else remarks_on(block, part, records, boresights.fixed)
+            remarks = None if exact else remarks_on(block, part, records)
             found.append(
                 Observed(records, part.row, named(image=block.images.id[part.image]), "rad", exact=exact,
                          unknowns=tuple(u for u, _ in new.values()), remarks=remarks,
@@ -195,7 +194,6 @@ def ground_of_angles(given: Given, place: Float) -> Float:
 class _Boresights:
     unknowns: Unknowns
     priors: tuple[Observed, ...]
-    fixed: npt.NDArray[np.bool_]
 
 
 def _boresights(block: Block, cameras: Int) -> _Boresights:
@@ -221,7 +219,7 @@ def _boresights(block: Block, cameras: Int) -> _Boresights:
                                 weighted[row])  # fmt: skip
         priors = (Observed(records, np.full(len(row), -1), named(image=block.cameras.id[row]), "rad",
                            components=labels),)  # fmt: skip
-    return _Boresights(unknowns, priors, np.asarray(~free.any(axis=1)))
+    return _Boresights(unknowns, priors)
 
 
 def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None, *, exact: bool = False) -> Records:

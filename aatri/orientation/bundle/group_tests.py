@@ -1,4 +1,4 @@
-"""Whether the standard deviations of control and of positions fit their residuals, each group by itself.
+"""Whether the standard deviations of control, positions, distances ... fit their residuals, each kind by itself.
 
     s^2 = sum v'P v / sum (1 - tr(L B C B'L'))
 
@@ -44,9 +44,8 @@ def sigma_notes(result: BundleResult) -> list[Note]:
 def _notes(result: BundleResult) -> Iterator[Note]:
     for found in result.observations:
         o = found.observed
-        groups = {group for group, _ in o.records.touches}
-        single = len(o.records.touches) == 1 or (POSE in groups and POINT not in groups)
-        if o.exact or o.components or not single or result.adjusted.down_weighted:
+        is_ray = {POSE, POINT} <= {group for group, _ in o.records.touches}  # nearly all there is: sigma0 tells of them
+        if o.exact or o.components or is_ray or result.adjusted.down_weighted:
             continue
         test = _group_test(found, result)
         if test is None or test.low <= test.sigma0 <= test.high:

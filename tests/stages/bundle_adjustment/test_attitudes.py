@@ -80,7 +80,7 @@ def test_a_common_offset_of_a_fixed_boresight_is_a_warning_with_its_value() -> N
     said = [text for text in heard.warnings if "common offset" in text]
     assert said
     assert "boresight: .inf" in said[0]
-    values = [float(x) for x in said[0].split("offset of ")[1].split(" deg")[0].split(",")]
+    values = [float(x.split(" (")[0]) for x in said[0].split("offset of ")[1].split(" deg")[0].split(", ")]
     np.testing.assert_allclose(values, [0.0, 3.0, 0.0], atol=0.02)
 
 
@@ -89,10 +89,11 @@ def test_a_small_offset_is_told_after_the_adjustment_and_a_right_one_is_not() ->
     block = flown(2, boresight="fixed", boresight_deg=(0.05, 0.0, 0.0))
     bundle(block, calibrated(block), start_of(block), options=BundleOptions(max_sigma0=1e9), context=heard)
     assert any("common offset" in text for text in heard.warnings)
-    heard = Told()
-    block = flown(2, boresight="known")
-    bundle(block, calibrated(block), start_of(block), context=heard)
-    assert not any("attitudes" in text for text in heard.warnings)
+    for seed in range(2, 7):
+        heard = Told()
+        block = flown(seed, boresight="known")
+        bundle(block, calibrated(block), start_of(block), context=heard)
+        assert not any("attitudes" in text for text in heard.warnings)
 
 
 def mirrored(block: Block, how: str) -> Block:

@@ -145,7 +145,7 @@ def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
 def _beyond(group: Group, given: BundleInput, limit: float) -> bool:
     """Whether a single observation with this error would be rejected."""
     sigma = given.observed[group.place].sigmas()[group.rows]
-    return bool((np.abs(group.effect) > limit * sigma).all(axis=0).any())
+    return bool((np.isfinite(sigma) & (np.abs(group.effect) > limit * sigma)).any())
 
 
 def _without(given: BundleInput, groups: list[Group]) -> BundleInput:
