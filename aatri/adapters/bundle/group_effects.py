@@ -7,6 +7,7 @@
         dv/dc = (x, y) / c,   dv/dx0 = (1, 0),   dv/dy0 = (0, 1),   dv/dp = -(x, y) r^2 / r0^3,
         affinity: dv/da = (-x, y) / r0,   dv/db = (-y, -x) / r0
 
+    of a neighbourhood in an image: shift (`neighbourhoods`)
     distances       a common scale, dv/ds = d
     control         a common scale of the relief, dv/ds = mean Z - Z
 
@@ -20,6 +21,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from aatri.adapters.bundle.neighbourhoods import moved_together
 from aatri.arrays import Float, Int, Text
 from aatri.observations.attitudes import BORESIGHT
 from aatri.observations.attitudes import KIND as ATTITUDE
@@ -56,6 +58,7 @@ def effects_of(given: BundleInput, result: BundleResult) -> Iterator[Effects]:
             yield from _of_attitudes(given.given, result, place, found, rows)
         elif o.kind == IMAGE_POINT and given.rays is not None:
             yield from _of_image_points(given, place, rows)
+            yield from moved_together(given, result, place, found, rows)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
@@ -127,11 +130,11 @@ def _of_image_points(given: BundleInput, place: int, rows: Int) -> Iterator[Effe
     H = _by_camera(rays.xy_mm[rows], rays.c_mm[rows], _corner_mm(given)[camera])
     carried = any(p.group != FILM and p.free.any() for p in given.parameters)
     causes = (Cause("principal distance", (0,)), Cause("principal point", (1, 2)), Cause("radial distortion", (3,)),
-              Cause("affinity", (4, 5)), Cause("camera", tuple(range(6))))  # fmt: skip
+              Cause("affinity", (4, 5)))  # fmt: skip
     if not carried:
         yield from _units(place, "camera", block.cameras.id[camera], rows, H, causes)
     strips = np.append(block.strips.id, "")[block.images.strip[image]]
-    yield from _units(place, "strip", strips, rows, H, causes)
+    yield from _units(place, "strip", strips, rows, H, (*causes, Cause("camera", tuple(range(6)))))
 
 
 def _corner_mm(given: BundleInput) -> Float:

@@ -3,9 +3,10 @@
 Residuals v + H p depend on parameters p that were held at zero. With the whitened Jacobian A of all unknowns x, their
 covariance Q (under exact constraints the constrained one) and c = A'H,
 
-    M = H'H - c'Q c,     g = H'v,     p = -M^-1 g,     C_pp = M^-1,     dx = -Q c p,     gain = g'M^-1 g
+    M = H'H - c'Q c,     g = H'v - c'Q A'v,     p = -M^-1 g,     C_pp = M^-1,     dx = -Q c p,     gain = g'M^-1 g
 
-which is one Gauss-Newton step of the adjustment with p from the solution without. The gain, by which p would reduce
+which is one Gauss-Newton step of the adjustment with p from the solution without (where A'v = 0, but for what the
+iteration has left: where Q takes up nearly all of an effect, that counts). The gain, by which p would reduce
 v'v, is the score test (the multiplier of the condition p = 0): chi-square of the rank of M where there is no such
 effect.
 
@@ -26,8 +27,8 @@ from aatri.adjustment.elimination.right_hand_sides import backward, forward, sid
 from aatri.adjustment.records import Records, whitened
 from aatri.arrays import Float, Int
 
-LEAST_SEEN = 1e-9
-"""Share of an effect on the observations below which what the unknowns leave of it is rounding."""
+LEAST_SEEN = 1e-6
+"""Share of an effect on the observations below which what the unknowns leave of it is rounding, of Q above all."""
 
 MOST_SIDES = 48
 """Right-hand sides solved for at a time: they are as long as all unknowns."""
@@ -123,8 +124,9 @@ def score(adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int |
         np.add.at(gradient, place, np.einsum("nmk,nm->nk", white, v))
         np.add.at(information, place, np.einsum("nmk,nml->nkl", white, white))
         whole[here] = np.einsum("ukk->uk", information[here])
-        taken_up = _gram(adjusted, right).reshape(units, k, units, k)
-        information[here] -= taken_up[np.arange(units), :, np.arange(units)]
+        taken_up, left = _taken_up(adjusted, right)
+        information[here] -= taken_up.reshape(units, k, units, k)[np.arange(units), :, np.arange(units)]
+        gradient[here] -= left.reshape(units, k)
     return Score(gradient, whole, information)
 
 
@@ -163,16 +165,20 @@ def _sides(
     )
 
 
-def _gram(adjusted: Adjusted, right: dict[str, Float]) -> Float:
-    """c'Q c of right-hand sides c, by group."""
+def _taken_up(adjusted: Adjusted, right: dict[str, Float]) -> tuple[Float, Float]:
+    """c'Q c and c'Q A'v of right-hand sides c, by group."""
     problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
     assert factored is not None
-    found = forward(problem, factored, state, sides_of(problem, right)).gram()
+    u = forward(problem, factored, state, sides_of(problem, right))
+    found, y = u.gram(), np.zeros(problem.layout.n_kept)
+    for node, part in zip(problem.tree.nodes, factored.y):
+        y[node.columns[: node.panel]] = part
+    left = u.kept.T @ y + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
     W = covariance_reduction(problem, factored, state)
     if W:
         common = np.asarray(sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items()))
         found = found - common.T @ common
-    return found
+    return found, left
 
 
 def _covariance_times(adjusted: Adjusted, right: dict[str, Float]) -> dict[str, Float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,16 @@ def test_what_the_unknowns_take_up_wholly_is_not_seen() -> None:
     assert found.joint(0, [0]).rank == 0
     assert found.joint(0, [0]).gain == 0.0
     assert found.joint(0, [0]).value[0] == 0.0
+
+
+def test_what_the_iteration_has_left_does_not_count_as_an_effect() -> None:
+    unknowns, records, start = made_problem(1, n_kept=8, n_points=20)
+    exact = adjust_large(unknowns, records, start)
+    rays, rows, rng = records[0], np.arange(len(records[0].active)), np.random.default_rng(2)
+    effect = rng.normal(size=(len(rows), rays.rows, 1))
+    size = {u.name: u.free.shape for u in unknowns}
+    away = {n: exact.state[n] + 1e-4 * rng.normal(size=size[n]) * next(u.free for u in unknowns if u.name == n)
+            for n in ("a", "p")}  # fmt: skip
+    early = replace(exact, state={**exact.state, **away}, factored=None)
+    there, here = (score(one, rays, rows, effect).joint(0, [0]) for one in (exact, early))
+    assert here.value[0] == pytest.approx(there.value[0], rel=1e-2)

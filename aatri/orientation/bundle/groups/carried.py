@@ -54,14 +54,14 @@ def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
     H = np.zeros((len(o), o.records.rows, k))
     H[group.rows] = group.H
     labels = tuple(f"{name} {j + 1}" for j in range(k))
+    start, free = np.array([group.value, np.zeros(k)]), np.array([group.sigma > 0, [False] * k])
     if o.kind != IMAGE_POINT or given.rays is None:
-        unknowns = Unknowns(name, np.ones((1, k), dtype=bool), labels, [name], add_step)
-        observed[group.place] = _carrying(o, unknowns, H)
+        unknowns = Unknowns(name, free[:1], labels, [name], add_step)
+        observed[group.place] = _carrying(o, unknowns, H, start)
         return replace(given, observed=tuple(observed))
     other = np.ones(len(o), dtype=np.int64)
     other[group.rows] = 0
-    zero, free = np.zeros((2, k)), np.array([[True] * k, [False] * k])
-    more = ParameterRows(name, [name, ""], labels, zero, free, zero, np.tile(np.eye(k), (2, 1, 1)), free & False,
+    more = ParameterRows(name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False,
                          other, -H)  # fmt: skip
     parameters = (*given.parameters, more)
     rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
@@ -70,14 +70,14 @@ def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
     return replace(given, observed=tuple(observed), parameters=parameters)
 
 
-def _carrying(o: Observed, unknowns: Unknowns, H: Float) -> Observed:
+def _carrying(o: Observed, unknowns: Unknowns, H: Float, start: Float) -> Observed:
     """Observations with one more term."""
     return replace(
         o,
         records=_with_term(o.records, unknowns.name, H),
         unknowns=(*o.unknowns, unknowns),
-        start={**o.start, unknowns.name: np.zeros((1, unknowns.size))},
-        whole=None if o.whole is None else _carrying(o.whole, unknowns, H),
+        start={**o.start, unknowns.name: start[:1]},
+        whole=None if o.whole is None else _carrying(o.whole, unknowns, H, start),
     )
 
 

@@ -30,7 +30,7 @@ class Effects:
     place : int
         Of the kind among the observations.
     per : str
-        What a unit is: strip, flight, camera, all.
+        What a unit is: strip, flight, camera, neighbourhood, all.
     units : (u,) str
     rows, unit : (n,) int
         Observations in use, and the unit of each.
@@ -39,6 +39,8 @@ class Effects:
     causes : tuple of Cause
     removable : bool
         A unit that is wrong may be left out.
+    tests : int
+        Units among which these were chosen, where they are not all.
     """
 
     place: int
@@ -49,6 +51,7 @@ class Effects:
     H: Float
     causes: tuple[Cause, ...]
     removable: bool = False
+    tests: int = 0
 
 
 EffectsOf = Callable[[BundleInput, BundleResult], Iterator[Effects]]

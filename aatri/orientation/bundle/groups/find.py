@@ -4,7 +4,8 @@ With M and g of `adjustment.covariance.score`, v'v = W, redundancy r, and k the 
 
     gain = g'M^-1 g,    s^2 = max(1, (W - gain) / (r - k)),    gain / s^2  ~  chi^2(k) where nothing is wrong
 
-Tested is at `ALARM` over the number of tests made, so that of ten thousand blocks without errors one is told a group. A
+Tested is at `ALARM` over the number of tests made, so that of a thousand blocks without errors one is told a group, and
+with the standard deviations that the kind has by its own residuals. A
 cause of fewer parameters is preferred to one that gains no more than `SEPARABLE` beyond it; others that explain as much
 cannot be told apart from it, and are named too. Where single observations are tested as well, the group must gain more
 than the largest of them alone, and most of its members must fit better with it: two or three wrong ones of a strip are
@@ -13,7 +14,7 @@ no shift of the strip.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,8 +30,11 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.effects import Cause, Effects, EffectsOf
 from aatri.orientation.bundle.result import BundleResult
 
-ALARM = 1e-4
-"""Probability that a block without errors is told a group."""
+ALARM = 1e-3
+"""Probability that a block without errors is told a group: shared by the effects, and of each by all its tests."""
+
+MEDIAN, CONTROLLED = 0.4549, 1e-3
+"""Median of chi-square of one degree; least redundancy number of a residual that counts."""
 
 AS_GOOD = 0.02
 """Share of a gain by which another explanation may fall short of it and cannot be told apart: beyond `SEPARABLE`, since
@@ -95,10 +99,10 @@ class Group:
     removable: bool = False
 
     @property
-    def complexity(self) -> tuple[bool, int, bool]:
-        """Of what explains as much the least is taken: cameras of a strip are rare; the fewest parameters; no lens."""
+    def complexity(self) -> tuple[bool, bool, int]:
+        """Of what explains as much the least is taken: cameras of a strip are rare; a camera; the fewest parameters."""
         of_image = self.kind == IMAGE_POINT
-        return of_image and self.per == "strip", len(self.value), of_image
+        return of_image and self.per == "strip", of_image, len(self.value)
 
     @property
     def key(self) -> Key:
@@ -118,6 +122,7 @@ class _Tested:
     cause: Cause
     joint: Joint
     gain: float
+    alarm: float
 
 
 def wrong_groups(
@@ -143,8 +148,9 @@ def wrong_groups(
     if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
         return []
     adjusted = with_factor(adjusted)
-    tested = list(_tested(adjusted, result, effects_of(given, result)))
-    wrong = [t for t in tested if chi2.logsf(t.gain, t.joint.rank) < np.log(ALARM / len(tested))]
+    effects = list(effects_of(given, result))
+    tested = [t for e in effects for t in _tested(adjusted, result, e, ALARM / len(effects))]
+    wrong = [t for t in tested if chi2.logsf(t.gain, t.joint.rank) < np.log(t.alarm)]
     found: list[Group] = []
     while wrong and len(found) < MOST_TRIED:
         most = max(t.gain for t in wrong)
@@ -153,9 +159,12 @@ def wrong_groups(
         as_good = [t for t in wrong if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
         best = min(as_good, key=lambda t: (*_group(given, adjusted, result, t).complexity, -t.gain))
         group = _with_harm(given, adjusted, result, _group(given, adjusted, result, best))
-        if group.key not in known and group.harm > 1.0 and _beyond_single_ones(given, adjusted, result, best, single):
-            others = [t for t in as_good if _unit_of(t) != _unit_of(best)]
-            found.append(replace(group, or_else=tuple(dict.fromkeys(map(_called, others)))))
+        if group.key not in known and group.harm > 1.0:
+            before, after, scale = _fitted(adjusted, result, group)
+            surely = chi2.logsf(best.gain / scale**2, best.joint.rank) < np.log(best.alarm)
+            if surely and (not single or _beyond_single_ones(best.joint, before, after, single)):
+                others = [t for t in as_good if _unit_of(t)[:2] != _unit_of(best)[:2]]
+                found.append(replace(group, or_else=tuple(dict.fromkeys(map(_called, others)))))
         wrong = [t for t in wrong if t is not best]
     return found
 
@@ -168,15 +177,15 @@ def _called(t: _Tested) -> tuple[str, str, str]:
     return t.effects.per, str(t.effects.units[t.unit]), t.cause.name
 
 
-def _tested(adjusted: Adjusted, result: BundleResult, all_effects: Iterable[Effects]) -> Iterable[_Tested]:
-    for effects in all_effects:
-        records = result.observations[effects.place].observed.records
-        found = score(adjusted, records, effects.rows, effects.H, effects.unit)
-        for unit in range(len(effects.units)):
-            for cause in effects.causes:
-                joint = found.joint(unit, cause.columns)
-                if joint.rank:
-                    yield _Tested(effects, unit, cause, joint, joint.gain / _variance(adjusted, joint))
+def _tested(adjusted: Adjusted, result: BundleResult, effects: Effects, alarm: float) -> Iterator[_Tested]:
+    records = result.observations[effects.place].observed.records
+    found = score(adjusted, records, effects.rows, effects.H, effects.unit)
+    tests = max(effects.tests, len(effects.units)) * len(effects.causes)
+    for unit in range(len(effects.units)):
+        for cause in effects.causes:
+            joint = found.joint(unit, cause.columns)
+            if joint.rank:
+                yield _Tested(effects, unit, cause, joint, joint.gain / _variance(adjusted, joint), alarm / tests)
 
 
 def _variance(adjusted: Adjusted, joint: Joint) -> float:
@@ -198,23 +207,30 @@ def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Tes
                  sigma, t.gain, float(np.sqrt(variance)), c_mm=c_mm, removable=e.removable)  # fmt: skip
 
 
-def _beyond_single_ones(
-    given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Tested, single: float
-) -> bool:
+def _fitted(adjusted: Adjusted, result: BundleResult, group: Group) -> tuple[Float, Float, float]:
+    """Whitened residuals of a group before and after it is carried; scale of its whole kind after, at least 1.
+
+    Where the standard deviations of a kind are too small, all that its observations have in common is significant.
+    """
+    found = result.observations[group.place]
+    records, rows = found.observed.records, np.flatnonzero(found.used)
+    change = moved(adjusted, records, group.rows, group.effect)
+    v, jacobians = whitened(records, adjusted.state, rows)
+    effect = np.zeros((len(found.observed), records.rows))
+    np.add.at(effect, group.rows, group.effect)
+    after = v + _whitened_effect(records.whitener[rows], effect[rows])
+    for (name, block), J in zip(records.touches, jacobians):
+        after += np.einsum("nmk,nk->nm", J, change[name][block[rows]])
+    r = 1.0 - np.einsum("nii->ni", found.covariance[rows])
+    w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
+    mine = np.isin(rows, group.rows)
+    return v[mine], after[mine], float(np.sqrt(max(1.0, np.median(w2) / MEDIAN if len(w2) else 1.0)))
+
+
+def _beyond_single_ones(joint: Joint, before: Float, after: Float, single: float) -> bool:
     """Whether a group explains more than its largest member could, and most of its members."""
-    if not single:
-        return True
-    if t.joint.gain < single**2 + SEPARABLE:
-        return False
-    found = _group(given, adjusted, result, t)
-    records = result.observations[found.place].observed.records
-    change = moved(adjusted, records, found.rows, found.effect)
-    v, jacobians = whitened(records, adjusted.state, found.rows)
-    after = v + _whitened_effect(records.whitener[found.rows], found.effect)
-    for (group, block), J in zip(records.touches, jacobians):
-        after += np.einsum("nmk,nk->nm", J, change[group][block[found.rows]])
-    better = (after**2).sum(axis=1) < (v**2).sum(axis=1)
-    return bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
+    better = (after**2).sum(axis=1) < (before**2).sum(axis=1)
+    return joint.gain >= single**2 + SEPARABLE and bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
 
 
 def _whitened_effect(whitener: Float, effect: Float) -> Float:

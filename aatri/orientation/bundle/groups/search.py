@@ -68,18 +68,31 @@ def search_in_groups(
         If the block cannot be adjusted.
     """
     groups = [] if rule.method == "none" else _before_single_ones(given, adjust, effects_of, rule)
-    while True:
-        done = single(with_groups(given, groups))
-        single_one = _largest_test(done.result)
-        found = wrong_groups(
-            given, done.result, effects_of, single_one if single_one > rule.limit else 0.0, [g.key for g in groups]
-        )
-        if not found or len(groups) >= MOST_GROUPS:
+    done = _carried(given, groups, single)
+    if done is None:
+        groups, done = [], single(given)
+    while len(groups) < MOST_GROUPS:
+        one = _largest_test(done.result)
+        more = wrong_groups(given, done.result, effects_of, one if one > rule.limit else 0.0, [g.key for g in groups])
+        tried = ((group, _carried(given, [*groups, group], single)) for group in more)
+        found = next(((group, again) for group, again in tried if again is not None), None)
+        if found is None:
             break
         groups.append(found[0])
+        done = found[1]
     if not groups:
         return done, ()
     return _as_given(given, done, groups, adjust, rule)
+
+
+def _carried(given: BundleInput, groups: list[Group], single: Callable[[BundleInput], Round]) -> Round | None:
+    """Single gross errors with groups carried; None where the block does not determine these."""
+    try:
+        return single(with_groups(given, groups))
+    except (ConvergenceError, GeometryError):
+        if not groups:
+            raise
+        return None
 
 
 def _before_single_ones(given: BundleInput, adjust: Adjust, effects_of: EffectsOf, rule: Rule) -> list[Group]:

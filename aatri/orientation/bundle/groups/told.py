@@ -148,6 +148,12 @@ def _camera(g: Group) -> tuple[str, str]:
     return f"{_ask(g)} another interior orientation: {values} mm", _lens(g)
 
 
+def _neighbourhood(g: Group) -> tuple[str, str]:
+    values = ", ".join(f"{1e3 * v:.3g} (+- {1e3 * s:.2g})" for v, s in zip(g.value, g.sigma))
+    text = f"neighbourhood of {g.unit}: its image points are moved together by {values} um in x, y"
+    return text, "a repetitive texture, or another object: measure them again"
+
+
 def _scale(g: Group) -> tuple[str, str]:
     ppm, sigma = 1e6 * float(g.value[0]), 1e6 * float(g.sigma[0])
     how = "long" if ppm > 0 else "short"
@@ -169,5 +175,6 @@ _TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
     ("attitude", "drift"): _drift_of_attitudes, ("attitude", "boresight"): _boresight,
     ("image_point", "principal distance"): _principal_distance, ("image_point", "principal point"): _principal_point,
     ("image_point", "radial distortion"): _radial, ("image_point", "affinity"): _affinity,
-    ("image_point", "camera"): _camera, ("distance", "scale"): _scale, ("control", "relief"): _relief,
+    ("image_point", "camera"): _camera, ("image_point", "shift"): _neighbourhood,
+    ("distance", "scale"): _scale, ("control", "relief"): _relief,
 }  # fmt: skip

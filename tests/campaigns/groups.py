@@ -1,0 +1,288 @@
+"""Observations that are wrong together, put into small blocks, and what the chain with default options names.
+
+    python -m tests.campaigns.groups --count 4 [--first 1] [--only strip_shift neighbourhood ...]
+
+Each seed is a block of film and one of a UAV, each spoilt in many ways, one at a time (`WAYS`), after it was oriented;
+`clean` is the block as it is. Named is what a warning says that names the group and the cause, `right` the observations
+that are rejected though they are right. A line ends with what is not as it should be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.errors import AatriError
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+_FLIGHT = {"strips": 3, "images_per_strip": 6, "cross_strips": 0}
+_IMU = {"observed": True, "boresight": "known"}
+BLOCKS = {
+    "film": {"preset": "rc30", "flight": _FLIGHT, "known": {"full": 12}, "ties": {"new_points": 500}, "imu": _IMU},
+    "uav": {"preset": "uav", "flight": _FLIGHT, "known": {"full": 9}, "ties": {"random_per_image": 80.0}, "imu": _IMU},
+}
+MOST_RIGHT = 0.001
+"""Share of all image points that may be rejected though they are right."""
+
+
+@dataclass(frozen=True)
+class Spoilt:
+    """A block with a group that is wrong.
+
+    Attributes
+    ----------
+    block, points
+    words : tuple of str
+        What the warning that names it holds, all of them; of alternatives, parted by |, one.
+    wrong : dict of str to (n,) int
+        Rows of each kind that are wrong.
+    """
+
+    block: Block
+    points: ImagePoints
+    words: tuple[str, ...]
+    wrong: dict[str, np.ndarray]
+
+
+def _moved(chain: Chain, rows: np.ndarray, by_m: np.ndarray, *words: str) -> Spoilt:
+    e = chain.block.exterior
+    position = e.position_m.copy()
+    position[rows] += by_m
+    block = replace(chain.block, exterior=replace(e, position_m=position))
+    return Spoilt(block, chain.refined, words, {"position": rows})
+
+
+def _strip(chain: Chain, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    block = chain.block
+    name = str(rng.choice(block.strips.id))
+    return name, np.flatnonzero(block.strips.id[block.images.strip[block.exterior.image]] == name)
+
+
+def _direction(rng: np.random.Generator, size: float) -> np.ndarray:
+    d = rng.standard_normal(3)
+    return size * d / np.linalg.norm(d)
+
+
+def strip_shift(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Positions of a strip off by ten to thirty times their standard deviation."""
+    name, rows = _strip(chain, rng)
+    sigma = float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
+    return _moved(
+        chain, rows, _direction(rng, rng.uniform(10, 30) * sigma), f"positions of strip {name} are off together"
+    )
+
+
+def strip_drift(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Positions of a strip that drift, to twenty standard deviations at its ends."""
+    name, rows = _strip(chain, rng)
+    sigma = float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
+    time = chain.block.images.time_s[chain.block.exterior.image[rows]]
+    time = (time - time.mean()) / np.abs(time - time.mean()).max()
+    by = time[:, None] * _direction(rng, 20 * sigma)
+    return _moved(chain, rows, by, f"positions of strip {name} are off together")
+
+
+def heights(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Heights of all positions off by 5 to 20 m."""
+    rows = np.arange(len(chain.block.exterior))
+    by = np.array([0.0, 0.0, rng.choice([-1, 1]) * rng.uniform(5, 20)])
+    return _moved(chain, rows, by, "the result contradicts its own tests", "heights of positions and control")
+
+
+def lever_arm(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """A lever arm of some decimetres that nobody gives."""
+    sigma = float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
+    arm = rng.choice([-1, 1], 2) * rng.uniform(8, 20, 2) * sigma
+    R = chain.bundle.images.ground_from_image[chain.block.exterior.image]
+    rows = np.arange(len(chain.block.exterior))
+    return _moved(chain, rows, R @ np.array([*arm, 0.0]), "along the axes of the camera")
+
+
+def _camera(chain: Chain, words: str, images: np.ndarray | None = None, **change: np.ndarray | float) -> Spoilt:
+    """Image points as another camera has them: c scaled, shifted, radial distortion and affinity at the corner."""
+    m, block = chain.refined.measurements, chain.block
+    rows = np.arange(len(m)) if images is None else np.flatnonzero(np.isin(m.image, images))
+    xy, r0 = m.xy_mm.copy(), float(np.linalg.norm(m.xy_mm[m.active], axis=1).max())
+    x = xy[rows] / r0
+    by = x * r0 * float(change.get("scale", 0.0)) + np.asarray(change.get("shift", 0.0))
+    by += x * (x**2).sum(axis=1, keepdims=True) * float(change.get("radial", 0.0))
+    by += x * [1.0, -1.0] * float(change.get("affinity", 0.0))
+    xy[rows] += by
+    return Spoilt(block, replace(chain.refined, measurements=replace(m, xy_mm=xy)), (words,), {})
+
+
+def principal_distance(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """A principal distance wrong by 5 or 29 %."""
+    factor = float(rng.choice([0.95, 1.05, 1.29]))
+    c = chain.block.cameras.principal_distance_mm
+    block = replace(chain.block, cameras=replace(chain.block.cameras, principal_distance_mm=c * factor))
+    return Spoilt(block, chain.refined, ("ask for a principal distance of",), {})
+
+
+def principal_point(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """A principal point off by 1 % of c: the same as a lever arm where all fly one height; both are named."""
+    c = float(chain.block.cameras.principal_distance_mm[0])
+    return _camera(chain, "principal point|lever arm", shift=0.01 * c * rng.choice([-1, 1], 2))
+
+
+def radial(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """A radial distortion of 30 to 60 sigma at the corner that nobody gives."""
+    size = rng.choice([-1, 1]) * rng.uniform(30, 60) * chain.refined.measurements.sigma_mm[0, 0]
+    return _camera(chain, "radial distortion of", radial=size)
+
+
+def affinity(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Another scale in x than in y: 30 to 100 sigma at the corner."""
+    size = rng.choice([-1, 1]) * rng.uniform(30, 100) * chain.refined.measurements.sigma_mm[0, 0]
+    return _camera(chain, "ask for an affinity", affinity=size)
+
+
+def strip_camera(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """A strip flown with another camera: c 0.5 % longer, principal point 20, distortion 30 sigma off."""
+    name, rows = _strip(chain, rng)
+    sigma = chain.refined.measurements.sigma_mm[0, 0]
+    change = {"scale": 0.005, "shift": 20 * sigma * rng.choice([-1, 1], 2), "radial": 30 * sigma}
+    return _camera(chain, f"image points of strip {name} ask for", chain.block.exterior.image[rows], **change)
+
+
+def neighbourhood(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Twelve image points near each other moved together by 12 sigma."""
+    m = chain.refined.measurements
+    rays = np.bincount(m.point[m.active], minlength=len(chain.block.points))
+    image = int(rng.choice(chain.block.exterior.image))
+    mine = np.flatnonzero((m.image == image) & m.active & (rays[m.point] > 2))
+    apart = np.linalg.norm(m.xy_mm[mine] - m.xy_mm[rng.choice(mine)], axis=1)
+    rows, angle = mine[np.argsort(apart)[:12]], rng.uniform(0, 2 * np.pi)
+    xy = m.xy_mm.copy()
+    xy[rows] += 12 * m.sigma_mm[rows] * [np.cos(angle), np.sin(angle)]
+    points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
+    name = chain.block.images.id[image]
+    return Spoilt(chain.block, points, ("neighbourhood of", f"in image {name}"), {"image_point": rows})
+
+
+def attitude_strip(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Attitudes of a strip off by ten to thirty times their standard deviation."""
+    name, rows = _strip(chain, rng)
+    e = chain.block.exterior
+    angles = e.angles_rad.copy()
+    angles[rows] += _direction(rng, rng.uniform(10, 30)) * e.angle_sigma_rad[rows]
+    block = replace(chain.block, exterior=replace(e, angles_rad=angles))
+    return Spoilt(block, chain.refined, (f"attitudes of strip {name} are off together",), {"attitude": rows})
+
+
+def boresight(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """A boresight of ten to thirty standard deviations that nobody gives."""
+    cameras = chain.block.cameras
+    turned = cameras.boresight_rad + _direction(rng, rng.uniform(10, 30)) * chain.block.exterior.angle_sigma_rad[0, 0]
+    block = replace(chain.block, cameras=replace(cameras, boresight_rad=turned))
+    rows = np.arange(len(chain.block.exterior))
+    return Spoilt(block, chain.refined, ("have a common offset of",), {"attitude": rows})
+
+
+def exchanged_images(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Positions and angles of two images exchanged."""
+    e = chain.block.exterior
+    rows = rng.choice(len(e), 2, replace=False)
+    order = np.arange(len(e))
+    order[rows] = rows[::-1]
+    block = replace(chain.block, exterior=replace(e, position_m=e.position_m[order], angles_rad=e.angles_rad[order]))
+    names = chain.block.images.id[e.image[rows]]
+    words = ("position: these two fit if their numbers are exchanged", *map(str, names))
+    return Spoilt(block, chain.refined, words, {"position": rows, "attitude": rows})
+
+
+def exchanged_control(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Two control points of all with each other's coordinates."""
+    g = chain.block.ground_points
+    rows = rng.choice(np.flatnonzero((g.role == 1).all(axis=1)), 2, replace=False)
+    xyz = g.xyz_m.copy()
+    xyz[rows] = xyz[rows[::-1]]
+    names = chain.block.points.id[g.point[rows]]
+    block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
+    words = ("control: these two fit if their numbers are exchanged", *map(str, names))
+    return Spoilt(block, chain.refined, words, {"control": rows})
+
+
+def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Nothing is wrong."""
+    return Spoilt(chain.block, chain.refined, (), {})
+
+
+WAYS: tuple[Callable[[Chain, np.random.Generator], Spoilt], ...] = (
+    clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity,
+    strip_camera, neighbourhood, attitude_strip, boresight, exchanged_images, exchanged_control,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a spoilt block: whether the group was named, right observations rejected, all that was told."""
+
+    named: bool
+    right: int
+    told: tuple[str, ...]
+    bad: tuple[str, ...]
+
+
+def judged(chain: Chain, spoilt: Spoilt) -> Outcome:
+    """Adjust a spoilt block from the orientations of the one without."""
+    told, right, failed = Told(), 0, ""
+    initial = replace(chain.strip_block, suspects=Suspects.empty())
+    try:
+        s = bundle(spoilt.block, spoilt.points, initial, options=BundleOptions(max_sigma0=1e9), context=told).suspects
+        for kind in np.unique(s.kind[staying_out(s)]).tolist():
+            rows = s.row[(s.kind == kind) & staying_out(s)]
+            right += len(np.setdiff1d(rows, spoilt.wrong.get(kind, [])))
+    except AatriError as error:
+        failed = str(error)
+    named = any(all(any(w in text for w in word.split("|")) for word in spoilt.words) for text in told.warnings)
+    wanted = named if spoilt.words else not told.warnings
+    many = right > max(1, MOST_RIGHT * len(spoilt.points.measurements)) and "heights" not in spoilt.words
+    bad = tuple(
+        w for w, is_bad in (("not named", not wanted), ("right ones rejected", many), (failed, failed)) if is_bad
+    )
+    return Outcome(named, right, tuple(told.warnings), bad)
+
+
+def outcomes(seed: int, only: list[str]) -> Iterator[tuple[str, str, Outcome]]:
+    """Of one seed all blocks and ways."""
+    for name, options in BLOCKS.items():
+        chain = run_chain(simulated(seed, **options))
+        for k, way in enumerate(WAYS):
+            if not only or way.__name__ in only:
+                yield name, way.__name__, judged(chain, way(chain, np.random.default_rng([seed, k])))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=4)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--only", nargs="*", default=[])
+    chosen = parser.parse_args()
+    named, of = Counter[str](), Counter[str]()
+    for seed in range(chosen.first, chosen.first + chosen.count):
+        for block, way, found in outcomes(seed, chosen.only):
+            of[way] += 1
+            named[way] += not found.bad
+            text = (
+                f"seed {seed}, {block}, {way}: {'' if found.named else 'not '}named, {found.right} right ones rejected"
+            )
+            sys.stdout.write(f"{text}{'  NOT GOOD: ' + ', '.join(found.bad) if found.bad else ''}\n")
+            sys.stdout.write("".join(f"        {line[:300]}\n" for line in (found.told if found.bad else ())))
+            sys.stdout.flush()
+    sys.stdout.write("".join(f"{way}: good in {named[way]} of {of[way]}\n" for way in of))
+    sys.exit(0 if all(named[way] >= 0.9 * of[way] for way in of) else 1)
+
+
+if __name__ == "__main__":
+    main()
