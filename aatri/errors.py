@@ -107,6 +107,9 @@ class Errors(AatriError):
         super().__init__("\n".join(str(error) for error in self.errors))
         self.exit_code = self.errors[0].exit_code
 
+    def __reduce__(self) -> tuple[type[Errors], tuple[Sequence[AatriError]]]:
+        return Errors, (self.errors,)
+
 
 MOST_SHOWN = 50
 """At most this many errors are shown at once; the rest is counted."""

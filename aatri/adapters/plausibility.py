@@ -6,6 +6,8 @@ fewer than three other points would remain. Else it is a warning, and the search
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_notes, poses_out_of
@@ -19,10 +21,12 @@ from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.plausibility.cameras import camera_notes, control_notes
 from aatri.orientation.plausibility.control import length, misplaced_control
 from aatri.orientation.plausibility.exchanged import exchanged_at_start
+
+if TYPE_CHECKING:  # readers of files import this, and need no method
+    from aatri.orientation.bundle.block import BundleInput
 
 ENOUGH_CONTROL = 3
 """Other control points without which an adjustment cannot leave out two."""

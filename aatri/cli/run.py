@@ -91,10 +91,10 @@ def run(
             raise SpecError("a run has its folder and its variant", where=str(pipeline),
                             remedy="give the pipeline file with --into or --variant")  # fmt: skip
         opened = open_run(pipeline, local_plugins=local_plugins, set_=tuple(set_ or ()), use=tuple(use or ()),
-                          quiet=quiet or json)  # fmt: skip
+                          quiet=quiet or json, background=not dry_run)  # fmt: skip
     else:
         given = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-        opened = open_request(Request(str(pipeline), *given), quiet=quiet or json)
+        opened = open_request(Request(str(pipeline), *given), quiet=quiet or json, background=not dry_run)
     selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())
     if dry_run:
         from aatri.cli.plan_table import plain_plan, say_plan
@@ -150,7 +150,9 @@ def _carry_out(
 
     folder, events = opened.spec.run, opened.spec.run / "events.jsonl"
     before = events.stat().st_size if events.exists() else 0
-    full = How(selection, command=_command(), source=opened.source, request=opened.request.plain(), **how)
+    compiled = opened.compilation.wait if opened.compilation else None
+    full = How(selection, command=_command(), source=opened.source, request=opened.request.plain(), compiled=compiled,
+               **how)  # fmt: skip
     try:
         with Narrator(quiet) as narrator:
             records = run_pipeline(opened.spec, opened.nodes, narrator, full)

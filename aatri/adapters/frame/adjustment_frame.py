@@ -11,6 +11,7 @@ with D and B of `aatri.frames.tangent`. In any other block both frames are the s
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,8 +24,10 @@ from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.orientation.bundle.result import BundleResult
 from aatri.units import EARTH_RADIUS_M
+
+if TYPE_CHECKING:  # readers of files import this, and need no method
+    from aatri.orientation.bundle.result import BundleResult
 
 TOLD_M = 1e-4
 """An effect of the earth's figure that stays below this is not worth a word."""

@@ -16,7 +16,7 @@ from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
-    from aatri.pipeline.methods.catalogue import Catalogue
+    from aatri.pipeline.methods.compile_kernels import Compilation
     from aatri.pipeline.plan.graph import Node
     from aatri.pipeline.plan.plan import Plan, Selection
     from aatri.pipeline.plan.view import StoreView
@@ -51,6 +51,7 @@ class Opened:
     spec: Spec
     nodes: tuple[Node, ...]
     source: Source
+    compilation: Compilation | None = None
 
     def view(self, *, verify: bool = False) -> StoreView:
         """The store of its run."""
@@ -68,8 +69,10 @@ class Opened:
         return planned
 
 
-def open_request(request: Request, *, quiet: bool = False) -> Opened:
+def open_request(request: Request, *, quiet: bool = False, background: bool = False) -> Opened:
     """Read and wire the pipeline of a request; unless quiet, tell of compilation, which that may take.
+
+    With `background` compilation may still be under way: who runs stages waits for what each of them needs.
 
     Raises
     ------
@@ -77,10 +80,9 @@ def open_request(request: Request, *, quiet: bool = False) -> Opened:
         Whatever is wrong with the pipeline, its plugins and options.
     """
     from aatri.cli.arguments.plugins_option import local_stages
-    from aatri.pipeline.methods.catalogue import Catalogue
-    from aatri.pipeline.plan.graph import wire
+    from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.run.task import Source
-    from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
+    from aatri.pipeline.spec.overrides import with_variant
     from aatri.pipeline.spec.spec import load_spec
 
     path = Path(request.pipeline)
@@ -91,41 +93,56 @@ def open_request(request: Request, *, quiet: bool = False) -> Opened:
     if local is not None and not local.is_dir():
         narrate(f"note: --local-plugins: there is no folder {local}")
         local = None
-    catalogue = Catalogue(local, runs_code=request.local_plugins)
     spec = load_spec(path, Path(request.into) if request.into else None)
     if request.variant:
         spec = with_variant(spec, request.variant)
-    spec, notes = with_use(spec, request.use, catalogue)
-    spec = with_set(spec, request.set_)
-    _compile(catalogue, [stage.use for stage in spec.stages.values()], quiet=quiet)
-    with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
-        nodes = wire(spec, catalogue)
+    compilation = _compilation(spec, request, local, quiet=quiet)
+    if compilation is None:
+        spec, nodes, notes = wired(spec, request, local)
+    else:
+        spec, nodes, notes = without_compiler(wired, spec, request, local)
+        if not background:
+            with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
+                compilation.wait()
     for note in notes:
         narrate(f"note: {note}")
-    return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins))
+    return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins), compilation)
 
 
-def _compile(catalogue: Catalogue, uses: list[str], *, quiet: bool) -> None:
-    """Compile the kernels that stages reach, where this has not been done on this machine."""
-    from aatri.pipeline.methods.compile_kernels import compile_side_by_side, kernels_of, missing
+def wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[Node, ...], list[str]]:
+    """The pipeline with what a request changes in it, wired; this imports the stages that the cache does not know."""
+    from aatri.pipeline.methods.catalogue import Catalogue
+    from aatri.pipeline.plan.graph import wire
+    from aatri.pipeline.spec.overrides import with_set, with_use
+
+    catalogue = Catalogue(local, runs_code=request.local_plugins)
+    spec, notes = with_use(spec, request.use, catalogue)
+    spec = with_set(spec, request.set_)
+    return spec, wire(spec, catalogue), notes
+
+
+def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: bool) -> Compilation | None:
+    """Begin to compile what stages reach, where that has not been done on this machine."""
+    from aatri.pipeline.methods.catalogue import Catalogue
+    from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
     from aatri.pipeline.methods.kernel_cache import remove_unused, use_kernel_cache
 
     folder = use_kernel_cache()
     if folder is None:
-        return
-    kernels = kernels_of(catalogue.codes(uses))
-    lacking = missing(kernels)
-    if lacking and not quiet:
-        narrate(f"compiling the inner loops for this processor, once: {len(lacking)} modules, a second or two each")
-    if lacking:
-        with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
-            compile_side_by_side(lacking)
+        return None
+    uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
+    kernels = kernels_of(Catalogue(local).codes(uses))
     remove_unused(folder, kernels)
+    if not (lacking := missing(kernels)):
+        return None
+    if not quiet:
+        narrate(f"compiling the inner loops for this processor, once: {len(lacking)} modules, a second or two each")
+    return Compilation(lacking)
 
 
 def open_run(
     given: Path | None, *, local_plugins: bool = False, set_: tuple[str, ...] = (), use: tuple[str, ...] = (),
-    quiet: bool = False,
+    quiet: bool = False, background: bool = False,
 ) -> Opened:  # fmt: skip
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
 
@@ -138,7 +155,8 @@ def open_run(
     if given is None and not path.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
     if not path.is_dir():
-        return open_request(Request(str(path), set_=set_, use=use, local_plugins=local_plugins), quiet=quiet)
+        request = Request(str(path), set_=set_, use=use, local_plugins=local_plugins)
+        return open_request(request, quiet=quiet, background=background)
     overview = read_overview(path)
     if overview is None:
         raise ArtifactError("not the folder of a run: no run.json in it", where=str(path),
@@ -153,4 +171,4 @@ def open_run(
     into = "" if kept["variant"] else str(path)
     request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use),
                       kept["variant"], local_plugins)  # fmt: skip
-    return open_request(request, quiet=quiet)
+    return open_request(request, quiet=quiet, background=background)

@@ -1,8 +1,9 @@
-"""Compile kernel modules side by side, before any is needed: a module is compiled when it is imported.
+"""Compile kernel modules side by side, while the pipeline is planned and its first stages run.
 
-A module waits for the kernel modules that it imports, so that nothing is compiled twice; the longest come first.
-The compiler makes millions of objects and no garbage worth collecting: without the collector it takes a sixth less.
-Whatever goes wrong is left to the process that imports the module in the end: its error is the one to tell.
+A module is compiled when it is imported. It waits for the kernel modules that it imports itself, so that nothing is
+compiled twice; the longest come first. The compiler makes millions of objects and no garbage worth collecting: without
+the collector it takes a sixth less. Whatever goes wrong is left to the process that imports the module in the end: its
+error is the one to tell.
 """
 
 from __future__ import annotations
@@ -12,15 +13,22 @@ import gc
 import importlib
 import multiprocessing
 import os
-from collections.abc import Iterable, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.pool import AsyncResult
 from pathlib import Path
+from typing import TypeVar
 
 from aatri.pipeline.methods.code_digest import Code
 from aatri.pipeline.methods.kernel_cache import code_of, is_compiled
 
 PROCESSES = 4
 """More do not help: the chain of modules that wait for each other is a quarter of the work."""
+
+_LOOK_S = 0.02
+
+R = TypeVar("R")
 
 
 def kernels_of(codes: Iterable[Code]) -> dict[str, Path]:
@@ -34,23 +42,64 @@ def missing(kernels: Mapping[str, Path]) -> dict[str, Path]:
     return {name: file for name, file in kernels.items() if not is_compiled(name, file)}
 
 
-def compile_side_by_side(kernels: Mapping[str, Path]) -> None:
-    """Compile kernel modules, given with their files."""
-    needs = {name: set(code_of(name, file).files) & set(kernels) - {name} for name, file in kernels.items()}
-    waiting = sorted(kernels, key=lambda name: -kernels[name].stat().st_size)
-    under_way: dict[Future[None], str] = {}
-    processes = min(PROCESSES, os.cpu_count() or 1, len(waiting))
-    with ProcessPoolExecutor(
-        processes, mp_context=multiprocessing.get_context("spawn"), initializer=gc.disable
-    ) as pool:
-        while waiting or under_way:
-            unfinished = {*waiting, *under_way.values()}
-            ready = [name for name in waiting if not needs[name] & unfinished]
-            for name in ready[: processes - len(under_way)]:
-                waiting.remove(name)
-                under_way[pool.submit(_compile, name)] = name
-            for done in wait(under_way, return_when=FIRST_COMPLETED).done:
-                del under_way[done]
+def without_compiler(function: Callable[..., R], *arguments: object) -> R:
+    """The result of a function in a process of its own that compiles nothing, so that it imports stages at once.
+
+    Raises
+    ------
+    Exception
+        What the function raises.
+    """
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawned, initializer=_disable_compiler) as pool:
+        return pool.submit(function, *arguments).result()
+
+
+def _disable_compiler() -> None:
+    os.environ["NUMBA_DISABLE_JIT"] = "1"
+
+
+class Compilation:
+    """Kernel modules that are being compiled, given with their files; ends with this process at the latest."""
+
+    def __init__(self, kernels: Mapping[str, Path]) -> None:
+        self._under_way, self._changed = set(kernels), threading.Condition()
+        threading.Thread(target=self._run, args=(kernels,), daemon=True).start()
+
+    def wait(self, modules: Iterable[str] | None = None) -> None:
+        """Come back when some modules are compiled, by default all."""
+        needed = None if modules is None else set(modules)
+        with self._changed:
+            self._changed.wait_for(lambda: not (self._under_way if needed is None else self._under_way & needed))
+
+    def _run(self, kernels: Mapping[str, Path]) -> None:
+        needs = {name: set(code_of(name, file).files) & set(kernels) - {name} for name, file in kernels.items()}
+        waiting = sorted(kernels, key=lambda name: -kernels[name].stat().st_size)
+        processes = min(PROCESSES, os.cpu_count() or 1, len(waiting))
+        begun: dict[str, AsyncResult[None]] = {}
+        with contextlib.ExitStack() as ending:
+            ending.callback(self._end, set(kernels))
+            pool = ending.enter_context(multiprocessing.get_context("spawn").Pool(processes, initializer=_as_compiler))
+            while waiting or begun:
+                for name in [name for name in waiting if not needs[name] & self._under_way][: processes - len(begun)]:
+                    waiting.remove(name)
+                    begun[name] = pool.apply_async(_compile, (name,))
+                ended = {name for name, result in begun.items() if result.ready()}
+                begun = {name: result for name, result in begun.items() if name not in ended}
+                self._end(ended)
+                threading.Event().wait(0.0 if ended else _LOOK_S)
+
+    def _end(self, modules: set[str]) -> None:
+        with self._changed:
+            self._under_way -= modules
+            self._changed.notify_all()
+
+
+def _as_compiler() -> None:
+    """What runs meanwhile, and who types, come first."""
+    gc.disable()
+    with contextlib.suppress(AttributeError, OSError):
+        os.nice(5)
 
 
 def _compile(module: str) -> None:

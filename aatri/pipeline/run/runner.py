@@ -9,7 +9,7 @@ command goes on from there.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -58,7 +58,10 @@ class Listener(Protocol):
 
 @dataclass(frozen=True)
 class How:
-    """How to run: what the command line says beside the pipeline itself."""
+    """How to run: what the command line says beside the pipeline itself.
+
+    `compiled` comes back when some modules have been compiled.
+    """
 
     selection: Selection = field(default_factory=Selection)
     jobs: int = 1
@@ -68,6 +71,7 @@ class How:
     command: str = "aatri run"
     source: Source = field(default_factory=Source)
     request: Mapping[str, Any] = field(default_factory=dict)
+    compiled: Callable[[Iterable[str]], None] | None = None
 
 
 def run_pipeline(
@@ -251,6 +255,8 @@ class _Run:
         self.listener.started(node.name, node.method.name, self.numbers[node.name], len(self.nodes))
         self.events.add("stage started", stage=node.name, key=decision.key,
                         reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
+        if self.how.compiled is not None:
+            self.how.compiled(node.modules)
         return workers.submit(task_of(self.spec, node, decision, self.records, self.how.source))
 
     def _end(self, node: Node, outcome: Outcome) -> None:

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("numba")
 
 from aatri.pipeline.methods import kernel_cache
-from aatri.pipeline.methods.compile_kernels import compile_side_by_side, missing
+from aatri.pipeline.methods.compile_kernels import Compilation, missing
 from aatri.pipeline.methods.kernel_cache import folder_name, is_compiled, remove_unused, use_kernel_cache
 
 INNER = """from numba import njit
@@ -74,7 +74,7 @@ def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pyt
     kernels = _clone(tmp_path, 2.0)
     assert use_kernel_cache() == tmp_path / "numba"
     assert missing(kernels) == kernels
-    compile_side_by_side(kernels)
+    Compilation(kernels).wait()
     assert missing(kernels) == {}
     assert len(list((tmp_path / "numba").iterdir())) == 2
 
@@ -82,7 +82,7 @@ def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pyt
 def test_a_module_that_fails_is_left_to_who_needs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
     kernels = _clone(tmp_path, 2.0)  # not on the path: no process can import it
-    compile_side_by_side(kernels)
+    Compilation(kernels).wait()
     assert missing(kernels) == kernels
 
 
