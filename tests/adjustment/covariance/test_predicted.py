@@ -103,11 +103,13 @@ def test_an_inactive_record_without_finite_residual_harms_nothing_but_its_own_pr
 
     found = adjust_large(unknowns, (replace(records[0], evaluate=broken), *records[1:]), start)
     wanted = adjust_large(unknowns, records, start)
-    assert found.cost == wanted.cost
+    assert found.cost == pytest.approx(wanted.cost, rel=1e-12)
     of, expected = marginal_covariances(found), marginal_covariances(wanted)
     assert np.isnan(of.rays[2]).any()
-    np.testing.assert_array_equal(np.delete(of.rays, 2, axis=0), np.delete(expected.rays, 2, axis=0))
-    np.testing.assert_array_equal(of.groups["p"], expected.groups["p"])
+    for one, other in ((of.rays, expected.rays), (of.groups["p"], expected.groups["p"])):
+        finite = np.isfinite(one).reshape(len(one), -1).all(axis=1)
+        np.testing.assert_allclose(one[finite], other[finite], rtol=1e-9, atol=1e-12)
+    assert not np.isnan(np.delete(of.rays, 2, axis=0)).any()
 
 
 def test_full_whiteners_of_inactive_records_count_in_their_prediction() -> None:
