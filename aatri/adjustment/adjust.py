@@ -132,6 +132,7 @@ def adjust_large(
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
         here, more = with_runaways_slowed(following(here, trial, found, veto, reporter))
+        history[-1] = replace(history[-1], strayed=here.strayed)
         notes += more
         refuse_unusable(here)
     refuse_nearly_singular(here.problem, here.state, max_iterations)

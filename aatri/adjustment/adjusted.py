@@ -11,11 +11,20 @@ from aatri.notes import Note
 
 @dataclass(frozen=True)
 class Step:
-    """One line of the history."""
+    """One line of the history.
+
+    Attributes
+    ----------
+    cost, decrement, damping : float
+        Before the step.
+    strayed : bool
+        The linear step was not taken as it was: refused, damped, or taken with the eliminated blocks moved on.
+    """
 
     cost: float
     decrement: float
     damping: float
+    strayed: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +13,7 @@ from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.damping import Damping, gain
 from aatri.adjustment.stepping.robust import POOR, bolder, curvature_of, more_cautious
+from aatri.adjustment.stepping.runaways import Veto, all_steadied
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
@@ -23,9 +23,6 @@ from aatri.progress import Reporter
 
 HOLD = 1e-9
 """Share of its own normal matrix by which the steps of a block without finite optimum are shortened."""
-
-Veto = Callable[[State, State], str]
-"""(old, new) -> why the new state is refused, or an empty text."""
 
 ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"
 
@@ -43,12 +40,15 @@ class IterationState:
     factored : Factored
         The linearisation there.
     damping : Damping
+    strayed : bool
+        The step to here was not the linear one.
     """
 
     problem: IndexedProblem
     state: dict[str, Any]
     factored: Factored
     damping: Damping = Damping()
+    strayed: bool = False
 
     @property
     def decrement(self) -> float:
@@ -63,6 +63,8 @@ def following(
 ) -> IterationState:
     """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs.
 
+    A step that is damped or would be refused is taken with every eliminated block at its own optimum after it.
+
     Parameters
     ----------
     trial : dict
@@ -71,33 +73,41 @@ def following(
         The step.
     """
     problem, factored, damping = here.problem, here.factored, here.damping
+    before = _cost(here, here.state, factored.cost)
     refused = veto(here.state, trial) if veto else ""
-    before = factored.cost + penalty(problem, here.state, factored)
-    next_: Factored | None = None
-    then = problem
     if not refused and damping.value == 0.0:
         then = bolder(problem, here.decrement)
         next_ = factorise_constrained(then, trial)
-        cost = next_.cost + penalty(problem, trial, factored)
+        cost = _cost(here, trial, next_.cost)
         refused = _worse(cost, before)
         if not refused and curvature_of(problem) > 0 and gain(before, cost, factored.decrease) < POOR:
             then = more_cautious(problem)
             next_ = factorise_constrained(then, trial)
-    elif not refused:
-        cost = cost_of(problem, trial) + penalty(problem, trial, factored)
-        refused = _worse(cost, before)
         if not refused:
-            predicted = predicted_decrease(problem, factored, found) + predicted_by_constraints(factored)
-            damping = damping.accepted(gain(before, cost, predicted))
-            next_ = factorise_constrained(problem, trial, damping.value)
-    if next_ is not None and not refused:
-        return IterationState(then, trial, next_, damping)
+            return IterationState(then, trial, next_, damping)
+    for bold in (True, False) if damping.value > 0.0 else (True,):
+        after = all_steadied(problem, trial) if bold and not problem.constraints else trial
+        cost = _cost(here, after, cost_of(problem, after))
+        why = (veto(here.state, after) if veto else "") or _worse(cost, before)
+        if not why:
+            if damping.value > 0.0:
+                predicted = predicted_decrease(problem, factored, found) + predicted_by_constraints(factored)
+                damping = damping.accepted(gain(before, cost, predicted))
+            factored = factorise_constrained(problem, after, damping.value)
+            return IterationState(problem, after, factored, damping, strayed=True)
+        refused = refused or why
     reporter.log(f"step refused: {refused}")
     if curvature_of(problem) > 0:
         problem = more_cautious(problem)
     else:
         damping = damping.refused()
-    return IterationState(problem, here.state, factorise_constrained(problem, here.state, damping.value), damping)
+    factored = factorise_constrained(problem, here.state, damping.value)
+    return IterationState(problem, here.state, factored, damping, strayed=True)
+
+
+def _cost(here: IterationState, state: State, cost: float) -> float:
+    """Cost of a state and what it violates of the constraints."""
+    return cost + penalty(here.problem, state, here.factored)
 
 
 def with_runaways_slowed(here: IterationState) -> tuple[IterationState, list[Note]]:

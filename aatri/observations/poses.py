@@ -1,12 +1,13 @@
 """Poses: the orientations of images as a group of unknowns.
 
 A block is (X0, Y0, Z0, d1, d2, d3): the projection centre and the rotation increment on the ground side,
-R <- exp([d]x) R.
+R <- exp([d]x) R. How a finite step moves an image is a choice, as long as small ones are the same: see `retract_poses`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -60,13 +61,35 @@ def _similarity(x: Float) -> Float:
     return np.asarray(np.concatenate([shift, -skew(x), x[:, :, None]], axis=2))
 
 
-def retract_poses(poses: Poses, step: Float) -> Poses:
-    """Poses after a step (n, 6)."""
-    rotation = exp_rotation(step[:, 3:]) @ poses.ground_from_image
-    return Poses(poses.position_m + step[:, :3], rotation)
+def retract_poses(poses: Poses, step: Float, seen_at_m: Float | None = None) -> Poses:
+    """Poses after a step s of the projection centre and d of the rotation: about the centre, or what the image sees.
+
+    An image that only its points hold keeps to the place X0 + D a where it looks, a = -R e3, while it turns and its
+    distance D changes with that of its points and with the principal distance. With a' = exp([d]x) a,
+
+        X0 <- X0 + s + D d x a - (D - s'a) (a' - a)
+
+    which is X0 + s to first order: the linearised equations are the same, and steps a hundred times as long hold.
+
+    Parameters
+    ----------
+    step : (n, 6) float64
+    seen_at_m : (n,) float64, m, optional
+        About D, of what each image sees; 0: it turns about its projection centre, X0 <- X0 + s.
+    """
+    s, d = step[:, :3], step[:, 3:]
+    rotation = exp_rotation(d) @ poses.ground_from_image
+    position = poses.position_m + s
+    if seen_at_m is not None and seen_at_m.any():
+        D, a = seen_at_m[:, None], -poses.ground_from_image[:, :, 2]
+        after = np.where(D > 0, np.maximum(D - (s * a).sum(axis=1, keepdims=True), 0.0), 0.0)
+        position = position + D * np.cross(d, a) - after * (-rotation[:, :, 2] - a)
+    return Poses(position, rotation)
 
 
-def pose_unknowns(ids: Ids, free: Bool, position_m: Float, distance_m: float | None = None) -> Unknowns:
+def pose_unknowns(
+    ids: Ids, free: Bool, position_m: Float, distance_m: float | None = None, seen_at_m: Float | None = None
+) -> Unknowns:
     """The group of poses.
 
     Parameters
@@ -77,7 +100,11 @@ def pose_unknowns(ids: Ids, free: Bool, position_m: Float, distance_m: float | N
         Where images lie, for the order of elimination.
     distance_m : float, optional, m
         Of the ground: a centre less certain than this, or a rotation than 1 rad, is not determined.
+    seen_at_m : (n,) float64, optional, m
+        See `retract_poses`; only where all six scalars are free.
     """
     labels = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
-    return Unknowns(POSE, free, labels, ids, retract_poses, position=position_m[:, :2], generator=pose_generator,
+    seen_at_m = None if seen_at_m is None else np.where(free.all(axis=1), seen_at_m, 0.0)
+    retract = partial(retract_poses, seen_at_m=seen_at_m)
+    return Unknowns(POSE, free, labels, ids, retract, position=position_m[:, :2], generator=pose_generator,
                     implausible=None if distance_m is None else np.array([distance_m] * 3 + [1.0] * 3))  # fmt: skip

@@ -1,12 +1,18 @@
-"""Eliminated blocks that few records within the bound of their loss determine, steadied on their own.
+"""Eliminated blocks moved to their own optimum, everything else held: after bold steps all, and open ones under a loss.
 
-Beyond the bound a loss grows linearly and determines nothing along the residual. A point of two rays, one or both
-beyond, slides along until a ray comes within the bound. Not to hold up all others, each such point is moved to its own
-optimum, everything else held, by damped Newton steps,
+A long step of the kept unknowns (poses, a camera) may be right where the linear step of the points that goes with it is
+not. Each point is therefore moved on by damped Newton steps,
 
-    (D + lambda diag D) dy = -h,    D = sum B'B, h = sum B'v of its own rays, weighted by the loss
+    (D + lambda diag D) dy = -h,    D = sum B'B, h = sum B'v of its own records, weighted by the loss
 
-each block with its own lambda; a step that raises the block's cost is refused. The cost of the whole only falls.
+each block with its own lambda; a step that raises the block's cost is refused. The cost of the whole only falls, and
+is judged as a function of the kept unknowns alone (variable projection), whose valleys are less bent.
+
+Beyond its bound a loss grows linearly and determines nothing along the residual. A point of two rays, one or both
+beyond, slides along until a ray comes within the bound. Not to hold up all others it is moved after every step.
+
+Source: Golub & Pereyra 1973, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+variables separate; Okatani & Deguchi 2007, On the Wiberg algorithm for matrix factorization.
 """
 
 from __future__ import annotations
@@ -19,8 +25,8 @@ import numpy as np
 
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
-from aatri.adjustment.loss import NEWTON, Huber
-from aatri.adjustment.records import whitened
+from aatri.adjustment.loss import NEWTON
+from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State
@@ -35,7 +41,29 @@ SETTLED = 1e-8
 FIRST, LESS, MORE, LEAST = 1e-3, 0.2, 8.0, 1e-9
 """Damping at first, its factors after a step that was taken or refused, and its lower bound."""
 
+RAYS_AT_A_TIME = 100_000
+"""Of the rays, to bound the memory."""
+
 Veto = Callable[[State, State], str]
+"""(old, new) -> why the new state is refused, or an empty text."""
+
+
+def all_steadied(problem: IndexedProblem, state: dict[str, Any]) -> dict[str, Any]:
+    """The state with every eliminated block at its own optimum; those that run away from it are left alone."""
+    if problem.rays is None:
+        return state
+    blocks = np.flatnonzero((problem.hold[:, 0, 0] == 0.0) & (np.diff(problem.rays.ray_start) > 0))
+    parts = np.searchsorted(problem.rays.ray_start[blocks], np.arange(0, len(problem.rays.rows), RAYS_AT_A_TIME))
+    group = problem.layout.eliminated
+    for some in np.split(blocks, parts[1:]):
+        before = state
+        state, running = _moved(problem, state, some)
+        if len(running):
+            still = problem.rays.block[running]
+            value = state[group].copy()
+            value[still] = before[group][still]
+            state = {**state, group: value}
+    return state
 
 
 def steadied(problem: IndexedProblem, state: dict[str, Any], veto: Veto | None = None) -> dict[str, Any]:
@@ -53,7 +81,7 @@ def steadied(problem: IndexedProblem, state: dict[str, Any], veto: Veto | None =
     blocks = _open(problem, state)
     if not len(blocks):
         return state
-    moved = _moved(problem, state, blocks, problem.rays.records.loss)
+    moved, _ = _moved(problem, state, blocks)
     return state if veto and veto(state, moved) else moved
 
 
@@ -89,12 +117,13 @@ def _open(problem: IndexedProblem, state: State) -> Int:
     return np.flatnonzero(found)
 
 
-def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int, loss: Huber) -> dict[str, Any]:
-    """Damped Newton steps of all blocks at once, each accepted or refused by its own cost."""
+def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> tuple[dict[str, Any], Int]:
+    """Damped Newton steps of all blocks at once, each accepted or refused by its own cost; which have not ended."""
     rays, group = problem.rays, problem.layout.eliminated
     assert rays is not None
     unknowns = next(u for u in problem.unknowns if u.name == group)
-    records = replace(rays.records, loss=replace(loss, curvature=NEWTON))
+    loss = rays.records.loss
+    records = rays.records if loss is None else replace(rays.records, loss=replace(loss, curvature=NEWTON))
     curved = replace(problem, rays=replace(rays, records=records))
     cost, D, h = _normal_equations(curved, state, blocks)
     damping = np.full(len(blocks), FIRST)
@@ -113,7 +142,7 @@ def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int, loss: Hu
         state = {**state, group: unknowns.retract(state[group], step)}
         cost, damping = np.where(better, new_cost, cost), np.maximum(damping * np.where(better, LESS, MORE), LEAST)
         D, h = np.where(better[:, None, None], new_D, D), np.where(better[:, None], new_h, h)
-    return state
+    return state, blocks
 
 
 def _steps(D: Float, h: Float, damping: Float) -> Float:
@@ -123,18 +152,29 @@ def _steps(D: Float, h: Float, damping: Float) -> Float:
 
 
 def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tuple[Float, Float, Float]:
-    """Cost (n,), D (n, 3, 3) and h (n, 3) of some blocks by their own rays."""
+    """Cost (n,), D (n, 3, 3) and h (n, 3) of some blocks by their own records."""
     rays = problem.rays
     assert rays is not None
-    assert rays.records.loss is not None
     count = np.diff(rays.ray_start)[blocks]
     first = np.cumsum(count) - count
     ray = np.repeat(rays.ray_start[blocks] - first, count) + np.arange(count.sum())
     v, jacobians = whitened(rays.records, state, rays.rows[ray])
     at = [group for group, _ in rays.records.touches].index(problem.layout.eliminated)
     B = jacobians[at] * np.repeat(problem.block_free[blocks], count, axis=0)[:, None, :]
-    return (
-        np.add.reduceat(rays.records.loss.costs(v), first),
-        np.add.reduceat(np.einsum("nki,nkj->nij", B, B), first),
-        np.add.reduceat(np.einsum("nki,nk->ni", B, v), first),
-    )
+    costs = (v**2).sum(axis=1) if rays.records.loss is None else rays.records.loss.costs(v)
+    cost = np.add.reduceat(costs, first)
+    D = np.add.reduceat(np.einsum("nki,nkj->nij", B, B), first)
+    h = np.add.reduceat(np.einsum("nki,nk->ni", B, v), first)
+    for records, rows, observed in problem.direct:
+        place = np.searchsorted(blocks, observed)
+        mine = np.flatnonzero(np.isin(observed, blocks) & records.active[rows])
+        v, (own,) = whitened(records, state, rows[mine])
+        at, own = place[mine], own * problem.block_free[observed[mine]][:, None, :]
+        np.add.at(cost, at, (v**2).sum(axis=1) + _excess(records, v))
+        np.add.at(D, at, np.einsum("nki,nkj->nij", own, own))
+        np.add.at(h, at, np.einsum("nki,nk->ni", own, v))
+    return cost, D, h
+
+
+def _excess(records: Records, v: Float) -> Float:
+    return np.zeros(len(v)) if records.loss is None else records.loss.costs(v) - (v**2).sum(axis=1)

@@ -24,10 +24,8 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Given, Holds, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_unknowns
+from aatri.orientation.bundle.seen_distances import median_distance_m, seen_distances_m
 from aatri.orientation.bundle.strip_numbering import StripNumbering
-
-MOST_RAYS_LOOKED_AT = 20_000
-"""Of so many rays, evenly taken, the median distance is that of all."""
 
 
 @dataclass(frozen=True)
@@ -223,8 +221,11 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     point = participants.of[POINT]
     free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point)) & ~participants.absent
     free &= np.True_ if given.held_points is None else ~given.held_points[:, None]
-    distance = median_distance_m(given)
-    groups = [pose_unknowns(given.image_ids, poses, places, distance)] if len(poses) else []
+    groups = []
+    if len(poses):
+        start = (given.rays, given.poses, given.xyz_m)
+        seen_at_m = np.where(_with_own_observations(given), 0.0, seen_distances_m(*start))
+        groups = [pose_unknowns(given.image_ids, poses, places, median_distance_m(*start), seen_at_m)]
     for o in given.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
     # Where no image is adjusted, nothing is left to eliminate the points from: they are the unknowns that are kept.
@@ -246,18 +247,17 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     ]
 
 
+def _with_own_observations(given: BundleInput) -> Bool:
+    """Images whose poses are observed, not their points alone, (n_images,)."""
+    own = np.zeros(len(given.image_ids), dtype=bool)
+    for o in given.observed:
+        groups = dict(o.records.touches)
+        if POSE in groups and POINT not in groups:
+            own[groups[POSE][o.records.active]] = True
+    return own
+
+
 def _extent_m(given: BundleInput) -> float:
     """Extent of a network, m: a point less certain than this is not determined."""
     known = given.xyz_m[finite_rows(given.xyz_m)]
     return float(np.linalg.norm(np.ptp(known, axis=0))) if len(known) > 1 else np.inf
-
-
-def median_distance_m(given: BundleInput) -> float | None:
-    """Median distance of the points from the images that see them, m; None where nothing tells it."""
-    if given.rays is None:
-        return None
-    rays = given.rays
-    some = slice(None, None, max(1, len(rays.image) // MOST_RAYS_LOOKED_AT))
-    away = given.xyz_m[rays.point[some]] - given.poses.position_m[rays.image[some]]
-    away = away[np.isfinite(away).all(axis=1) & rays.active[some]]
-    return float(np.median(np.linalg.norm(away, axis=1))) if len(away) else None

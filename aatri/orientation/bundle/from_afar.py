@@ -1,6 +1,6 @@
 """Bundle adjustment from bad starts: where it fails, once more from a start that collinearity in object space gives.
 
-The direct adjustment is tried first. If it does not converge, needs damping and ends with a sigma0 far above 1, or
+The direct adjustment is tried first. If it does not converge, strays and ends with a sigma0 far above 1, or
 turns images over (most of their points behind them), it is tried again: with relative control from a start without it
 (`latent_start`); then from starts by `space_start`: with rotations
 held at first or not, image points down-weighted or as they are. The best result counts, at once if another start leads
@@ -28,7 +28,7 @@ from aatri.orientation.bundle.space_start import start_in_space, turned_over
 from aatri.progress import SILENT, Reporter
 
 FAR_SIGMA0 = 3.0
-"""sigma0 above which an adjustment that had to be damped is tried from elsewhere."""
+"""sigma0 above which an adjustment that did not go straight, by linear steps alone, is tried from elsewhere."""
 
 SAME = 1e-6
 """Costs that agree within this share are those of the same minimum."""
@@ -82,7 +82,7 @@ def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = 
     if result is None or turned_over(given, result).any():
         return False
     # relative control has minima of its own: a cylinder through other points that nearly fit
-    strayed = restarted or has_shapes(given) or any(step.damping > 0 for step in result.adjusted.history)
+    strayed = restarted or has_shapes(given) or any(step.strayed for step in result.adjusted.history)
     return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
 
 

@@ -14,8 +14,9 @@ from aatri.adjustment.conditioning import least_certain
 from aatri.adjustment.constraints import factorise_constrained
 from aatri.notes import Note
 from aatri.observations.poses import POINT
-from aatri.orientation.bundle.block import BundleInput, median_distance_m
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.seen_distances import median_distance_m
 
 WEAK = 10.0
 """Regular blocks with control at their edges have 1 to 4."""
@@ -25,7 +26,7 @@ SHARE = 0.95
 
 def weak_datum_notes(given: BundleInput, result: BundleResult) -> list[Note]:
     """A warning that names what a block hardly determines as a whole."""
-    distance, adjusted = median_distance_m(given), result.adjusted
+    distance, adjusted = median_distance_m(given.rays, given.poses, given.xyz_m), result.adjusted
     if distance is None or given.given is None or given.given.image_points is None or result.free is not None:
         return []
     if not adjusted.has_factor or POINT not in result.covariances:

@@ -1,0 +1,42 @@
+"""How far from the images the points lie that they see: of the whole block, and of each image."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.poses import Poses
+
+MOST_RAYS_LOOKED_AT = 20_000
+"""Of so many rays, evenly taken, the median distance is that of all."""
+
+RAYS_OF_AN_IMAGE = 30
+"""Of so many rays, evenly taken, the median depth is good enough to turn an image about."""
+
+
+def median_distance_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) -> float | None:
+    """Median distance of the points from the images that see them, m; None where nothing tells it."""
+    if rays is None:
+        return None
+    some = slice(None, None, max(1, len(rays.image) // MOST_RAYS_LOOKED_AT))
+    away = xyz_m[rays.point[some]] - poses.position_m[rays.image[some]]
+    away = away[np.isfinite(away).all(axis=1) & rays.active[some]]
+    return float(np.median(np.linalg.norm(away, axis=1))) if len(away) else None
+
+
+def seen_distances_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) -> Float:
+    """Median depth of the points that each image sees, (n_images,), m; 0 where none lies before it."""
+    n = len(poses.position_m)
+    if rays is None or not len(rays.image):
+        return np.zeros(n)
+    some = slice(None, None, max(1, len(rays.image) // (RAYS_OF_AN_IMAGE * n)))
+    image, point = rays.image[some], rays.point[some]
+    away = xyz_m[point] - poses.position_m[image]
+    depth = -np.einsum("ni,ni->n", poses.ground_from_image[image, :, 2], away)
+    usable = np.isfinite(depth) & rays.active[some]
+    image, depth = image[usable], depth[usable]
+    count = np.bincount(image, minlength=n)
+    middle = np.minimum(np.cumsum(count) - count + count // 2, max(len(depth) - 1, 0))
+    ordered = depth[np.lexsort((depth, image))]
+    return np.where(count > 0, np.maximum(ordered[middle] if len(ordered) else 0.0, 0.0), 0.0)
