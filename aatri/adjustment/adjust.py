@@ -23,9 +23,9 @@ from aatri.adjustment.constraints import factorise_constrained, support
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.forecast import within_limit
 from aatri.adjustment.iteration import (
-    ADVICE,
     IterationState,
     Veto,
+    advice_after,
     following,
     refuse_unusable,
     with_runaways_slowed,
@@ -136,7 +136,7 @@ def adjust_large(
         notes += more
         refuse_unusable(here)
     refuse_nearly_singular(here.problem, here.state, max_iterations)
-    raise ConvergenceError(_failure(records, here.state, max_iterations, history[-1]), remedy=ADVICE)
+    raise ConvergenceError(_failure(records, here.state, max_iterations, history[-1]), remedy=advice_after(history))
 
 
 def _without_observations(problem: IndexedProblem) -> list[Note]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from aatri.adjustment.adjusted import Step
 from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints
 from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease
@@ -25,6 +27,9 @@ HOLD = 1e-9
 """Share of its own normal matrix by which the steps of a block without finite optimum are shortened."""
 
 ADVICE = "check the worst observations, or start from better initial values (`from: initial`)"
+
+LATELY = 5
+"""Iterations over which progress is judged."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,18 @@ def following(
         damping = damping.refused()
     factored = factorise_constrained(problem, here.state, damping.value)
     return IterationState(problem, here.state, factored, damping, strayed=True)
+
+
+def advice_after(history: Sequence[Step]) -> str:
+    """What to do after too few iterations: go on where v'v still falls by more than one observation contributes."""
+    fallen = history[-1 - LATELY].cost - history[-1].cost if len(history) > LATELY else 0.0
+    if fallen <= 1.0:
+        return ADVICE
+    share = 100 * fallen / history[-1 - LATELY].cost
+    return (
+        f"the sum of squares still falls, by {share:.2g} % in the last {LATELY} iterations: allow more "
+        "(`max_iterations`), or start nearer (`from: initial`, parameters from the data sheet or held at first)"
+    )
 
 
 def _cost(here: IterationState, state: State, cost: float) -> float:

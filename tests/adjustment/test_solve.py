@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.adjust import Adjusted, adjust_large
+from aatri.adjustment.adjusted import Step
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule as shares
+from aatri.adjustment.iteration import advice_after
 from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
@@ -156,6 +158,12 @@ def test_no_convergence_is_a_failure_that_names_the_worst_records() -> None:
     unknowns, records, start = made_problem()
     with pytest.raises(ConvergenceError, match="ray row"):
         adjust_large(unknowns, records, start, max_iterations=1)
+
+
+@pytest.mark.parametrize(("last", "advice"), [(900.0, "still falls, by 10 %"), (999.5, "check the worst")])
+def test_what_makes_progress_is_told_to_go_on(last: float, advice: str) -> None:
+    history = [Step(cost, 3.0, 1e-3) for cost in (1500.0, 1000.0, *np.linspace(1000.0, last, 6)[1:])]
+    assert advice in advice_after(history)
 
 
 def test_a_vetoed_step_is_damped() -> None:

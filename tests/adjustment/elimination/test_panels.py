@@ -6,7 +6,6 @@ import errno
 import gc
 import os
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np

@@ -1,0 +1,42 @@
+"""Eliminated blocks at their own optimum, held against dense algebra over the records that touch them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.elimination.backsolve import cost_of
+from aatri.adjustment.problem import Problem
+from aatri.adjustment.records import whitened
+from aatri.adjustment.settings import Settings
+from aatri.adjustment.stepping import runaways
+from aatri.adjustment.stepping.runaways import all_steadied
+from aatri.adjustment.structure.index_problem import indexed
+from tests.adjustment.block_problem import joined_problem, made_problem
+
+
+@pytest.mark.parametrize("maker", [made_problem, joined_problem])
+@pytest.mark.parametrize("rays_at_a_time", [7, 100_000])
+def test_every_block_is_at_the_optimum_of_its_own_records_and_nothing_else_has_moved(
+    maker, rays_at_a_time: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runaways, "RAYS_AT_A_TIME", rays_at_a_time)
+    unknowns, records, start = maker(2, n_kept=8, n_points=20)
+    rng = np.random.default_rng(1)
+    free = {u.name: u.free for u in unknowns}
+    far = {name: value + free[name] * rng.normal(size=value.shape) for name, value in start.items()}
+    problem = indexed(Problem(tuple(unknowns), tuple(records)), Settings())
+    steadied = all_steadied(problem, far)
+    assert cost_of(problem, steadied) < cost_of(problem, far)
+    for name in far:
+        held = np.ones_like(free[name]) if name != "p" else ~free[name]
+        np.testing.assert_array_equal(np.asarray(steadied[name])[held], np.asarray(far[name])[held])
+    gradient, normal = np.zeros((20, 3)), np.zeros((20, 3, 3))
+    for r in records:
+        for (group, block), J in zip(r.touches, whitened(r, steadied, np.arange(len(r.active)))[1]):
+            if group == "p":
+                v = whitened(r, steadied, np.arange(len(r.active)))[0]
+                np.add.at(gradient, block, np.einsum("nij,ni->nj", J, v))
+                np.add.at(normal, block, np.einsum("nij,nik->njk", J, J))
+    off = np.abs(gradient) / np.sqrt(np.einsum("nii->ni", normal))  # in standard deviations of a scalar by itself
+    assert off[free["p"]].max() < 1e-3

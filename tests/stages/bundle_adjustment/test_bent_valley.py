@@ -1,0 +1,101 @@
+"""Self-calibration from a principal distance far off: the valley of c and the flying height bends, the steps follow it.
+
+Every image is oriented with the wrong c before, as the stages before the bundle do. The solution does not depend on the
+start: it is held against the one from the right c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block, CameraParameters
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.formats.tables.reader import read_block
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
+from aatri.stages.initial_orientation.graph import graph
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.made_uav_3strips import block_folder
+from tests.stages.film_blocks import Told
+from tests.stages.initial_orientation.unordered import SMALL_UAV, simulated, without_strips
+
+MOST = 20
+"""Iterations that an adjustment may need."""
+
+FREE = ("principal_distance", "principal_point.x", "principal_point.y", "k1", "k2", "k3", "p1", "p2")
+FLAT = {**SMALL_UAV, "flight": {"strips": 4, "images_per_strip": 8}, "ties": {"random_per_image": 60.0}}
+HOVER = {"preset": "hover", "ties": {"new_points": 300}}
+ORBIT = {"preset": "orbit", "ties": {"new_points": 300}}
+OBLIQUE = {"preset": "oblique", "flight": {"strips": 2, "images_per_strip": 4}, "ties": {"new_points": 1200}}
+
+
+def uncalibrated(block: Block, c_factor: float, x0_share: float = 0.0) -> Block:
+    """The block without calibration: c times a factor, the principal point off by a share of the format, no lens."""
+    cameras, n = block.cameras, len(FREE)
+    free = CameraParameters(
+        camera=np.zeros(n, np.int32), name=np.array(FREE), sigma=np.full(n, np.nan), free=np.ones(n, dtype=bool),
+        value=np.array([np.nan, *[0.0] * (n - 1)]),
+    )  # fmt: skip
+    wrong = replace(
+        cameras,
+        principal_distance_mm=c_factor * cameras.principal_distance_mm,
+        principal_point_mm=cameras.principal_point_mm + x0_share * cameras.format * cameras.pixel_size_mm,
+        distortion=np.array(["brown"]),
+    )
+    return replace(block, cameras=wrong, camera_parameters=free)
+
+
+def measured(block: Block) -> ImagePoints:
+    off = SystematicOptions(distortion=False, refraction=False, earth_curvature=False)
+    return systematic(block, calibrated(block), options=off)
+
+
+def adjusted(block: Block) -> tuple[Solution, int]:
+    """Oriented and adjusted with all parameters free, and the most iterations of an adjustment."""
+    points, told = measured(block), Told()
+    start = graph(block, points, rng=np.random.default_rng(1))
+    done = bundle(block, points, start, options=BundleOptions(blunders="none", max_sigma0=1e3), context=told)
+    iterations = [int(line.split()[1].rstrip(":")) for line in told.lines if line.startswith("iteration ")]
+    return done, max(iterations)
+
+
+def without_positions(block: Block) -> Block:
+    return replace(block, exterior=block.exterior.take(np.zeros(0, dtype=np.intp)))
+
+
+def right(block: Block, c_factor: float, x0_share: float) -> None:
+    expected, few = adjusted(uncalibrated(block, 1.0))
+    found, iterations = adjusted(uncalibrated(block, c_factor, x0_share))
+    assert few <= 5
+    assert iterations <= MOST
+    # which rays the stages before leave out depends on the start, hence not to the last digit
+    c, sigma = (getattr(expected.parameters, name)[0] for name in ("value", "sigma"))
+    assert abs(found.parameters.value[0] - c) < sigma
+    assert found.sigma0 == pytest.approx(expected.sigma0, rel=0.02)
+
+
+@pytest.mark.parametrize(("c_factor", "x0_share"), [(0.71, 0.0), (0.9, 0.0), (1.1, 0.0), (1.29, 0.0), (1.0, 0.05)])
+def test_of_a_flat_block_without_positions(c_factor: float, x0_share: float) -> None:
+    right(without_positions(without_strips(simulated(**FLAT))), c_factor, x0_share)
+
+
+def test_of_a_flat_block_with_positions() -> None:
+    right(without_strips(simulated(**FLAT)), 1.29, 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("made", [HOVER, ORBIT, OBLIQUE], ids=["hover", "orbit", "oblique"])
+@pytest.mark.parametrize(("c_factor", "x0_share"), [(0.71, 0.0), (1.29, 0.0), (1.0, 0.05)])
+def test_of_other_arrangements(made: dict[str, object], c_factor: float, x0_share: float) -> None:
+    right(without_strips(simulated(**made)), c_factor, x0_share)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("c_factor", "x0_share"), [(0.71, 0.0), (1.29, 0.0), (1.0, 0.05)])
+def test_of_three_oblique_strips(shared_data: Path, tmp_path: Path, c_factor: float, x0_share: float) -> None:
+    right(read_block(block_folder(shared_data / "uav_3strips", tmp_path / "block")), c_factor, x0_share)
