@@ -5,7 +5,8 @@
 
 One file a model, words between blanks or commas, lines that begin with # are left out. A folder holds the models of a
 strip in the order of their names. `319-320.dat` is of the photos 319 and 320; other names are numbered, the right photo
-of a file being the left one of the next. A point of two files must have the same coordinates in the photo they share.
+of a file being the left one of the next. A point of two files has one measurement in the photo they share, or two where
+each model was measured by itself: both count, if they agree within their standard deviations (screening).
 
 Ground points: `point X Y Z` (east, north, up, m), one file of control and one of check points.
 
@@ -30,6 +31,7 @@ from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
 Place = tuple[float, float]
+Measured = tuple[Place, TextLine]
 
 
 def read_pairs(
@@ -64,7 +66,7 @@ def read_pairs(
     paths = [*models, *(p for p in (control, check) if p is not None)]
     interior: list[float] = []
     order: list[str] = []
-    measured: dict[tuple[str, str], tuple[Place, TextLine]] = {}
+    measured: dict[tuple[str, str], list[Measured]] = {}
     for number, path in enumerate(models):
         rows = _lines(path, reporter)
         photos = _photos(path, number)
@@ -75,6 +77,7 @@ def read_pairs(
     known = [(e, r) for p, r in ((control, CONTROL), (check, CHECK)) if p is not None for e in _lines(p, reporter)]
     c, x0, y0 = interior
     n = len(order)
+    every = [(name, one) for name, of in measured.items() for one in of]
     block = block_of(
         name=folder.resolve().name, rotation="phi-omega-kappa", files=paths,
         cameras={
@@ -86,10 +89,10 @@ def read_pairs(
             "file": np.zeros(n, np.int32), "line": np.ones(n, np.int32),
         },
         image_points={
-            "image": [photo for photo, _ in measured], "point": [point for _, point in measured],
-            "xy": np.array([place for place, _ in measured.values()]).reshape(-1, 2),
-            "sigma_mm": np.full((len(measured), 2), image_sigma_um * 1e-3),
-            **_at([entry for _, entry in measured.values()], paths),
+            "image": [photo for (photo, _), _ in every], "point": [point for (_, point), _ in every],
+            "xy": np.array([place for _, (place, _) in every]).reshape(-1, 2),
+            "sigma_mm": np.full((len(every), 2), image_sigma_um * 1e-3),
+            **_at([entry for _, (_, entry) in every], paths),
         },
         ground_points=_ground(known, paths, control_sigma_m),
     )  # fmt: skip
@@ -136,7 +139,7 @@ def _interior(row: TextLine, before: list[float]) -> list[float]:
 
 
 def _add(
-    row: TextLine, photos: tuple[str, str], unit_mm: float, measured: dict[tuple[str, str], tuple[Place, TextLine]]
+    row: TextLine, photos: tuple[str, str], unit_mm: float, measured: dict[tuple[str, str], list[Measured]]
 ) -> None:
     """A point pair."""
     if len(row.words) != 5:
@@ -144,17 +147,13 @@ def _add(
     point = row.words[0]
     places = [(row.number(k) * unit_mm, row.number(k + 1) * unit_mm) for k in (1, 3)]
     for photo, place in zip(photos, places):
-        if (photo, point) not in measured:
-            measured[photo, point] = place, row
-            continue
-        other, entry = measured[photo, point]
-        if entry.path == row.path:
-            raise row.error(f"point {point} twice, first in line {entry.line}", "remove one")
-        if max(abs(a - b) for a, b in zip(place, other)) > 0.5 * unit_mm:
-            raise row.error(
-                f"point {point} of photo {photo} has other coordinates than in {entry.path.name}:{entry.line}",
-                "measure a photo once, or give the points of one of the files another number",
-            )
+        before = measured.setdefault((photo, point), [])
+        for _, entry in before:
+            if entry.path == row.path:
+                raise row.error(f"point {point} twice, first in line {entry.line}", "remove one")
+        # written down again it is the same measurement; read anew it is another one
+        if all(max(abs(a - b) for a, b in zip(place, other)) > 1e-9 for other, _ in before):
+            before.append((place, row))
 
 
 def _ground(known: list[tuple[TextLine, int]], paths: list[Path], sigma_m: float) -> dict[str, npt.ArrayLike]:

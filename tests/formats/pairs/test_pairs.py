@@ -6,12 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aatri.errors import InputError
 from aatri.formats.pairs.reader import read_pairs
+from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.block.pairs import PairsOptions, pairs
+from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.image_refinement.systematic import systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
+from aatri.stages.strip_adjustment.polynomial import polynomial
+from aatri.stages.strip_formation.scale_transfer import scale_transfer
 
 FIRST = (
     "153.033 0.01 -0.02\n# point x1 y1 x2 y2\n11 100000 200000 -700000 210000\n12, 50000, -3000, -760000, -1500\n"
@@ -51,7 +57,7 @@ def test_models_of_a_strip_share_their_photos(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("second", "told"),
     [
-        ("153.033 0.01 -0.02\n12 -760010 -1500 0 0\n", "other coordinates than in m1.dat:4"),
+        ("153.033 0.01 -0.02\n12 -761000 -1500 0 0\n13 1 2 3 4\n24 5 6 7 8\n", "measured twice, 0.1 apart"),
         ("152 0 0\n12 -760000 -1500 0 0\n", "the files before have"),
         ("153.033 0.01 -0.02\n13 1 2 3\n", "4 words"),
         ("153.033 0.01\n", "interior elements should be"),
@@ -80,3 +86,37 @@ def test_a_real_pair_is_oriented_as_the_block_reader_has_it(shared_data: Path, t
     # Answer of the student program beside the data, to four digits; its angles turn the other way round.
     expected = {"phi2": -0.0006, "omega2": 0.0035, "kappa2": -0.0007}
     assert {k: value[k] for k in expected} == pytest.approx(expected, abs=5.1e-5)
+
+
+def test_models_measured_one_by_one_go_to_an_adjusted_block(tmp_path: Path) -> None:
+    """Connection points are read anew in every model: coordinates differ by their noise in the photo they share."""
+    rng, c, sigma_mm = np.random.default_rng(8), 153.0, 0.005
+    X0 = np.column_stack([200.0 * np.arange(5), rng.normal(0, 3, 5), 500.0 + rng.normal(0, 3, 5)])
+    angles = rng.normal(0, 0.01, (5, 3))
+    R = Rotation.from_euler("XYZ", angles).as_matrix()
+    x, y = np.meshgrid(np.arange(-50.0, 900.0, 50.0), [-150.0, 0.0, 150.0])
+    X = np.column_stack([x.ravel(), y.ravel(), rng.uniform(0, 40, x.size)])
+    u = np.einsum("kji,kpj->kpi", R, X[None] - X0[:, None])
+    seen = -c * u[:, :, :2] / u[:, :, 2:]
+    inside = (np.abs(seen) < 110).all(axis=2)
+    files = {}
+    for k in range(4):
+        rows = [f"{c}"]
+        for p in np.flatnonzero(inside[k] & inside[k + 1]):
+            pair = np.concatenate([seen[k, p], seen[k + 1, p]]) + rng.normal(0, sigma_mm, 4)
+            rows.append(f"{p} " + " ".join(f"{v:.4f}" for v in pair))
+        files[f"m{k}"] = "\n".join(rows)
+    made = folder(tmp_path / "strip", **files)
+    known = [p for p in range(len(X)) if p % 7 == 0]
+    (tmp_path / "control.txt").write_text("\n".join(f"{p} {X[p, 0]} {X[p, 1]} {X[p, 2]}" for p in known))
+    block = pairs(options=PairsOptions(path=made, control=tmp_path / "control.txt", image_sigma_um=5.0))
+    twice = inside[1:-1] & inside[:-2] & inside[2:]
+    assert len(block.image_points) == sum(2 * int((inside[k] & inside[k + 1]).sum()) for k in range(4))
+    assert twice.any()
+    points = systematic(block, calibrated(block))
+    strips = scale_transfer(block, dependent(block, points))
+    solution = bundle(block, points, polynomial(block, points, strips, similarity(block, strips, points)))
+    at = {name: k for k, name in enumerate(block.points.id.tolist())}
+    off = np.array([solution.points.xyz_m[at[str(p)]] - X[p] for p in range(len(X)) if str(p) in at])
+    assert np.sqrt((off**2).mean()) < 0.1
+    assert 0.8 < solution.sigma0 < 1.25
