@@ -26,7 +26,8 @@ import numpy as np
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.initial_notes import not_oriented, rejected_note, shown_components
 from aatri.adapters.ground.initial_observed import USES, ground_of
-from aatri.adapters.ground.initial_orientation import initial_solution, to_ground
+from aatri.adapters.ground.initial_orientation import to_ground
+from aatri.adapters.ground.initial_solution import initial_solution
 from aatri.adapters.ground.initial_whole import by_all_kinds
 from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of

@@ -1,4 +1,4 @@
-"""Free components to the ground by all that is known of it, and a Solution of them."""
+"""Free components to the ground by all that is known of it."""
 
 from __future__ import annotations
 
@@ -12,24 +12,14 @@ from aatri.adapters.ground.initial_datum import Known, datum_of, held_datum, kno
 from aatri.adapters.ground.initial_neighbours import ground_of_neighbours
 from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_tests import (
-    STAGE,
     attitude_notes,
     contradiction_note,
     deformation_notes,
-    held_against,
-    left_out_table,
-    residual_table,
-    suspect_table,
     two_that_differ,
     without_one,
 )
-from aatri.adapters.solution import solved_cameras, stacked
-from aatri.adapters.strips import strips as pieces
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations
-from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.geometry.vectors import finite_rows
@@ -37,9 +27,15 @@ from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.free_block.absolute import OrientedComponent, orient_component
-from aatri.orientation.graph.component import WIDE_RAD, Component
+from aatri.orientation.free_block.datum_analysis import UNDETERMINED
+from aatri.orientation.graph.component import Component
 from aatri.orientation.graph.frame import first_base_one
-from aatri.orientation.graph.triangulation import contradicting, residuals_mm
+
+HARDLY = 1e-4
+"""Motions with a lambda above this (errors of control magnified less than 100 times) may start a bundle, which tells
+how well they are known, where nothing better is there; see `datum_analysis`."""
+
+ByAll = Callable[[Component, Float], Similarity]
 
 
 @dataclass(frozen=True)
@@ -75,7 +71,7 @@ class OnGround:
 
 def to_ground(
     block: Block, ground: Ground, components: tuple[Component, ...], rays: ImagePointRows, limit: float,
-    by_all: Callable[[Component, Float], Similarity] | None = None,
+    by_all: ByAll | None = None,
 ) -> tuple[list[OnGround], list[Note]]:  # fmt: skip
     """Every component by one similarity; the first one stays free where none has a datum.
 
@@ -114,25 +110,43 @@ def to_ground(
         done.append(part)
         notes += [*told, *_control_notes(block, ground, part, what)]
     for component, what, alone in failed:
-        why, how = alone.what, "the images and points it shares with others"
-        beside: OnGround | None = None
-        try:
-            if by_all is not None:
-                to = by_all(component, _body(component)[1])
-                how = "observations of all kinds together"
-                beside = OnGround(moved(component, to), known_of(ground, component), None, to, False, False)
-        except (ConvergenceError, GeometryError) as more:
-            why += f"; with observations of all kinds: {more.what}"
-        beside = beside or _by_neighbours(block, ground, component, rays, done, what, limit)
+        beside, told, why = _otherwise(block, ground, component, rays, done, what, limit, by_all, alone)
+        notes += told
         if beside is not None:
             done.append(beside)
-            notes.append(Note("note", f"{what}: oriented by {how}; without them {alone.what}"))
-            continue
-        notes.append(_apart(block, component, why))
-        first = first or GeometryError(why, remedy=alone.remedy)
+        else:
+            first = first or GeometryError(why, remedy=alone.remedy)
     if not done:
         raise first or failed[0][2]
     return done, notes
+
+
+def _otherwise(
+    block: Block, ground: Ground, component: Component, rays: ImagePointRows, done: list[OnGround], what: str,
+    limit: float, by_all: ByAll | None, alone: AatriError,
+) -> tuple[OnGround | None, list[Note], str]:  # fmt: skip
+    """A component that control, positions, distances and attitudes leave open; else why it is."""
+    why = alone.what
+    try:
+        if by_all is not None:
+            to = by_all(component, _body(component)[1])
+            text = f"{what}: oriented by observations of all kinds together; without them {alone.what}"
+            return (
+                OnGround(moved(component, to), known_of(ground, component), None, to, False, False),
+                [Note("note", text)],
+                "",
+            )
+    except (ConvergenceError, GeometryError) as more:
+        why += f"; with observations of all kinds: {more.what}"
+    part = _by_neighbours(block, ground, component, rays, done, what, limit)
+    if part is not None:
+        text = f"{what}: oriented by the images and points it shares with others; without them {alone.what}"
+        return part, [Note("note", text)], ""
+    try:
+        part, notes = _oriented(block, ground, component, rays, known_of(ground, component), what, limit, HARDLY)
+    except (ConvergenceError, GeometryError):
+        return None, [_apart(block, component, why)], why
+    return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {alone.what}")], ""
 
 
 def _by_neighbours(
@@ -190,14 +204,15 @@ def _free(
 
 
 def _oriented(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, what: str, limit: float
-) -> tuple[OnGround, list[Note]]:
+    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, what: str, limit: float,
+    weakest: float = UNDETERMINED,
+) -> tuple[OnGround, list[Note]]:  # fmt: skip
     """By control, positions and distances; by attitudes as well where these leave something open."""
     body, up = _body(component)
 
     def by(known: Known, *, attitudes: bool = False) -> OrientedComponent:
         datum = datum_of(block, ground, component, rays, known, attitudes=attitudes)
-        return orient_component(datum, body, up, what=what, limit=limit, stiff=True)
+        return orient_component(datum, body, up, what=what, limit=limit, weakest=weakest, stiff=True)
 
     def part(known: Known, result: OrientedComponent, *, attitudes: bool = False) -> OnGround:
         to = result.ground_from_component
@@ -234,63 +249,3 @@ def moved(component: Component, to: Similarity) -> Component:
     """A component after a similarity."""
     poses = Poses(transform(to, component.poses.position_m), to.rotation @ component.poses.ground_from_image)
     return replace(component, poses=poses, xyz=transform(to, component.xyz))
-
-
-def initial_solution(
-    block: Block, image_points: ImagePoints, rays: ImagePointRows, ground: Ground, parts: list[OnGround], method: str,
-    suspects: Suspects,
-) -> Solution:  # fmt: skip
-    """The Solution of components on the ground; an image of several components is that of the first."""
-    n, m = len(block.images), len(block.points)
-    position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
-    tables, moves = [Residuals.empty()], [StripTransformations.empty()]
-    found = [suspects]
-    kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
-    free = parts[0].free
-    origin = np.zeros(3) if free else ground.origin_m
-    for number, part in enumerate(parts, 1):
-        c = part.component
-        new, points = c.images & ~finite_rows(position), finite_rows(c.xyz) & ~finite_rows(xyz)
-        position[new], rotation[new] = c.poses.position_m[new] + origin, c.poses.ground_from_image[new]
-        xyz[points] = c.xyz[points] + origin
-        kept |= c.kept & new[rays.image] & points[rays.point]
-        own |= c.kept
-        moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
-        if part.oriented is not None:
-            first, held = len(part.oriented.tied.point_m), len(part.oriented.active) if free else 0
-            for one in held_against(block, ground, part.known, c, attitudes=part.attitudes, first=first, held=held):
-                tables.append(residual_table(one, part.oriented))
-                found.append(suspect_table(one, part.oriented))
-        if part.left is not None:
-            found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
-    reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
-    poses = Poses(position, rotation)
-    # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.
-    apart = np.flatnonzero(reached & own & ~kept)
-    kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
-    found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
-    spread = max(part.component.spread for part in parts)
-    found.append(_trimmed(block, rays, poses, xyz, contradicting(rays, poses, xyz, spread), "undecidable"))
-    used, solved = int(2 * kept.sum()), finite_rows(xyz)
-    solution = pieces.solution_of(
-        block, image_points, pieces.Placed(position, rotation, xyz), method=method,
-        counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())), sigma0=float("nan"), iterations=0,
-        transformations=stacked(moves), parameters=Parameters.empty(), residuals=stacked(tables),
-        suspects=stacked(found),
-    )  # fmt: skip
-    solution = replace(solution, cameras=solved_cameras(block))
-    if free:
-        return replace(solution, datum=DatumCarriers(kind=np.array(["held"]), id=np.array([""])))
-    return solution
-
-
-def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int, verdict: str) -> Suspects:
-    """Image points that do not fit the points of the others, or those of a point of which no two clearly fit."""
-    n, off = len(rows), residuals_mm(rays, rows, poses, xyz)
-    sigma = rays.sigma_mm[rows].mean(axis=1)
-    finite: Bool = np.isfinite(off)
-    return Suspects(
-        kind=np.full(n, "image_point"), row=rows.astype(np.int32), image=block.images.id[rays.image[rows]],
-        point=block.points.id[rays.point[rows]], stage=np.full(n, STAGE), size=np.where(finite, off, np.nan),
-        unit=np.full(n, "mm"), sigma=sigma, test=np.where(finite, off / sigma, np.nan), verdict=np.full(n, verdict),
-    )  # fmt: skip

@@ -1,14 +1,15 @@
 """Lens distortion: from measured photo coordinates to those of a perfect central projection.
 
-`brown` and `table` are corrections added to the measured coordinate. `opencv`, `fisheye` and `bal` are forward models,
-ideal to distorted, in normalised coordinates: the measured coordinate divided by c is the distorted one, and is
-inverted by iteration. Their origin is the principal point; OpenCV's v axis points down, the photo's y axis up.
+`brown` and `table` are corrections added to the measured coordinate; `dbat3` is brown without b1 and b2 at
+((1 + as) x, y): the aspect comes first. `opencv`, `fisheye` and `bal` are forward models, ideal to distorted, in
+normalised coordinates: the measured coordinate divided by c is the distorted one, and is inverted by iteration. Their
+origin is the principal point; OpenCV's v axis points down, the photo's y axis up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,8 +23,11 @@ from aatri.camera.models.radial_table import table_correction
 from aatri.errors import InputError
 from aatri.ids import did_you_mean
 
-MODELS = ("none", "brown", "table", "opencv", "fisheye", "bal")
+MODELS = ("none", "brown", "table", "opencv", "fisheye", "bal", "dbat3")
 """The models of distortion."""
+
+ASPECT = "as"
+"""What the pixels are wider than high, in `dbat3`."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,10 @@ def corrected(distortion: Distortion, xy_mm: Float) -> Float:
     _check_names(distortion)
     if distortion.model == "none":
         return xy_mm.copy()
+    if distortion.model == "dbat3":
+        others = {name: value for name, value in distortion.parameters.items() if name != ASPECT}
+        square = xy_mm * np.array([1.0 + distortion.parameters.get(ASPECT, 0.0), 1.0])
+        return corrected(replace(distortion, model="brown", parameters=others), square)
     if distortion.model == "brown":
         _refuse_folded_brown(distortion, xy_mm)
         return np.asarray(xy_mm + brown_correction(xy_mm, distortion.parameters, distortion.symmetry_point_mm))
@@ -100,7 +108,7 @@ def corner_points(half_format_mm: Float, n: int = 21) -> Float:
 
 def _check_names(distortion: Distortion) -> None:
     known: dict[str, tuple[str, ...]] = {"none": (), "table": (), "brown": BROWN_PARAMETERS}
-    known |= forward_models.PARAMETERS
+    known |= forward_models.PARAMETERS | {"dbat3": (ASPECT, *BROWN_PARAMETERS[:5])}
     if distortion.model not in known:
         raise InputError(
             f"distortion model {distortion.model!r} is unknown{did_you_mean(distortion.model, MODELS)}",

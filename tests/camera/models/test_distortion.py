@@ -28,6 +28,14 @@ def test_brown_by_hand() -> None:
     assert found[0] == pytest.approx([1e-2 + 3e-3 + 1e-3, 2e-3], rel=1e-12)
 
 
+def test_dbat3_is_brown_of_square_pixels() -> None:
+    """x = (1 + as) 10 = 12, y = 5, r^2 = 169: dx = 12 k1 169, dy = 5 k1 169."""
+    found = corrected(Distortion("dbat3", 100.0, {"as": 0.2, "k1": 1e-5}), np.array([[10.0, 5.0]]))
+    np.testing.assert_allclose(found, [[12.0 + 12 * 169e-5, 5.0 + 5 * 169e-5]], rtol=1e-14)
+    with pytest.raises(InputError, match="dbat3 has no parameter 'b1'"):
+        corrected(Distortion("dbat3", 100.0, {"b1": 1e-5}), np.zeros((1, 2)))
+
+
 def test_brown_takes_the_radius_from_the_symmetry_point_and_x_y_from_the_principal_point() -> None:
     # r = 0 at (0.3, -0.2): dx = 2 p1 x^2 + 2 p2 x y + b1 x + b2 y, dy = 2 p2 y^2 + 2 p1 x y
     x, y = symmetry = (0.3, -0.2)

@@ -1,0 +1,89 @@
+"""The Solution of components on the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.ground.initial_observed import Ground
+from aatri.adapters.ground.initial_orientation import OnGround
+from aatri.adapters.ground.initial_tests import (
+    STAGE,
+    held_against,
+    left_out_table,
+    residual_table,
+    suspect_table,
+)
+from aatri.adapters.solution import solved_cameras, stacked
+from aatri.adapters.strips import strips as pieces
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.suspects import Suspects
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.poses import Poses
+from aatri.orientation.graph.component import WIDE_RAD
+from aatri.orientation.graph.triangulation import contradicting, residuals_mm
+
+
+def initial_solution(
+    block: Block, image_points: ImagePoints, rays: ImagePointRows, ground: Ground, parts: list[OnGround], method: str,
+    suspects: Suspects,
+) -> Solution:  # fmt: skip
+    """The Solution of components on the ground; an image of several components is that of the first."""
+    n, m = len(block.images), len(block.points)
+    position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
+    tables, moves = [Residuals.empty()], [StripTransformations.empty()]
+    found = [suspects]
+    kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
+    free = parts[0].free
+    origin = np.zeros(3) if free else ground.origin_m
+    for number, part in enumerate(parts, 1):
+        c = part.component
+        new, points = c.images & ~finite_rows(position), finite_rows(c.xyz) & ~finite_rows(xyz)
+        position[new], rotation[new] = c.poses.position_m[new] + origin, c.poses.ground_from_image[new]
+        xyz[points] = c.xyz[points] + origin
+        kept |= c.kept & new[rays.image] & points[rays.point]
+        own |= c.kept
+        moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
+        if part.oriented is not None:
+            first, held = len(part.oriented.tied.point_m), len(part.oriented.active) if free else 0
+            for one in held_against(block, ground, part.known, c, attitudes=part.attitudes, first=first, held=held):
+                tables.append(residual_table(one, part.oriented))
+                found.append(suspect_table(one, part.oriented))
+        if part.left is not None:
+            found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
+    reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
+    poses = Poses(position, rotation)
+    # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.
+    apart = np.flatnonzero(reached & own & ~kept)
+    kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
+    found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
+    spread = max(part.component.spread for part in parts)
+    found.append(_trimmed(block, rays, poses, xyz, contradicting(rays, poses, xyz, spread), "undecidable"))
+    used, solved = int(2 * kept.sum()), finite_rows(xyz)
+    solution = pieces.solution_of(
+        block, image_points, pieces.Placed(position, rotation, xyz), method=method,
+        counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())), sigma0=float("nan"), iterations=0,
+        transformations=stacked(moves), parameters=Parameters.empty(), residuals=stacked(tables),
+        suspects=stacked(found),
+    )  # fmt: skip
+    solution = replace(solution, cameras=solved_cameras(block))
+    if free:
+        return replace(solution, datum=DatumCarriers(kind=np.array(["held"]), id=np.array([""])))
+    return solution
+
+
+def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int, verdict: str) -> Suspects:
+    """Image points that do not fit the points of the others, or those of a point of which no two clearly fit."""
+    n, off = len(rows), residuals_mm(rays, rows, poses, xyz)
+    sigma = rays.sigma_mm[rows].mean(axis=1)
+    finite: Bool = np.isfinite(off)
+    return Suspects(
+        kind=np.full(n, "image_point"), row=rows.astype(np.int32), image=block.images.id[rays.image[rows]],
+        point=block.points.id[rays.point[rows]], stage=np.full(n, STAGE), size=np.where(finite, off, np.nan),
+        unit=np.full(n, "mm"), sigma=sigma, test=np.where(finite, off / sigma, np.nan), verdict=np.full(n, verdict),
+    )  # fmt: skip
