@@ -10,6 +10,7 @@ out and read again is then the same to the bit. The change is one unit in the la
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,7 +108,8 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
         given = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
         unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
         try:
-            moved, spread = convert(given, np.nan_to_num(covariance[rows]), frames[number], frames[0])
+            undulation = None if number == source.default_frame else source.settings.undulation
+            moved, spread = _moved(given, np.nan_to_num(covariance[rows]), frames[number], frames[0], undulation)
         except AatriError as error:
             where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
             table.problems.append(InputError(error.what, where=where, remedy=error.remedy))
@@ -118,6 +120,28 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
         spread[unknown[:, :, None] | unknown[:, None, :]] = np.nan
         result_covariance[rows] = spread
     return result, result_covariance
+
+
+def _moved(
+    xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: float | None
+) -> tuple[Float, Float]:  # fmt: skip
+    """Coordinates and covariances in the first frame; `undulation` stands for a geoid grid that is missing.
+
+    With it the heights of the first frame are levelled ones, whereas latitude, longitude, height and geocentric
+    coordinates have ellipsoidal heights.
+    """
+    by_grid = bool(first.vertical)
+    try:
+        moved, spread = convert(xyz, covariance, own, first)
+    except AatriError:
+        if undulation is None or not by_grid:
+            raise
+        by_grid = False
+        moved, spread = convert(xyz, covariance, replace(own, vertical=""), replace(first, vertical=""))
+    ellipsoidal = not own.vertical and ("height" in own.axes or "x" in own.axes)
+    if undulation is not None and not by_grid and ellipsoidal and "up" in first.axes:
+        moved = moved - np.array([0.0, 0.0, undulation])
+    return moved, spread
 
 
 def _as_whole(xyz: Float, axes: Sequence[str], rows: Int) -> tuple[Float, Bool]:

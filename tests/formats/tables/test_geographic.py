@@ -16,6 +16,7 @@ from aatri.formats.tables.writer import write_block
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.tables.digest import content_digest
+from tests.formats.tables.block_folder import replaced, write_folder
 from tests.stages.geodetic_blocks import made
 
 IMU = {"imu": {"observed": True, "rotation": "roll-pitch-heading"}}
@@ -104,3 +105,16 @@ def test_the_map_is_the_utm_zone_on_the_datum(crs: str, zone: str) -> None:
     assert own.name == "utm55s"
     assert zone in ("", own.crs)
     assert crs_of(own).geodetic_crs.datum.name == crs_of(frame).geodetic_crs.datum.name
+
+
+@pytest.mark.parametrize("vertical", ["", ", vertical: EPSG:5773"])
+def test_ellipsoidal_positions_beside_an_undulation_are_levelled_by_it(tmp_path: Path, vertical: str) -> None:
+    """h = H + N, with and without a geoid whose grid is not installed; the plan is pyproj's."""
+    folder = write_folder(tmp_path / "block", replaced("block.yaml", "crs: EPSG:32650}", f"""\
+crs: EPSG:32650{vertical}}}
+  wgs: {{axes: [latitude, longitude, height], crs: EPSG:4979}}
+undulation: -9.5"""))  # fmt: skip
+    (folder / "exterior.csv").write_text("image,X,Y,Z,sX,sY,sZ,frame\na1,40.7,116.4,390.0,1,1,1,wgs\n")
+    block = read_block(folder)
+    east, north = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32650", always_xy=True).transform(116.4, 40.7)
+    np.testing.assert_allclose(block.exterior.position_m, [[east, north, 399.5]], atol=1e-6)
