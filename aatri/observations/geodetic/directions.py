@@ -3,11 +3,14 @@
     direction  v = t - o - r,    azimuth  v = t - a,    angle  v = t(to) - t(from) - w,    t = atan2(e, n)
 
 o is the orientation of the set, the bearing of its zero, an unknown that a rotation of the block about the vertical
-turns with it. All count clockwise from north, in the horizon of the station. Source: docs/formulas.md 5.4.
+turns with it. All count clockwise from north, in the horizon of the station; those that are `reduced: map` between the
+places in the map. What reduces a direction to the ellipsoid is below a hundredth of a second, and is neglected.
+Source: docs/formulas.md 5.4.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,8 +20,10 @@ from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import bearing
+from aatri.observations.geodetic.reduced import check_map, in_map
 from aatri.observations.geodetic.sights import (
     PLAN,
+    Between,
     Calibrated,
     Sights,
     alike,
@@ -46,11 +51,22 @@ USES = (
 
 def directions(given: Given) -> tuple[Observed, ...]:
     """Directions of sets with an orientation each, azimuths and angles."""
-    found = list(observed_sights(AZIMUTH, sights_of(given.block, AZIMUTH), given.level, bearing, "rad", PLAN))
+    found = list[Observed]()
+    for rows, between in by_surface(given, sights_of(given.block, AZIMUTH)):
+        found += observed_sights(AZIMUTH, rows, given.level, bearing, "rad", PLAN, between)
     rows = sights_of(given.block, DIRECTION)
     if len(rows):
         found += _oriented(given, rows)
     return (*found, *_angles(given))
+
+
+def by_surface(given: Given, rows: Sights) -> Iterator[tuple[Sights, Between]]:
+    """Sights in the horizon of their stations, and those in the map, with the lines that they measure."""
+    in_a_map = (rows.reduced == "map") & np.bool_(given.frame is not None)
+    check_map(given, rows.take(in_a_map))
+    for some, between in ((~in_a_map, line_between), (in_a_map, in_map)):
+        if some.any():
+            yield rows.take(some), between
 
 
 def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
@@ -62,11 +78,11 @@ def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
     start: State = {ORIENTATION: orientation_start(rows, given.start, block, len(ids), given.level)[:, None]}
     number = dict(zip(ids.tolist(), range(len(ids))))
     notes = _lonely(ids, np.bincount(block, minlength=len(ids)))
-    for part, exact in alike(rows):
+    parts = [(part, exact, between) for some, between in by_surface(given, rows) for part, exact in alike(some)]
+    for part, exact, between in parts:
         of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
-        records = sight_records(
-            DIRECTION, part, given.level, bearing, Calibrated(ORIENTATION, of, _shown), angular=True
-        )
+        own_set = Calibrated(ORIENTATION, of, _shown)
+        records = sight_records(DIRECTION, part, given.level, bearing, own_set, angular=True, between=between)
         yield Observed(records, part.row, named(point=part.names), "rad", unknowns=own, start=start, exact=exact,
                        sees=PLAN, notes=notes)  # fmt: skip
         own, start, notes = (), {}, ()
@@ -121,25 +137,28 @@ def _angles(given: Given) -> Iterator[Observed]:
     vertex = rows_of_ends(block, g.via[row], np.full(len(row), "point"))
     ends = [rows_of_ends(block, ids[row], kind[row]) for ids, kind in ((g.start, g.start_kind), (g.end, g.end_kind))]
     names = np.array([f"{a}-{v}-{b}" for a, v, b in zip(g.start[row], g.via[row], g.end[row])], dtype=np.str_)
-    for image in ((False, False), (False, True), (True, False), (True, True)):
-        some = np.flatnonzero(((g.start_kind[row] == "image") == image[0]) & ((g.end_kind[row] == "image") == image[1]))
+    reduced = (g.reduced[row] == "map") & np.bool_(given.frame is not None)
+    surfaces: tuple[Between, ...] = (line_between, in_map)
+    for back, fore, between in itertools.product((False, True), (False, True), surfaces):
+        of_ends = ((g.start_kind[row] == "image") == back) & ((g.end_kind[row] == "image") == fore)
+        some = np.flatnonzero(of_ends & (reduced == (between is in_map)))
         if len(some):
-            groups = (POINT, *(POSE if i else POINT for i in image))
+            groups = (POINT, *(POSE if image else POINT for image in (back, fore)))
             blocks = (vertex[some], *(end[some] for end in ends))
-            yield _observed_angles(given, row[some], groups, blocks, names[some])
+            yield _observed_angles(given, row[some], groups, blocks, names[some], between)
 
 
 def _observed_angles(given: Given, row: Int, groups: tuple[str, ...], blocks: tuple[Int, ...],
-                     names: Text) -> Observed:  # fmt: skip
+                     names: Text, between: Between) -> Observed:  # fmt: skip
     g, level = given.block.geodetic, given.level
     above = [np.nan_to_num(h[row]) for h in (g.start_height_m, g.end_height_m)]
     value = g.value[row]
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         at, backsight, foresight = (position(state, group)[b[some]] for group, b in zip(groups, blocks))
-        v, by_vertex, by_targets = -value[some], 0.0, []
+        v, by_vertex, by_targets = -value[some], np.zeros((len(some), 1, 3)), list[Float]()
         for sign, target, h in ((-1.0, backsight, above[0]), (1.0, foresight, above[1])):
-            line, by_start, by_end = line_between(level, at, target, np.zeros(len(some)), h[some])
+            line, by_start, by_end = between(level, at, target, np.zeros(len(some)), h[some])
             t, by_line = bearing(line)
             v = v + sign * t
             by_vertex = by_vertex + sign * by_line[:, None, :] @ by_start

@@ -97,9 +97,9 @@ def check_map(given: Given, rows: Sights) -> None:
     """
     if len(rows) and given.frame is not None and given.frame.geocentric:
         raise InputError(
-            f"{len(rows)} distances are reduced to a map, but the block's first frame is none",
+            f"{len(rows)} geodetic observations are reduced to a map, but the block's first frame is none",
             where=f"geodetic.csv: {rows.names[0]}",
-            remedy="make the map the first frame of block.yaml, or give distances that are not reduced",
+            remedy="make the map the first frame of block.yaml, or give observations that are not reduced",
         )
 
 
