@@ -44,6 +44,9 @@ CHUNK = 20_000
 STEPS = 3
 """From the adjusted point the intersection has converged after two steps."""
 
+PARALLEL = 1e-12
+"""Determinant of normal equations of mean diagonal 1: about the square of the angle between the two rays, rad."""
+
 
 @dataclass(frozen=True)
 class RayPairs:
@@ -161,7 +164,8 @@ def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Fl
 
 
 def _least_squares(pair: list[tuple[Float, Float]], rays: RayPairs, X: Float) -> tuple[Float, Float]:
-    """Points of the two rays each, and the lengths of the residuals."""
+    """Points of the two rays each, and the lengths of the residuals; NaN of rays that do not meet."""
+    meet = np.ones(len(X), dtype=bool)
     for step in range(STEPS + 1):
         N, right, squares = np.zeros((len(X), 3, 3)), np.zeros((len(X), 3)), np.zeros(len(X))
         for k, (X0, R) in enumerate(pair):
@@ -172,8 +176,10 @@ def _least_squares(pair: list[tuple[Float, Float]], rays: RayPairs, X: Float) ->
             right += (v[:, None] @ B)[:, 0]
             squares += v**2 @ np.ones(2)
         if step < STEPS:
+            meet &= np.linalg.det(N / (np.einsum("nii->n", N)[:, None, None] / 3)) > PARALLEL
+            N[~meet], right[~meet] = np.eye(3), 0.0
             X = X + np.linalg.solve(N, right[:, :, None])[:, :, 0]
-    return X, np.sqrt(squares)
+    return np.where(meet[:, None], X, np.nan), np.where(meet, np.sqrt(squares), np.nan)
 
 
 def y_parallax(poses: Poses, rays: RayPairs) -> Float:

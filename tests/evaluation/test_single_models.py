@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK
+from aatri.evaluation.single_models import RayPairs, intersected
+from aatri.observations.poses import Poses
 from aatri.stages.accuracy.evaluation import evaluation
 from aatri.stages.bundle_adjustment.bundle import bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -134,3 +136,19 @@ def test_models_of_a_block_in_a_map_are_restituted_in_its_tangent_frame() -> Non
     assert (np.sqrt(np.mean(found.adjusted_rms_m**2, axis=0)) < 0.4).all()
     noise_um = 1e3 * float(np.median(block.image_points.sigma_mm))
     assert 0.7 * np.sqrt(2) * noise_um < np.sqrt(np.mean(found.parallax_rms_um**2)) < 1.3 * np.sqrt(2) * noise_um
+
+
+def test_two_rays_that_do_not_meet_have_no_point_and_the_others_theirs() -> None:
+    """Images above each other's neighbour looking down: x - c X / Z; parallel rays have equal coordinates."""
+    X0 = np.array([[0.0, 0.0, 100.0], [30.0, 0.0, 100.0]])
+    poses = Poses(X0, np.tile(np.eye(3), (2, 1, 1)))
+    xyz = np.array([[10.0, 5.0, 0.0], [1e9, 0.0, -1e12]])
+    xy = np.stack([50.0 * (xyz - x0)[:, :2] / (x0 - xyz)[:, 2:] for x0 in X0], axis=1)
+    rays = RayPairs(
+        left=np.array([0]), right=np.array([1]), model=np.array([0, 0]), point=np.array([0, 1]), xy_mm=xy,
+        sigma_mm=np.full((2, 2, 2), 0.005), c_mm=np.full((2, 2), 50.0),
+    )  # fmt: skip
+    found, w, _ = intersected(poses, rays, xyz + 0.01)
+    np.testing.assert_allclose(found[0], xyz[0], atol=1e-9)
+    assert w[0] < 1e-6
+    assert np.isnan(found[1]).all()
