@@ -33,7 +33,8 @@ def height_notes(block: Block, control: Control, rows: Int, model_m: Float, what
     InputError
         If that is certain.
     """
-    found = height_factor(model_m, control.xyz_m[rows], control.given[rows])
+    sigma_m = np.sqrt(control.covariance_m2[rows, 2, 2])
+    found = height_factor(model_m, control.xyz_m[rows], control.given[rows], sigma_m)
     if found is None:
         return []
     if not found.certain:

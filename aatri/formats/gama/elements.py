@@ -21,8 +21,8 @@ from aatri.units import ANGLE_RAD
 NAMESPACE = "http://www.gnu.org/software/gama/gama-local"
 
 OF_GAMA = ("conf-pr", "tol-abs", "sigma-act", "algorithm", "cov-band", "update-constrained-coordinates", "language",
-           "encoding", "iterations", "lang", "angles", "epoch", "version", "xmlns")  # fmt: skip
-"""What concerns the program and not the network."""
+           "encoding", "iterations", "lang", "angles", "epoch", "version", "xmlns", "extern")  # fmt: skip
+"""What concerns the program, or another one, and not the network."""
 
 LENGTHS, ANGLES = ("distance", "s-distance", "dh"), ("direction", "angle", "z-angle", "azimuth")
 
@@ -185,10 +185,15 @@ class _Reader:
             self.network.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, self.line[e], "", "", *heights))
 
     def _sigma(self, e: ElementTree.Element, tag: str, unit: float, value: float) -> float:
-        """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km; 0: none."""
+        """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km; 0: none.
+
+        A levelled section of `dist` km has that of sigma-apr in mm times its root.
+        """
         own = e.get("stdev")
         if own is not None:
             return self._number(e, "stdev") * unit
+        if tag == "dh" and e.get("dist") is not None:
+            return self.network.sigma_apr * math.sqrt(max(self._number(e, "dist"), 0.0)) * unit
         name = {"s-distance": "distance", "z-angle": "zenith-angle"}.get(tag, tag)
         given = self.stdev.get(f"{name}-stdev", ())
         if not given:

@@ -31,7 +31,7 @@ from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.formats.screening import screen_block
 from aatri.formats.tables.geodetic import geodetic_order, rejects_of, unusable
 from aatri.formats.tables.source import texts
-from aatri.ids import canonical, clipped
+from aatri.ids import canonical, clipped, shown
 from aatri.progress import SILENT, Reporter
 
 Axes = dict[str, tuple[int, float]]
@@ -49,13 +49,13 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     Raises
     ------
     InputError
-        If the file is no network of gama-local, or an observation names a point that is not there.
+        If the file is no network of gama-local.
     """
     network = read_network(path)
     axes = _axes(network.axes, path)
     points = _points(network, path)
+    points |= _without_element(network.rows, points, path, reporter)
     ids = canonical(points)
-    _check_ends(network.rows, points, path)
     ground = _ground(network, points, ids, axes)
     rows, covariances = _geodetic(network, axes)
     reasons = unusable(rows)
@@ -91,12 +91,20 @@ def _points(network: Network, path: Path) -> dict[str, GivenPoint]:
     return found
 
 
-def _check_ends(rows: list[Row], points: dict[str, GivenPoint], path: Path) -> None:
+def _without_element(
+    rows: list[Row], points: dict[str, GivenPoint], path: Path, reporter: Reporter
+) -> dict[str, GivenPoint]:
+    """Points that observations name and no <point> does: new ones without coordinates, by warning."""
+    found: dict[str, GivenPoint] = {}
     for row in rows:
         for name in (row.start, row.end, row.via):
-            if name and name not in points:
-                raise InputError(f"there is no point {clipped(name)!r}", where=f"{path}:{row.line}",
-                                 remedy="add <point id=... adj=...>; coordinates may be left out")  # fmt: skip
+            if name and name not in points and name not in found:
+                found[name] = GivenPoint(name, {}, "", "", row.line)
+    if found:
+        first = min(p.line for p in found.values())
+        reporter.warn(f"{path}:{first}: {len(found)} points have no <point>, and are taken as new ones without "
+                      f"coordinates: {shown(list(found))}")  # fmt: skip
+    return found
 
 
 def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axes: Axes) -> Columns:

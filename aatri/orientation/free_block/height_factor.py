@@ -4,9 +4,10 @@ A model levelled and scaled by its control in plan has heights z in metres. With
 
     Z = f z + a + b X + c Y + v,
 
-where a, b, c take up height, tilt, and what a wrong tilt took from the relief. f is 1 in a good block; with heights in
-feet 3.2808, with heights that count downwards -1. A principal distance wrong by f has the same effect: it stretches the
-model upwards. Over flat ground f is not determined, and nothing is said.
+where a, b, c take up height, tilt, and what a wrong tilt took from the relief; heights weigh by their standard
+deviations, and f is known no better than these allow. f is 1 in a good block; with heights in feet 3.2808, with heights
+that count downwards -1. A principal distance wrong by f has the same effect: it stretches the model upwards. Over flat
+ground f is not determined, and nothing is said.
 
 It is said where the residuals v fall to a share of those with f = 1 and f is known well, which takes relief. Errors of
 the model make f too near to zero by a few hundredths; a known factor is met within a tenth, or three standard
@@ -79,7 +80,7 @@ class HeightFactor:
                 f"{self.cause}")  # fmt: skip
 
 
-def height_factor(model_m: Float, given_m: Float, given: Bool) -> HeightFactor | None:
+def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | None = None) -> HeightFactor | None:
     """The factor by which heights of control differ from those of an oriented model.
 
     Parameters
@@ -90,6 +91,8 @@ def height_factor(model_m: Float, given_m: Float, given: Bool) -> HeightFactor |
         Control.
     given : (n, 3) bool
         Coordinates that are known.
+    sigma_m : (n,) float64, m, optional
+        Standard deviations of the heights; 0 exact, None: all equal and unknown.
 
     Returns
     -------
@@ -101,16 +104,19 @@ def height_factor(model_m: Float, given_m: Float, given: Bool) -> HeightFactor |
         return None
     scale = _scale_in_plan(model_m[plan], given_m[plan])
     x = (model_m[heights] - model_m[heights].mean(axis=0)) * scale
-    Z = given_m[heights, 2]
-    tilt = np.column_stack([np.ones(len(x)), x[:, :2]])
-    at_one = _residuals(tilt, Z - x[:, 2])
-    design = np.column_stack([x[:, 2], tilt])
-    left = _residuals(design, Z)
+    sigma_Z = np.zeros(len(x)) if sigma_m is None else sigma_m[heights]
+    least = float(np.median(sigma_Z)) or 1.0  # better heights weigh no more than most: a model is deformed
+    weight = least / np.maximum(sigma_Z, least)
+    Z, z = weight * given_m[heights, 2], weight * x[:, 2]
+    tilt = weight[:, None] * np.column_stack([np.ones(len(x)), x[:, :2]])
+    at_one = _residuals(tilt, Z - z)
+    left = _residuals(np.column_stack([z, tilt]), Z)
     if not np.linalg.norm(left) < EXPLAINED * np.linalg.norm(at_one):
         return None
-    relief = _residuals(tilt, x[:, 2])
+    relief = _residuals(tilt, z)
     factor = float(relief @ Z / (relief @ relief))
-    sigma = float(np.linalg.norm(left) / np.sqrt(len(x) - 4) / np.linalg.norm(relief))
+    error = np.hypot(np.linalg.norm(left) / np.sqrt(len(x) - 4), np.median(weight * sigma_Z))
+    sigma = float(error / np.linalg.norm(relief))
     if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
         return None
     near = min(KNOWN, key=lambda known: abs(factor - known))

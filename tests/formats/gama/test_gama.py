@@ -10,6 +10,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError
 from aatri.formats.gama.reader import read_gama
+from tests.stages.hand_block import Heard
 
 NETWORK = """<?xml version="1.0" encoding="utf-8"?>
 <gama-local xmlns="http://www.gnu.org/software/gama/gama-local">
@@ -106,3 +107,25 @@ def test_a_distance_of_nothing_is_set_aside_by_name(tmp_path: Path) -> None:
     block = read(tmp_path, NETWORK.replace('val="100.000"', 'val="0"'))
     assert block.rejects.id.tolist() == ["horizontal_distance A P"]
     assert block.geodetic.active.sum() == 4
+
+
+def test_a_levelled_section_has_the_standard_deviation_of_its_length(tmp_path: Path) -> None:
+    """sigma-apr, mm, times the root of the length in km; a stdev of its own goes before."""
+    levelled = """<height-differences>
+  <dh from="A" to="P" val="1.5" dist="4" />
+  <dh from="B" to="P" val="1.5" dist="4" stdev="3" extern="section 7" />
+</height-differences>
+</points-observations>"""
+    text = NETWORK.replace('sigma-apr="1"', 'sigma-apr="2"').replace("</points-observations>", levelled)
+    block = read(tmp_path, text)
+    sigma = block.geodetic.sigma[block.geodetic.type == "height_difference"]
+    assert sorted(sigma.tolist()) == pytest.approx([0.003, 0.004])
+
+
+def test_observations_to_points_that_are_not_listed_are_told_and_kept(tmp_path: Path) -> None:
+    path, heard = tmp_path / "network.gkf", Heard()
+    path.write_text(NETWORK.replace('<point id="P" adj="xy" />', ""))
+    block = read_gama(path, heard)  # type: ignore[arg-type]
+    assert block.geodetic.active.all()
+    assert "P" in block.points.id
+    assert any("no <point>" in text and "P" in text for text in heard.warned)

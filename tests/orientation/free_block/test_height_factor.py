@@ -72,3 +72,20 @@ def test_one_wrong_height_and_too_few_heights_say_nothing() -> None:
     few[5:, 2] = False
     assert height_factor(_model(truth), truth / [1, 1, 0.3048], few) is None
     assert height_factor(_model(truth), truth / [1, 1, 0.3048], ALL & [False, False, True]) is None
+
+
+def test_heights_that_are_guessed_say_nothing_of_their_unit() -> None:
+    """Height 0 of all points, give or take 5 m: what relief there is lies within, or may."""
+    truth = _control(relief_m=20.0)
+    guessed = truth * [1, 1, 0]
+    assert height_factor(_model(truth), guessed, ALL) is not None
+    assert height_factor(_model(truth), guessed, ALL, np.full(12, 5.0)) is None
+
+
+def test_some_guessed_heights_do_not_hide_the_unit_of_the_others() -> None:
+    truth = _control()
+    given, sigma = truth / [1, 1, 0.3048], np.where(np.arange(12) < 3, 50.0, 0.02)
+    given[:3, 2] = 0.0
+    found = height_factor(_model(truth), given, ALL, sigma)
+    assert found is not None
+    assert "feet" in found.cause
