@@ -146,3 +146,26 @@ def shared_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: 
     )
     start = {"a": np.zeros((n_kept, 6)), "c": np.zeros((2, 3)), "p": np.zeros((n_points, 3))}
     return unknowns, records, start
+
+
+def halves_problem(seed: int = 0):
+    """Two halves of kept blocks a (4) and eliminated blocks p (3) that one scalar c alone joins; priors of a and c."""
+    rng = np.random.default_rng(seed)
+    n_kept, n_points = 8, 24
+    (k1, p1), (k2, p2) = (_rays(rng, n_kept // 2, n_points // 2, 3) for _ in range(2))
+    kept = np.concatenate([k1, k2 + n_kept // 2]).astype(np.int32)
+    point = np.concatenate([p1, p2 + n_points // 2]).astype(np.int32)
+    camera = np.zeros(len(kept), dtype=np.int32)
+    evaluate = _observed(rng, (("a", 4), ("c", 1), ("p", 3)), (kept, camera, point))
+    records = (
+        Records("ray", (("a", kept), ("c", camera), ("p", point)), evaluate,
+                whitener_of_covariances(_covariances(rng, len(kept))), np.ones(len(kept), dtype=bool)),
+        _prior("a", n_kept, 4),
+        _prior("c", 1, 1),
+    )  # fmt: skip
+    unknowns = (
+        _group("a", np.ones((n_kept, 4), bool), position=_along(n_kept)),
+        _group("c", np.ones((1, 1), bool)),
+        _group("p", np.ones((n_points, 3), bool), eliminated=True),
+    )
+    return unknowns, records, {"a": np.zeros((n_kept, 4)), "c": np.zeros((1, 1)), "p": np.zeros((n_points, 3))}

@@ -15,7 +15,7 @@ from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.errors import ConvergenceError, GeometryError
-from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+from tests.adjustment.block_problem import halves_problem, joined_problem, made_problem, shared_problem
 
 ORDERINGS: tuple[Ordering, ...] = ("auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips")
 MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}
@@ -66,6 +66,19 @@ def test_solution_and_covariances_equal_the_dense_reference(
     assert (len(result.problem.tree.nodes) > 2) == (fronts == "many")
     reference = _reference(unknowns, records, start)
     for name, value in reference.items():
+        np.testing.assert_allclose(result.state[name], value, atol=1e-9)
+    found = marginal_covariances(result).groups
+    for name, expected in _expected_covariances(unknowns, records, result.state).items():
+        np.testing.assert_allclose(found[name], expected, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_front_of_one_scalar_is_a_front(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    _many_fronts(monkeypatch)
+    unknowns, records, start = halves_problem()
+    result = adjust_large(unknowns, records, start, tolerance=1e-9, ordering="nested_dissection", threads=threads)
+    assert result.problem.tree.nodes[-1].size == 2  # c and a held column
+    for name, value in _reference(unknowns, records, start).items():
         np.testing.assert_allclose(result.state[name], value, atol=1e-9)
     found = marginal_covariances(result).groups
     for name, expected in _expected_covariances(unknowns, records, result.state).items():

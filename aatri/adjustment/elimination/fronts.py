@@ -121,10 +121,7 @@ class Work:
             return
         node = self.problem.tree.nodes[k]
         F, g, d = self.room.take(node.size), np.zeros(node.size), np.zeros(node.size)
-        if node.size > 1:
-            clear_lower(F)
-        else:
-            F[...] = 0.0  # of one or no element: in both orders at once, which Numba takes for the other one
+        clear_lower(F)
         for records, v, A in self.kept:
             first, last = int(records.first[k]), int(records.first[k + 1])
             if last > first:

@@ -2,8 +2,8 @@
 
 A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices
 too. A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit
-diagonal. Where nothing, or next to nothing, is left to be kept, one held block keeps its columns: a front of the tree
-has two rows at least.
+diagonal. A vertex of one scalar has a second, held column, and where nothing is left to be kept one held block keeps its
+columns: a front of the tree has two rows at least, for an array of one element is row-major to the compiler.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
         for w in mates:
             vertex[w.name], within[w.name] = vertex[u.name], width
             width += w.size
-        sizes.append(np.full(count, width))
+        sizes.append(np.full(count, max(width, 2)))
         place = np.full((len(u.free), 2), np.nan) if u.position is None else u.position[:, :2]
         positions.append(place[wanted])
         n += count
@@ -111,16 +111,16 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
 
 
 def _filler(unknowns: Sequence[Unknowns]) -> str:
-    """The group whose first block keeps its columns though it is held, where fewer than two are left; or empty."""
+    """The group whose first block keeps its columns though it is held, where none else is left; or empty."""
     kept = [u for u in unknowns if not u.eliminated]
-    if sum(int(u.free.any(axis=1).sum()) * u.size for u in kept) > 1:
+    if any(u.free.any() for u in kept):
         return ""
-    return next((u.name for u in kept if not u.joins and u.size > 1 and len(u.free)), "")
+    return next((u.name for u in kept if not u.joins and len(u.free)), "")
 
 
 def with_held(layout: Layout, unknowns: Sequence[Unknowns]) -> Layout:
     """The layout with the scalars held that are not free."""
-    held = np.zeros(layout.n_kept, dtype=bool)
+    held = np.ones(layout.n_kept, dtype=bool)
     for u in unknowns:
         chosen = layout.vertex[u.name] >= 0
         first = layout.start[layout.vertex[u.name][chosen]] + layout.within[u.name]
