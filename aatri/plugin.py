@@ -11,7 +11,8 @@ Positional arguments are ports, named as in the role; one with default None is o
 `ROLE = Role(ports, kind)`, which every variant of the role keeps to.
 
 `uses` states which of the observations, standard deviations, constraints and groupings that its ports offer the stage
-uses: names, or a function of its options that gives them. What no stage of a pipeline uses is refused.
+uses: names, or a function of its options that gives them. What no stage of a pipeline uses is refused. `needs` states
+without which of them it cannot work: a pipeline is refused as soon as a port is there that offers none of them.
 
     @stage(version=1, uses=("ground_points.xyz_m", "ground_points.covariance_m2"))
     @stage(version=1, uses=lambda options: ("exterior.position_m",) if options.use_positions else ())
@@ -34,7 +35,7 @@ from aatri.ids import did_you_mean
 from aatri.options import Options
 from aatri.progress import SILENT, StageContext
 from aatri.regular_file import wrong_path
-from aatri.tables.offers import is_known
+from aatri.tables.offers import Need, is_known
 from aatri.tables.schema import Artifact
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "Context",
     "Field",
     "InputPath",
+    "Need",
     "Options",
     "Port",
     "Role",
@@ -56,6 +58,9 @@ T = TypeVar("T")
 
 Uses = tuple[str, ...] | Callable[[Any], Iterable[str]]
 """What a stage uses: names, or a function of its options (None where it takes none)."""
+
+Needs = tuple[Need, ...] | Callable[[Any], Iterable[Need]]
+"""What a stage needs: needs, or a function of its options (None where it takes none)."""
 
 Context = StageContext
 """What a running stage may talk to: `log`, `warn`, `progress`, and `checkpoint.save` and `load` of arrays."""
@@ -123,6 +128,11 @@ class StageCard:
     wants_rng: bool
     doc: str
     uses: Uses | None = None
+    needs: Needs = ()
+
+    def needed_with(self, options: Options | None) -> tuple[Need, ...]:
+        """What the stage needs with these options."""
+        return tuple(self.needs(options) if callable(self.needs) else self.needs)
 
     def used_with(self, options: Options | None) -> tuple[str, ...] | None:
         """What the stage uses with these options, sorted; None if it does not say.
@@ -153,7 +163,7 @@ class StageCard:
 _SPECIAL = ("options", "context", "rng")
 
 
-def stage(*, version: int, uses: Uses | None = None) -> Callable[[Callable[P, T]], Callable[P, T]]:
+def stage(*, version: int, uses: Uses | None = None, needs: Needs = ()) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Declare a function to be a stage.
 
     Parameters
@@ -163,11 +173,14 @@ def stage(*, version: int, uses: Uses | None = None) -> Callable[[Callable[P, T]
     uses : tuple of str or callable, optional
         What it uses of the observations, standard deviations, constraints and groupings that its ports offer (names as
         in `aatri.artifacts.offers`), or a function of its options that gives them.
+    needs : tuple of Need or callable, optional
+        Without which of them it cannot work.
     """
 
     def declare(function: Callable[P, T]) -> Callable[P, T]:
         function.__aatri_version__ = version  # type: ignore[attr-defined]
         function.__aatri_uses__ = uses  # type: ignore[attr-defined]
+        function.__aatri_needs__ = needs  # type: ignore[attr-defined]
         return function
 
     return declare
@@ -197,7 +210,7 @@ def card_of(function: Callable[..., Any], role: str) -> StageCard:
     module_doc = inspect.getdoc(inspect.getmodule(function)) or ""
     return StageCard(function, role, function.__name__, version, ports, kind, options,
                      "context" in parameters, "rng" in parameters, module_doc,
-                     getattr(function, "__aatri_uses__", None))  # fmt: skip
+                     getattr(function, "__aatri_uses__", None), getattr(function, "__aatri_needs__", ()))  # fmt: skip
 
 
 def _port(parameter: inspect.Parameter, hints: dict[str, Any], where: str) -> Port:

@@ -18,7 +18,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
-from aatri.tables.offers import Nature, Offer
+from aatri.tables.offers import Nature, Need, Offer
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -270,3 +270,14 @@ def _where(block: Block, table: str, rows: Bool) -> str:
 
 def _joined(a: Text, b: Text | str) -> Text:
     return np.char.add(np.asarray(a, dtype=np.str_), b)
+
+
+def datum_needed(*, positions: bool = True) -> tuple[Need, ...]:
+    """What an adjustment whose datum is given by its observations cannot do without."""
+    names = ("ground_points.xyz_m", "exterior.position_m") if positions else ("ground_points.xyz_m",)
+    text = "neither control nor observed positions" if positions else "no control"
+    remedy = (
+        "give control (ground_points.csv) or observed positions (exterior.csv); a bundle with `datum: free` or `datum: "
+        "minimal`, that starts from initial_orientation/graph, adjusts the block without"
+    )
+    return (Need("block", names, f"the block has {text}", remedy),)

@@ -57,3 +57,27 @@ def is_known(name: str, names: frozenset[str]) -> bool:
 def covers(wanted: str, name: str) -> bool:
     """Whether a name of `ignore` means an offer: the same name, or its table."""
     return name == wanted or name.startswith((f"{wanted}.", f"{wanted}:"))
+
+
+@dataclass(frozen=True)
+class Need:
+    """Something without which a stage cannot work.
+
+    Attributes
+    ----------
+    port : str
+    one_of : tuple of str
+        Names of what the port may offer; one of them has to be there.
+    what, remedy : str
+        What is told where none is.
+    """
+
+    port: str
+    one_of: tuple[str, ...]
+    what: str
+    remedy: str
+
+    @staticmethod
+    def from_plain(plain: Mapping[str, Any]) -> Need:
+        """From what `dataclasses.asdict` gives, read back."""
+        return Need(str(plain["port"]), tuple(plain["one_of"]), str(plain["what"]), str(plain["remedy"]))

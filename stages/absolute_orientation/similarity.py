@@ -25,6 +25,7 @@ from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.notes import Note, tell
@@ -58,6 +59,7 @@ class SimilarityOptions(Options):
     version=2,
     uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m",
           "cameras.lever_arm_m", "earth_curvature:frame", "undulation"),
+    needs=lambda options: datum_needed(positions=options.use_positions),
 )  # fmt: skip
 def similarity(
     block: Block,

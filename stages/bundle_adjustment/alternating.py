@@ -14,6 +14,7 @@ from aatri.adapters import solution as assemble
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.observations.kinds import with_kinds
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -34,7 +35,7 @@ class AlternatingOptions(Options):
     max_rounds: int = Field(1000, ge=1, description="most rounds of resection and intersection")
 
 
-@stage(version=1, uses=used(marked=False, sessions=False))
+@stage(version=1, uses=used(marked=False, sessions=False), needs=datum_needed())
 def alternating(
     block: Block,
     image_points: ImagePoints,

@@ -49,6 +49,7 @@ from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
@@ -72,7 +73,7 @@ from aatri.orientation.bundle.result import BundleResult, without_covariances
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.orientation.bundle.weak_datum import weak_datum_notes
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.plugin import SILENT, Context, Field, Need, Options, stage
 
 from ._blunders import GONE, Blunders
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, told_parameters, units_named
@@ -175,7 +176,13 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
     )
 
 
-@stage(version=7, uses=_uses)
+def _needs(options: BundleOptions) -> tuple[Need, ...]:
+    if options.datum != "given":
+        return ()
+    return datum_needed(positions=options.positions.use)  # type: ignore[attr-defined]
+
+
+@stage(version=7, uses=_uses, needs=_needs)
 def bundle(
     block: Block,
     image_points: ImagePoints | None = None,

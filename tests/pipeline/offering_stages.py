@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from aatri.pipeline.methods.registry import Registry
-from aatri.plugin import SILENT, Context, Field, Options, Role, stage
+from aatri.plugin import SILENT, Context, Field, Need, Options, Role, stage
 from aatri.tables.offers import Offer
 from aatri.tables.schema import Artifact, attribute
 
@@ -61,6 +61,15 @@ def careful(numbers: Offered, *, options: CarefulOptions = CarefulOptions()) -> 
     return Total(value=1)
 
 
+NEED = Need("numbers", ("list.group", "list.other"), "neither groups nor words", "give groups")
+
+
+@stage(version=1, uses=("list.observed", "list.group"), needs=lambda options: (NEED,) if options.observed else ())
+def needy(numbers: Offered, *, options: CarefulOptions = CarefulOptions()) -> Total:  # noqa: B008
+    """Says what it needs."""
+    return Total(value=4)
+
+
 @stage(version=1)
 def mute(numbers: Offered) -> Total:
     """Does not say what it uses."""
@@ -74,7 +83,7 @@ def misspelt(numbers: Offered) -> Total:
 
 
 ROLES = {"source": Role(ports={}, kind=Offered), "sum": Role(ports={"numbers": Offered}, kind=Total)}
-STAGES = {"source/given": given, "sum/careful": careful, "sum/mute": mute, "sum/misspelt": misspelt}
+STAGES = {"source/given": given, "sum/careful": careful, "sum/mute": mute, "sum/needy": needy, "sum/misspelt": misspelt}
 
 
 def offering_registry(local: Path | None = None) -> Registry:

@@ -50,6 +50,18 @@ def test_what_no_stage_uses_is_an_error_with_place_name_and_remedy_before_the_ne
     assert made() == {"a"}
 
 
+def test_what_a_stage_needs_and_does_not_get_is_an_error_before_the_next_stage() -> None:
+    needy = "  s: {use: sum/needy, from: {numbers: a}}\n"
+    for _ in range(2):  # read from the cache of methods the second time
+        result = run(GIVEN + needy)
+        assert result.exit_code == 3
+        assert "pipeline.yaml, stage s: neither groups nor words, without which the stage cannot work" in result.stderr
+        assert "give groups" in result.stderr
+        assert made() == {"a"}
+    assert run(GIVEN + needy.replace("}}", "}, with: {observed: false}}")).exit_code == 0
+    assert run("  a: {use: source/given, with: {count: 2}}\n" + needy).exit_code == 0
+
+
 @pytest.mark.parametrize("name", ["[list.observed]", "[list]"])
 def test_ignored_it_is_a_warning_on_the_terminal_and_in_the_report_and_changes_no_key(name: str) -> None:
     assert run(GIVEN + "  s: {use: sum/careful, from: {numbers: a}}\n").exit_code == 0

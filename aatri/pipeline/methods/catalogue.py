@@ -14,7 +14,7 @@ import inspect
 import json
 import platform
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
 from aatri.pipeline.methods.method import Method, from_plain, method_of
 from aatri.pipeline.spec.spec import Spec, StageSpec
 from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file
+from aatri.tables.offers import Need
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.registry import Registry
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A stage with its method, options with defaults, the files that options name, what it uses, and its code.
+    """A stage with its method, options with defaults, the files that options name, what it uses and needs, its code.
 
     `uses` is None where the stage does not say.
     """
@@ -41,6 +42,7 @@ class Prepared:
     files: dict[str, str]
     uses: tuple[str, ...] | None
     code: Code
+    needs: tuple[Need, ...] = ()
 
 
 class Catalogue:
@@ -85,10 +87,11 @@ class Catalogue:
             known = self._methods.get(self._entry(stage, code)) or self._methods.get(
                 self._entry(stage, code, spec.base)
             )
-            if not known or "uses" not in known:
+            if not known or "uses" not in known or "needs" not in known:
                 return None
             uses = known["uses"] if known["uses"] is None else tuple(known["uses"])
-            return Prepared(from_plain(known["method"]), known["options"], known["files"], uses, code)
+            needs = tuple(Need.from_plain(need) for need in known["needs"])
+            return Prepared(from_plain(known["method"]), known["options"], known["files"], uses, code, needs)
         except (OSError, AttributeError, KeyError, TypeError, ValueError):
             return None  # no such file, or a damaged cache
 
@@ -108,7 +111,7 @@ class Catalogue:
         options = validated(spec, stage, card, errors, runs_code=self._runs_code)
         if len(errors) > before:
             return None
-        uses = card.used_with(options)
+        uses, needs = card.used_with(options), card.needed_with(options)
         plain = options.model_dump(mode="json") if options is not None else {}
         files = {name: str(path) for name, path in input_files(options).items()} if options is not None else {}
         origin = self._found.get(stage.use)
@@ -116,9 +119,10 @@ class Catalogue:
         source = path or Path(inspect.getsourcefile(card.function) or "")
         code = self._reader.code_of(module, source)
         if origin is not None and origin.file is not None:
-            entry = {"method": method.plain(), "options": plain, "files": files, "uses": uses}
+            entry = {"method": method.plain(), "options": plain, "files": files, "uses": uses,
+                     "needs": [asdict(need) for need in needs]}  # fmt: skip
             self._methods.put(self._entry(stage, code, spec.base if files else None), entry)
-        return Prepared(method, plain, files, uses, code)
+        return Prepared(method, plain, files, uses, code, needs)
 
     def method(self, use: str) -> Method:
         """A method as its plugin declares it."""

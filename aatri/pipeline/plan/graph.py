@@ -17,6 +17,7 @@ from aatri.pipeline.methods.catalogue import Catalogue, Prepared
 from aatri.pipeline.methods.method import Method
 from aatri.pipeline.spec.gates import read_gates
 from aatri.pipeline.spec.spec import Spec, StageSpec
+from aatri.tables.offers import Need
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.registry import Registry
@@ -40,6 +41,8 @@ class Node:
         What it uses of what its ports offer; None where it does not say.
     modules : mapping
         Digest of each module of its code, to say which has changed.
+    needs : tuple of Need
+        Without what of what its ports offer it cannot work.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Node:
     code: str
     uses: tuple[str, ...] | None = None
     modules: Mapping[str, str] = field(default_factory=dict)
+    needs: tuple[Need, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ def _node(stage: StageSpec, prepared: Prepared) -> Node:
     used = {port: source for port, source in stage.inputs.items() if port in wanted}
     unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
     return Node(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
-                prepared.code.digest, prepared.uses, prepared.code.modules)  # fmt: skip
+                prepared.code.digest, prepared.uses, prepared.code.modules, prepared.needs)  # fmt: skip
 
 
 def _roles(

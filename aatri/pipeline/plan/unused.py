@@ -1,9 +1,10 @@
-"""What a result offers and no stage of the pipeline uses: an error, before anything is made of it.
+"""What a result offers and no stage of the pipeline uses, or one needs and it does not offer: an error, at once.
 
 A stage that takes the result states by name what it uses of it. An offer counts as used if one stage of the pipeline
 uses it; which of them are selected to run does not matter. It is left alone where the pipeline makes nothing that it
 bears upon: control points in a pipeline that ends with models. Unused groupings and checks, and what pipeline.yaml
-names under `ignore`, are warnings; so is everything where a stage does not state what it uses.
+names under `ignore`, are warnings; so is everything where a stage does not state what it uses. Of what several stages
+need the first is told.
 """
 
 from __future__ import annotations
@@ -60,6 +61,8 @@ def unused(
             warnings += [
                 (source, _of_nothing(name)) for name in ignore if not any(covers(name, o.name) for o in offers)
             ]
+        if record.get("offers") is not None:
+            errors += _missing(takers, source, {offer.name for offer in offers})[:1]
         for offer in offers:
             if offer.name in used or offer.bears_on not in kinds:
                 continue
@@ -69,6 +72,20 @@ def unused(
             else:
                 errors.append(_error(offer))
     return Unused(tuple(errors), tuple(warnings))
+
+
+def _missing(takers: list[Node], source: str, offered: set[str]) -> list[InputError]:
+    """What stages need of a result that does not offer it."""
+    return [
+        InputError(
+            f"{need.what}, without which the stage cannot work",
+            where=f"pipeline.yaml, stage {node.name}",
+            remedy=need.remedy,
+        )
+        for node in takers
+        for need in node.needs
+        if node.inputs.get(need.port) == source and not offered & set(need.one_of)
+    ]
 
 
 def _error(offer: Offer) -> InputError:
