@@ -51,6 +51,7 @@ def image_tables(source: Source, cameras: Cameras) -> ImageTables:
     unused = [name for name in known if name not in set(table.text["camera"])]
     if unused:
         source.reporter.warn(f"{table.path}: no image of camera {', '.join(unused)}")
+    _in_order_of_time(source, table)
     _places_in_strips(source, table)
     strip_ids = canonical(name for name in table.text["strip"] if name)
     strip_row = {name: k for k, name in enumerate(strip_ids)}
@@ -65,6 +66,20 @@ def image_tables(source: Source, cameras: Cameras) -> ImageTables:
         file=source.file("images.csv", len(table)), line=table.line,
     ).take(np.array(order, dtype=np.intp))  # fmt: skip
     return ImageTables(images, Strips(id=texts(strip_ids)), {str(name): k for k, name in enumerate(images.id)})
+
+
+def _in_order_of_time(source: Source, table: CsvTable) -> None:
+    """In a strip whose images all have a time and none a sequence, the time is the sequence."""
+    strip, sequence, time = np.array(table.text["strip"]), table.number["sequence"], table.number["time"]
+    flown = [
+        name for name in canonical(name for name in table.text["strip"] if name)
+        if np.isnan(sequence[strip == name]).all() and np.isfinite(time[strip == name]).all()
+    ]  # fmt: skip
+    if flown:
+        rows = np.isin(strip, flown)
+        sequence[rows] = time[rows]
+        source.reporter.log(f"{table.path}: images of strips without sequence stand in the order of their times: "
+                            f"strips {shown(flown)}")  # fmt: skip
 
 
 def _places_in_strips(source: Source, table: CsvTable) -> None:

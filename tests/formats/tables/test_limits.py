@@ -145,3 +145,19 @@ def test_units_reach_every_column(tmp_path: Path) -> None:
     assert other.images.time_s[images.index("a1")] == pytest.approx(0.0105)
     lengths = dict(zip(other.geodetic.type.tolist(), other.geodetic.value.tolist()))
     assert lengths["height_difference"] == pytest.approx(37.87)
+
+
+def test_images_of_a_strip_without_sequence_stand_in_the_order_of_their_times(tmp_path: Path) -> None:
+    """a1 was taken ten seconds before a2, whatever their order in the table."""
+    changes = replaced("images.csv", "a2,007,s1,2,20.5", "a2,007,s1,,20.5")
+    changes["images.csv"] = str(changes["images.csv"]).replace("a1,007,s1,1,10.5", "a1,007,s1,,10.5")
+    heard = Heard()
+    block = read_block(write_folder(tmp_path / "block", changes), heard)
+    of_strip = block.images.strip >= 0
+    assert block.images.id[of_strip].tolist() == ["a1", "a2"]
+    assert block.images.sequence[of_strip].tolist() == [10.5, 20.5]
+    assert not [text for text in heard.warned if "no sequence" in text]
+    half = str(changes["images.csv"]).replace("a1,007,s1,,10.5", "a1,007,s1,,")
+    assert [
+        t for t in warnings_of(tmp_path / "half", {"images.csv": half}) if "2 images of strips have no sequence" in t
+    ]
