@@ -2,8 +2,8 @@
 
 A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices
 too. A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit
-diagonal. A vertex of one scalar has a second, held column, and where nothing is left to be kept one held block keeps its
-columns: a front of the tree has two rows at least, for an array of one element is row-major to the compiler.
+diagonal. A vertex of one scalar has a second, held column, and where nothing is left to be kept one held block keeps
+its columns: a front of the tree has two rows at least, for an array of one element is row-major to the compiler.
 """
 
 from __future__ import annotations
