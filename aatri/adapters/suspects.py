@@ -1,99 +1,156 @@
-"""Image points with gross errors, as a robust bundle shows them: suspects for the least-squares bundle that follows.
+"""Suspects of a bundle: what it rejects itself, what of earlier rejections it sees, what a robust one would reject.
 
-The test statistic is the length of the residual in a-priori standard deviations. It is not standardised by a redundancy
-number, which a robust adjustment does not have: the limit is to be generous, and the next bundle re-admits what fits.
+The test statistic of a robust bundle is the length of the residual in a-priori standard deviations. It is not
+standardised by a redundancy number, which a robust adjustment does not have: the next bundle re-admits what fits.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.arrays import Bool, Int, Text
+from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.statistics.record_tests import record_tests
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.notes import Note
+from aatri.observations.observed import Observed
+from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import tests_of
-from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.rounds import Round, keys_of, with_keys
 
 
-def with_gross_errors(result: BundleResult, suspects: Suspects, limit: float) -> Suspects:
-    """The suspects and the image points whose residual is longer than `limit` standard deviations."""
-    found = next(o for o in result.observations if o.observed.kind == "image_point")
-    rows = np.flatnonzero(found.used)
-    records = found.observed.records
-    v, sigma = records.evaluate(result.adjusted.state, rows)[0], found.observed.sigmas()[rows]
-    test = np.sqrt(np.nansum((v / sigma) ** 2, axis=1))
-    far = np.flatnonzero(test > limit)
-    rows, n = rows[far], len(far)
-    size = np.sqrt(np.nansum(v[far] ** 2, axis=1))
-    image, point = found.observed.names(rows)
-    new = Suspects(
-        kind=np.full(n, "image_point"),
-        row=rows.astype(np.int32),
+def with_gross_errors(result: BundleResult, suspects: Suspects, rule: Rule) -> Suspects:
+    """The suspects and the observations of all kinds whose residual is beyond the limit.
+
+    Parameters
+    ----------
+    result : BundleResult
+        Of a robust adjustment.
+    suspects : Suspects
+        Of earlier stages.
+    rule : Rule
+    """
+    some = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
+    tests = sum(int(o.observed.records.observed_components()[o.used].sum()) for o in some)
+    limit, parts = rule.for_tests(tests).limit, []
+    for found in some:
+        rows = np.flatnonzero(found.used)
+        w = whitened_residuals(found.observed.records, result.adjusted.state, rows)
+        test = np.sqrt((w**2).sum(axis=1))
+        far = rows[test > limit]
+        error = -found.observed.records.evaluate(result.adjusted.state, far)[0]
+        parts.append(_table(found.observed, far, error, test[test > limit], np.full(len(far), "rejected")))
+    return assemble.stacked([suspects, *parts])
+
+
+def after(suspects: Suspects, done: Round) -> Suspects:
+    """The suspects after an adjustment: those of earlier stages as it sees them, and what it rejected itself.
+
+    What is out, whoever found it, gets the gross error that the adjusted block predicts, component by component, with
+    its test; of a kind that the block does not adjust (ties of models) it keeps what the earlier stage said.
+    """
+    given = done.given
+    before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
+    out = {key for o in given.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
+    adjusted = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
+    known = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
+    back = adjusted & ~known & staying_out(suspects)
+    told, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
+    for found in done.result.observations:
+        o = found.observed
+        if o.components:
+            continue
+        gone = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
+        earlier = np.flatnonzero(adjusted & (suspects.kind == o.kind))
+        mine = with_keys(o, [(o.kind, int(row)) for row in suspects.row[earlier]])
+        rows = np.flatnonzero(gone | mine | with_keys(o, done.above))
+        if not len(rows):
+            continue
+        error, test = _errors(found, done.result.adjusted.state, rows)
+        made = _table(o, rows, error, test, _verdicts(done, o, rows))
+        told = _restated(told, earlier, made)
+        parts.append(made.take([key not in before for key in keys_of(o, rows)]))
+    return assemble.stacked([told, *parts])
+
+
+def _errors(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
+    """Estimated gross errors of some observations, (k, m), and their tests; NaN where nothing predicts them."""
+    o, m = found.observed, found.observed.records.rows
+    some = o.records.take(rows)
+    tests = record_tests(some, state, found.covariance[rows], whitened_residuals(some, state, np.arange(len(rows))))
+    L = some.whitener if some.whitener.ndim == 3 else some.whitener[:, :, None] * np.eye(m)
+    error = np.einsum("nij,nj->ni", np.linalg.pinv(L), np.nan_to_num(tests.size))
+    error = np.where(some.observed_components() & np.isfinite(tests.test)[:, None], error, np.nan)
+    bare = ~np.isfinite(found.covariance[rows]).all(axis=(1, 2)) & np.isin(rows, found.rows)
+    if bare.any():  # adjusted without standard deviations: what is out is predicted all the same
+        error[bare] = -o.records.evaluate(state, rows[bare])[0]
+    return error, tests_of(found, state)[rows]
+
+
+def _table(o: Observed, rows: Int, error: Float, test: Float, verdict: Text) -> Suspects:
+    image, point = o.names(rows)
+    size = np.where(np.isfinite(error).any(axis=1), np.sqrt(np.nansum(error**2, axis=1)), np.nan)
+    wide = np.full((len(rows), 3), np.nan)
+    wide[:, : min(error.shape[1], 3)] = error[:, :3]
+    n = len(rows)
+    return Suspects(
+        kind=np.full(n, o.kind),
+        row=o.row[rows].astype(np.int32),
         image=image,
         point=point,
         stage=np.full(n, "bundle_adjustment"),
         size=size,
-        unit=np.full(n, "mm"),
-        sigma=size / test[far],
-        test=test[far],
-        verdict=np.full(n, "rejected"),
+        unit=np.full(n, o.unit),
+        sigma=np.where(test > 0, size / np.where(test > 0, test, 1.0), np.nan),
+        test=test,
+        verdict=verdict,
+        error=wide,
     )
-    return assemble.stacked([suspects, new])
 
 
-def after(suspects: Suspects, done: Round) -> Suspects:
-    """The suspects after an adjustment: those of earlier stages with their verdict, and what it rejected itself."""
-    given, result = done.given, done.result
-    state = result.adjusted.state
-    parts, before = [], set(zip(suspects.kind.tolist(), suspects.row.tolist()))
-    out = {(o.kind, int(r)) for o in given.observed if o.rejected is not None for r in o.row[o.rejected]}
-    known = [pair in out for pair in zip(suspects.kind.tolist(), suspects.row.tolist())]
-    tested = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
-    back = tested & ~np.array(known, dtype=bool) & staying_out(suspects)
-    verdict = np.where(back, "readmitted", suspects.verdict)
-    for i, found in enumerate(result.observations):
-        o = found.observed
-        if o.components:
-            continue
-        told = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
-        rows = np.flatnonzero(told | _kept(done, i))
-        rows = rows[[(o.kind, int(r)) not in before for r in o.row[rows]]] if len(rows) else rows
-        if not len(rows):
-            continue
-        test = tests_of(found, state)
-        predicted = np.isin(rows, found.rows)
-        v = np.full((len(rows), o.records.rows), np.nan)
-        v[predicted] = o.records.evaluate(state, rows[predicted])[0]
-        size = np.where(predicted, np.sqrt(np.nansum(v**2, axis=1)), np.nan)
-        image, point = o.names(rows)
-        n, w = len(rows), test[rows]
-        parts.append(
-            Suspects(
-                kind=np.full(n, o.kind),
-                row=o.row[rows].astype(np.int32),
-                image=image,
-                point=point,
-                stage=np.full(n, "bundle_adjustment"),
-                size=size,
-                unit=np.full(n, o.unit),
-                sigma=np.where(w > 0, size / np.where(w > 0, w, 1.0), np.nan),
-                test=w,
-                verdict=_verdicts(done, i, rows),
-            )
-        )
-    return assemble.stacked([replace(suspects, verdict=verdict), *parts])
+def _restated(suspects: Suspects, earlier: Int, made: Suspects) -> Suspects:
+    """Suspects of earlier stages with the sizes of this adjustment, where it knows them."""
+    at = {int(row): k for k, row in enumerate(made.row.tolist()) if np.isfinite(made.size[k])}
+    rows = np.array([k for k in earlier.tolist() if int(suspects.row[k]) in at], dtype=np.int64)
+    if not len(rows):
+        return suspects
+    new = made.take([at[int(row)] for row in suspects.row[rows]])
+    values = {name: getattr(suspects, name).copy() for name in ("size", "sigma", "test", "error")}
+    for name, column in values.items():
+        column[rows] = getattr(new, name)
+    unit = suspects.unit.astype(np.result_type(suspects.unit, new.unit))
+    unit[rows] = new.unit
+    return replace(suspects, unit=unit, **values)
 
 
-def _verdicts(done: Round, place: int, rows: Int) -> Text:
-    """Rejected, undecidable or swapped."""
-    swapped = [r for swap in done.swapped if swap.place == place for r in (swap.first, swap.second)]
-    undecided = done.undecided[place][rows] if done.undecided else np.zeros(len(rows), dtype=bool)
-    verdict = np.where(undecided, "undecidable", np.where(_kept(done, place)[rows], "kept", "rejected"))
-    return np.where(np.isin(rows, swapped), "swapped", verdict)
+def inherited(suspects: Suspects, *, taken_back: bool = False) -> list[Note]:
+    """What earlier stages have left out, and what becomes of it."""
+    out = suspects.take(staying_out(suspects))
+    if not len(out):
+        return []
+    counts = Counter(zip(out.kind.tolist(), out.stage.tolist()))
+    told = tuple(f"{n} {kind} ({stage})" for (kind, stage), n in sorted(counts.items()))
+    what = "taken back, for nothing is to be rejected" if taken_back else "stays out unless it fits the adjusted block"
+    return [Note("note", f"left out by earlier stages, {what}", told)]
 
 
-def _kept(done: Round, place: int) -> Bool:
-    return done.above[place] if done.above else np.zeros(len(done.result.observations[place].observed), dtype=bool)
+def taken_back(suspects: Suspects) -> Suspects:
+    """The suspects with the observations that were left out in use again; ties of models stay as they were made."""
+    back = staying_out(suspects) & (suspects.row >= 0)
+    return replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict))
+
+
+def _verdicts(done: Round, o: Observed, rows: Int) -> Text:
+    """Rejected, undecidable, swapped or kept."""
+    swapped, undecided, above = (
+        with_keys(o, keys)[rows]
+        for keys in ([key for pair in done.swapped for key in pair], done.undecided, done.above)
+    )
+    verdict = np.where(undecided, "undecidable", np.where(above, "kept", "rejected"))
+    return np.where(swapped, "swapped", verdict)

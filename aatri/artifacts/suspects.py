@@ -31,6 +31,10 @@ class Suspects(Table):
         doc="left out: rejected, undecidable (it or another of its point so called), swapped (with another of its "
         "image or kind so called); used: readmitted, kept",
     )
+    error: Float = column(
+        "f8", 3, optional=True, absent=True,
+        doc="estimated gross error by component (x, y; X, Y, Z), observed minus what it should be",
+    )  # fmt: skip
 
 
 LEFT_OUT = ("rejected", "undecidable", "swapped")

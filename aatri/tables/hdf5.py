@@ -32,6 +32,7 @@ from aatri.tables.schema import (
     column,
     columns_of,
     is_optional,
+    may_be_absent,
     tables_of,
 )
 
@@ -242,10 +243,12 @@ def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
     for name in group:
         if name not in declared:
             raise ArtifactError(f"unknown column {name!r}{did_you_mean(name, declared)}", where=where)
-    missing = [name for name in declared if name not in group]
+    missing = [name for name in declared if name not in group and not may_be_absent(cls, name)]
     if missing:
         raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
-    return cls(**{name: _read_column(group[name], c, f"{where}/{name}") for name, c in declared.items()})
+    return cls(
+        **{name: _read_column(group[name], c, f"{where}/{name}") for name, c in declared.items() if name in group}
+    )
 
 
 def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDArray[Any]:

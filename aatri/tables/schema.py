@@ -63,14 +63,17 @@ def column(
     optional: bool = False,
     digest: bool = True,
     default: str | float | bool | None = None,
+    absent: bool = False,
 ) -> Any:
     """Field of a `Table`: one value of `shape` per row. `refers` names the table whose rows it holds.
 
-    `default` is the value of rows that a reader does not state; that of an optional column is *not given*.
+    `default` is the value of rows that a reader does not state; that of an optional column is *not given*. A column
+    that may be `absent` need not be stated when a table is made, nor be in a file.
     """
     if optional and default is None:
         default = np.nan if dtype == "f8" else -1
-    return dataclasses.field(metadata={"column": Column(dtype, shape, unit, doc, refers, optional, digest, default)})
+    declared = Column(dtype, shape, unit, doc, refers, optional, digest, default)
+    return dataclasses.field(default=None if absent else dataclasses.MISSING, metadata={"column": declared})
 
 
 def attribute(*, unit: str = "", doc: str, default: Any = dataclasses.MISSING) -> Any:
@@ -96,6 +99,8 @@ class Table:
     def __post_init__(self) -> None:
         lengths = {}
         for name, declared in columns_of(type(self)).items():
+            if getattr(self, name) is None and may_be_absent(type(self), name):
+                object.__setattr__(self, name, np.full((len(self), *declared.shape), np.nan))
             values = _checked(type(self).__name__, name, declared, getattr(self, name))
             object.__setattr__(self, name, values)
             lengths[name] = len(values)
@@ -199,6 +204,11 @@ class Artifact:
 def columns_of(cls: type[Table]) -> dict[str, Column]:
     """The declared columns of a table, in order."""
     return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
+
+
+def may_be_absent(cls: type[Table], name: str) -> bool:
+    """Whether a column need not be given."""
+    return any(f.name == name and f.default is None for f in dataclasses.fields(cls))
 
 
 def attributes_of(cls: type[Artifact]) -> dict[str, Attribute]:

@@ -6,8 +6,9 @@ from typing import Self
 
 from pydantic import model_validator
 
+from aatri.adjustment.statistics.limits import LEAST_LIMIT
 from aatri.adjustment.statistics.weight_functions import Weighting
-from aatri.orientation.bundle.blunders.rule import Method, Rule
+from aatri.orientation.bundle.blunders.rule import Method, Rule, Sigmas
 from aatri.plugin import Field, Options
 
 GONE = {
@@ -30,19 +31,33 @@ class Blunders(Options):
     bound: float | None = Field(
         None, gt=0, description="bound of the weight function, in standard deviations; default: that of the function"
     )
-    limit: float = Field(4.0, gt=1, description="|w| above which an observation is rejected; with robust: named")
+    limit: float | None = Field(
+        None,
+        gt=1,
+        description="|w| above which an observation is rejected; with robust: named; default: by the number of tests, "
+        "so that a block without gross errors loses anything with a chance of 1 %",
+    )
     tau: bool = Field(False, description="tests standardised by sigma0 of the adjustment (Pope), not a priori")
-    max_share: float = Field(0.05, gt=0, le=0.5, description="largest share of a kind that is rejected")
+    max_share: float | None = Field(
+        None, gt=0, le=0.5, description="largest share of a kind that is rejected; default: what its redundancy allows"
+    )
+    sigmas: Sigmas = Field(
+        "estimated",
+        description="estimated: where the standard deviations of a class of observations are clearly wrong, tests and "
+        "weights follow its residuals; tests: the tests alone; given: as they are",
+    )
 
     @model_validator(mode="after")
     def _of_robust(self) -> Self:
         given = self.model_fields_set
         if self.method in ("data_snooping", "none") and given & {"weights", "bound"}:
             raise ValueError(f"weights and bound are those of a robust adjustment: method {self.method} has none")
-        if self.method == "none" and given & {"limit", "tau", "max_share"}:
-            raise ValueError("limit, tau and max_share are those of a search: method none has none")
+        if self.method == "none" and given & {"limit", "tau", "max_share", "sigmas"}:
+            raise ValueError("limit, tau, max_share and sigmas are those of a search: method none has none")
         return self
 
     def rule(self) -> Rule:
         """The same as the methods take it."""
-        return Rule(self.method, self.weights, self.bound, self.limit, self.tau, self.max_share)
+        limit = LEAST_LIMIT if self.limit is None else self.limit
+        return Rule(self.method, self.weights, self.bound, limit, self.limit is None, self.tau, self.max_share,
+                    self.sigmas)  # fmt: skip

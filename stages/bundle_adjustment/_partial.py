@@ -11,7 +11,7 @@ import numpy as np
 from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.refinement.systematic import without_distortion
-from aatri.adapters.suspects import after
+from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import Settings
 from aatri.arrays import Bool, Float, Text
 from aatri.artifacts.block import CONTROL, Block
@@ -115,6 +115,7 @@ def _made(
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],
 ) -> Solution:  # fmt: skip
     tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)  # type: ignore[arg-type]
+    tell(inherited(initial.suspects) if initial is not None else [], context)
     settings = BundleSettings(solution=Settings(max_iterations=options.max_iterations, tolerance=options.tolerance))
     result = adjust(given, settings)
     tell([*result.notes, *left_out(given, result), *misfit(result, options.max_sigma0)], context)

@@ -15,7 +15,8 @@ whose parameters the block leaves open (`sigmas`) are adjusted as such.
 
 Gross errors (`blunders`): least squares; where a |w| is above the limit, once more with robust weights, and data
 snooping from there, at observations, points and images of all kinds together; what fits in the end comes back. `robust`
-alone weights down and rejects nothing: such a solution has neither sigma0 nor standard deviations.
+alone weights down and rejects nothing: such a solution has neither sigma0 nor standard deviations. `none` uses
+everything, also what an earlier stage has left out.
 
 Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
 resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
@@ -42,7 +43,7 @@ from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.plausibility import of_start
-from aatri.adapters.suspects import after, with_gross_errors
+from aatri.adapters.suspects import after, inherited, taken_back, with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.settings import Settings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
@@ -198,6 +199,10 @@ def bundle(
     if initial is not None:
         assemble.check_same_block(block, initial.images.id, "initial")
     suspects = initial.suspects if initial is not None else Suspects.empty()
+    tell(inherited(suspects, taken_back=options.blunders.method == "none"), context)
+    if initial is not None and options.blunders.method == "none":
+        suspects = taken_back(suspects)
+        initial = replace(initial, suspects=suspects)
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
     parameters = (
         parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
@@ -220,7 +225,7 @@ def bundle(
     tell([*group_notes(groups), *remarks(given, result.adjusted.state, before=False)], context)
     tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
-    notes += [] if any(map(contradicts, groups)) else sigma_notes(result)
+    notes += [] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)
     notes += weak_datum_notes(given, result)
     notes += distortion_notes(given, result, tests=options.reliability)
     notes += [*parameter_notes(given, result), *correlation_notes(result)]
@@ -229,7 +234,7 @@ def bundle(
     tell(told.notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":
-        suspects = with_gross_errors(result, suspects, options.blunders.limit)
+        suspects = with_gross_errors(result, suspects, options.blunders.rule())
     made = bundle_solution(block, given, result, suspects, told.tables, told.calibration, told.covariances, orderings,
                            tests=options.reliability)  # fmt: skip
     uncontrolled, of_them = uncontrolled_of(done.result)
@@ -242,6 +247,8 @@ def bundle(
 
 def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> tuple[Round, tuple[FoundGroup, ...]]:
     rule, groups = options.blunders.rule(), tuple[FoundGroup, ...]()
+    if options.variance_components is not None and rule.sigmas == "estimated":
+        rule = replace(rule, sigmas="tests")  # the weights are for them to find
 
     def adjust(block: BundleInput, how: How = How()) -> BundleResult:
         return _adjusted(block, options, context, how)

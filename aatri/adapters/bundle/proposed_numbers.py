@@ -7,7 +7,7 @@ import numpy as np
 from aatri.artifacts.solution import ProposedNumbers
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.blunders.swaps import is_of_rays
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import Key, Round, with_keys
 
 
 def proposed_numbers(done: Round) -> ProposedNumbers:
@@ -19,10 +19,10 @@ def proposed_numbers(done: Round) -> ProposedNumbers:
     """
     rows: list[tuple[Observed, int, str, bool]] = []
     observed = [o.observed for o in done.result.observations]
-    for swap in done.swapped:
-        o = observed[swap.place]
-        names = o.names(np.array([swap.first, swap.second]))[1]
-        rows += [(o, swap.first, str(names[1]), True), (o, swap.second, str(names[0]), True)]
+    for pair in done.swapped:
+        for one, other in (pair, pair[::-1]):
+            (o, row), (of_other, other_row) = (_found(observed, key) for key in (one, other))
+            rows.append((o, row, str(of_other.names(np.array([other_row]))[1][0]), True))
     if done.renumbered and done.given.rays is not None:
         o = next(o for o in observed if is_of_rays(o, done.given.rays))
         rows += [(o, one.row, str(done.given.point_ids[one.point]), False) for one in done.renumbered]
@@ -37,3 +37,8 @@ def proposed_numbers(done: Round) -> ProposedNumbers:
         proposed=np.array([proposed for _, _, proposed, _ in rows]),
         exchanged=np.array([exchanged for _, _, _, exchanged in rows]),
     )
+
+
+def _found(observed: list[Observed], key: Key) -> tuple[Observed, int]:
+    """The observation with a key, and its place in it."""
+    return next((o, int(np.argmax(has))) for o in observed if (has := with_keys(o, [key])).any())

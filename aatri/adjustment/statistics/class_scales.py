@@ -6,10 +6,13 @@ times those given. With whitened residuals v_i and their redundancy numbers r_i,
     s^2 = sum v_i^2 / (c sum r_i)   over |w_i| <= k s,        c = 1 - 2 k phi(k) / (2 Phi(k) - 1)
 
 from s = median |w_i| / 0.6745 on. Residuals beyond k s count for nothing, so that gross errors do not either; c makes s
-right for normal ones. The relative standard deviation of s is 0.87 / sqrt(sum r_i) for k = 2.5.
+right for normal ones. Where s = 1 is right, s^2 f is distributed nearly as chi-square with f = EFFICIENCY sum r_i
+degrees of freedom: s is as sharp as all residuals of so much less redundancy.
 
-A scale counts as different from 1, or from another, where chance does not explain it (`FALSE_ALARM` of `limits`, for
-all classes together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations.
+A scale counts as different from 1, or from another, where chance does not explain it (`FALSE_ALARM`, for all classes of
+a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations. Only
+where they are so small that the other observations give way, a class of `TIGHT` redundancy numbers, is less enough to
+see that they are too small.
 
 Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups).
 """
@@ -19,17 +22,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import chdtri, ndtr
 
-from aatri.adjustment.statistics.limits import FALSE_ALARM
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 
 K = 2.5
 """Residuals beyond K times their scale do not count."""
 
-SPREAD = 0.8665
-"""Standard deviation of ln s times the root of the redundancy, for K: that of the M-estimate with normal residuals."""
+EFFICIENCY = 0.666
+"""Of the M-estimate for K with normal residuals: var(ln s) = 1 / (2 EFFICIENCY r)."""
+
+FALSE_ALARM = 0.001
+"""Chance that a block with right standard deviations is told that some are wrong."""
+
+TIGHT, SEEN = 0.25, 3.0
+"""Mean redundancy number of a class below which a redundancy of 3 shows that its standard deviations are too small."""
 
 MATTERS = 1.25
 """Tests with standard deviations wrong by less than this are as good as right; also the bound of a warned sigma0."""
@@ -61,30 +69,30 @@ class ClassScales:
     @property
     def differing(self) -> Float:
         """The scale of classes where it is clearly not 1, and 1 elsewhere, (g,): what tests are made with."""
-        off = np.abs(np.log(self.scale))
-        bound = np.maximum(self._chance(SPREAD / np.sqrt(np.maximum(self.redundancy, 1.0))), np.log(MATTERS))
-        return np.where(self.estimable & (off > bound), self.scale, 1.0)
+        low, high = self._by_chance(EFFICIENCY * self.redundancy)
+        off = (self.scale < np.minimum(low, 1.0 / MATTERS)) | (self.scale > np.maximum(high, MATTERS))
+        return np.where(self.estimable & off, self.scale, 1.0)
 
     @property
     def weights_are_wrong(self) -> bool:
         """Whether the ratio of two classes is clearly wrong."""
         if not self.estimable.any():
             return False
-        used, variance = self.differing, SPREAD**2 / np.maximum(self.redundancy, 1.0)
-        main = self.main
+        used, main, r = self.differing, self.main, np.maximum(self.redundancy, 1.0)
         off = np.abs(np.log(used / used[main])) > np.log(WEIGHS)
-        spread = np.sqrt(variance + variance[main])
-        clear = np.abs(np.log(self.scale / self.scale[main])) > self._chance(spread)
-        return bool((off & (clear | ~self.estimable)).any())
+        low, high = self._by_chance(EFFICIENCY / (1.0 / r + 1.0 / r[main]))
+        ratio = self.scale / self.scale[main]
+        return bool((off & ((ratio < low) | (ratio > high) | ~self.estimable)).any())
 
     @property
     def main(self) -> int:
         """The class with the most redundancy: its standard deviations are the measure of sigma0."""
         return int(np.argmax(self.redundancy))
 
-    def _chance(self, spread: Float) -> Float:
-        """How far ln s may be off by chance."""
-        return np.asarray(-float(ndtri(0.5 * FALSE_ALARM / max(len(self.scale), 1))) * spread)
+    def _by_chance(self, freedom: Float) -> tuple[Float, Float]:
+        """Between what a scale of 1 lies with so many degrees of freedom."""
+        f, level = np.maximum(freedom, 1.0), 0.5 * FALSE_ALARM / max(len(self.scale), 1)
+        return np.sqrt(chdtri(f, 1.0 - level) / f), np.sqrt(chdtri(f, level) / f)
 
 
 def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> ClassScales:
@@ -101,13 +109,15 @@ def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> Clas
     n_groups : int
     """
     usable = (group >= 0) & np.isfinite(v) & (redundancy > LEAST_SHARE)
-    scale, total = np.ones(n_groups), np.zeros(n_groups)
+    scale, total, tight = np.ones(n_groups), np.zeros(n_groups), np.zeros(n_groups, dtype=bool)
     for g in range(n_groups):
         rows = np.flatnonzero(usable & (group == g)) if n_groups > 1 else np.flatnonzero(usable)
         total[g] = redundancy[rows].sum()
-        if total[g] >= ESTIMABLE:
+        tight[g] = total[g] >= SEEN and total[g] <= TIGHT * len(rows)
+        if tight[g] or total[g] >= ESTIMABLE:
             scale[g] = robust_scale(v[rows], redundancy[rows])
-    return ClassScales(scale, total, (total >= ESTIMABLE) & (scale > 0))
+    estimable = (scale > 0) & ((total >= ESTIMABLE) | (tight & (scale > 1)))
+    return ClassScales(np.where(scale > 0, scale, 1.0), total, estimable)
 
 
 def robust_scale(v: Float, redundancy: Float) -> float:

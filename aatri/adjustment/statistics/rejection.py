@@ -5,10 +5,10 @@ rejected before the next adjustment: at most one per block of the `neighbourhood
 `clear` of the largest test, and of all at most `most`. Of two records of a block that share one test the one that does
 not touch the `share` group (control) is named before one that does, the less precise before the other.
 
-No more than a share of the records of a block of the `share` group (a strip), or of a kind that does not touch it, is
-rejected in all: where more disagrees the model is wrong, not the data, and to go on would cut the block off. The last
-record that ties a block of the neighbourhood to the `share` group stays, for the others of that block would be tested
-by nothing; and a record without a test is never rejected for it (`stranded`).
+No more of the records of a block of the `share` group (a strip), or of a kind that does not touch it, is rejected in
+all than there is `room` for (`Pool.room`, else a share of them): where more disagrees the model is wrong, not the data.
+The last record that ties a block of the neighbourhood to the `share` group stays, for the others of that block would be
+tested by nothing; and a record without a test is never rejected for it (`stranded`).
 """
 
 from __future__ import annotations
@@ -66,6 +66,8 @@ class Pool:
         Records that have a neighbour: the others are tested by nothing.
     variance : (n,) float64
         Trace of the covariance.
+    room : (sources,) int64, optional
+        How many may be rejected of each source; default: by the share of the rule.
     """
 
     neighbours: Int
@@ -73,6 +75,7 @@ class Pool:
     carrier: Bool
     counted: Bool
     variance: Float
+    room: Int | None = None
 
 
 def pool_of(rule: Snooping, records: Sequence[Records], variances: Sequence[Float]) -> Pool:
@@ -103,7 +106,7 @@ def clearest(rule: Snooping, pool: Pool, test: Float, active: Bool, controlled: 
     keys = (-pool.variance[candidates], pool.carrier[candidates], -np.round(test[candidates], 6))
     order = candidates[np.lexsort(keys)]
     order = order[test[order] >= rule.clear * test[order[0]]]
-    room = _room(rule, pool, active)
+    room = room_left(rule, pool, active)
     ties = [_carriers(pool, block, active) for block in pool.neighbours.T]
     most = max(1, int(rule.most * len(test) + 1e-9))
     taken: list[set[int]] = [set() for _ in rule.neighbourhood]
@@ -145,8 +148,10 @@ def _carriers(pool: Pool, block: Int, active: Bool) -> Float:
     return np.bincount(block[tied], minlength=int(block.max(initial=0)) + 1).astype(np.float64)
 
 
-def _room(rule: Snooping, pool: Pool, active: Bool) -> Int:
-    """How many more records of each source may be rejected."""
-    n = int(pool.source.max()) + 1
-    room = np.ceil(rule.share[1] * np.bincount(pool.source[pool.counted], minlength=n)).astype(np.int64)
+def room_left(rule: Snooping, pool: Pool, active: Bool) -> Int:
+    """How many more records of each source may be rejected, (sources,)."""
+    n = int(pool.source.max(initial=-1)) + 1 if pool.room is None else len(pool.room)
+    room = pool.room
+    if room is None:
+        room = np.ceil(rule.share[1] * np.bincount(pool.source[pool.counted], minlength=n)).astype(np.int64)
     return np.asarray(room - np.bincount(pool.source[~active & pool.counted], minlength=n))

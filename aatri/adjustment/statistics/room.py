@@ -39,17 +39,15 @@ def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> In
     return room if max_share is None else np.minimum(room, np.ceil(max_share * count).astype(np.int64))
 
 
-def redundancy_in_records(redundancy: Float, components: Float, kind: Int, n_kinds: int) -> Float:
-    """R of each kind: sum of tr(R_i) / m_i, (n_kinds,).
+def redundancy_in_records(redundancy: Float, components: Float | Int) -> float:
+    """R of a kind: sum of tr(R_i) / m_i.
 
     Parameters
     ----------
     redundancy : (n,) float64
         tr(R_i) of each record; NaN counts as none.
-    components : (n,) float64
+    components : (n,)
         m_i, the components observed.
-    kind : (n,) int
-    n_kinds : int
     """
     share = np.where((components > 0) & np.isfinite(redundancy), redundancy / np.maximum(components, 1), 0.0)
-    return np.asarray(np.bincount(kind, share, minlength=n_kinds), dtype=np.float64)
+    return float(share.sum())

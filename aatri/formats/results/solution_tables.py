@@ -213,6 +213,7 @@ def _suspects(rows: Suspects) -> Columns:
     return {
         "kind": rows.kind, "image": rows.image, "point": rows.point, "stage": rows.stage, "size": rows.size,
         "sigma": rows.sigma, "unit": rows.unit, "w": rows.test, "verdict": rows.verdict,
+        **_split(("x", "y", "z"), rows.error),
     }  # fmt: skip
 
 

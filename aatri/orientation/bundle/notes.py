@@ -77,7 +77,7 @@ def down_weighted(result: BundleResult, weighting: str, bound: float) -> list[No
     if count:
         text = (
             "not a least-squares solution: it has neither sigma0 nor standard deviations; a bundle with "
-            "`blunders: robust_snooping` or `none` that starts from this one gives them"
+            "`blunders: robust_snooping` that starts from this one gives them"
         )
         notes.append(Note("warning", text))
     return notes

@@ -5,23 +5,41 @@ Another round follows where additional parameters are to go that are not worth k
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Int
 from aatri.errors import ResourceError, SpecError
 from aatri.notes import Note
+from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
-from aatri.orientation.bundle.blunders.swaps import Swap
 from aatri.orientation.bundle.parameter_notes import without_idle
 from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import BundleResult, from_result
 
 Adjust = Callable[[BundleInput], BundleResult]
+
+Key = tuple[str, int]
+"""An observation, whatever else is in the list: its kind and the row of its table; without one, -1 less its place."""
+
+
+def keys_of(o: Observed, rows: Int | Bool) -> tuple[Key, ...]:
+    """Keys of some observations of a kind."""
+    place = np.arange(len(o))[rows]
+    return tuple((o.kind, int(row)) for row in np.where(o.row[place] >= 0, o.row[place], -1 - place))
+
+
+def with_keys(o: Observed, keys: Collection[Key]) -> Bool:
+    """Which observations of a kind have one of the keys, (n,)."""
+    mine = [row for kind, row in keys if kind == o.kind]
+    found = np.isin(o.row, [row for row in mine if row >= 0])
+    place = [-1 - row for row in mine if row < 0]
+    found[[k for k in place if k < len(o) and o.row[k] < 0]] = True
+    return found
 
 
 @dataclass(frozen=True)
@@ -34,23 +52,26 @@ class Round:
         What is rejected is not active in it.
     result : BundleResult
     notes : tuple of Note
-    undecided : tuple of (n,) bool
-        Of all observations, kind by kind: left out though only some are wrong, and nothing tells which.
-    above : tuple of (n,) bool
+    undecided : tuple of Key
+        Left out though only some are wrong, and nothing tells which.
+    above : tuple of Key
         Used, though their test is above the limit.
-    swapped : tuple of Swap
+    swapped : tuple of (Key, Key)
         Numbers to exchange.
     renumbered : tuple of OtherNumber
         Image points that fit another ground point.
+    rescaled : bool
+        The weights are not those of the standard deviations given, and that is told.
     """
 
     given: BundleInput
     result: BundleResult
     notes: tuple[Note, ...] = ()
-    undecided: tuple[Bool, ...] = ()
-    above: tuple[Bool, ...] = ()
-    swapped: tuple[Swap, ...] = ()
+    undecided: tuple[Key, ...] = ()
+    above: tuple[Key, ...] = ()
+    swapped: tuple[tuple[Key, Key], ...] = ()
     renumbered: tuple[OtherNumber, ...] = ()
+    rescaled: bool = False
 
 
 def with_readmission(given: BundleInput, adjust: Adjust) -> Round:

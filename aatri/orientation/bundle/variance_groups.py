@@ -181,16 +181,16 @@ def _of_kind(found: AdjustedObservations, result: BundleResult, number: Int) -> 
 
 
 def _scaled(given: BundleInput, groups: VarianceGroups, factor: Float) -> BundleInput:
-    observed = tuple(_with_factor(o, number, factor) for o, number in zip(given.observed, groups.number))
+    observed = tuple(with_factor(o, number, factor) for o, number in zip(given.observed, groups.number))
     return replace(given, observed=observed)
 
 
-def _with_factor(o: Observed, number: Int, factor: Float) -> Observed:
+def with_factor(o: Observed, number: Int, factor: Float) -> Observed:
     """Standard deviations times the factor of each component's group; correlations stay."""
     if o.exact:
         return o
     inverse = np.where(number >= 0, 1.0 / np.append(factor, 1.0)[number], 1.0)
-    whole = None if o.whole is None else _with_factor(o.whole, number, factor)
+    whole = None if o.whole is None else with_factor(o.whole, number, factor)
     L = o.records.whitener
     scaled = L * inverse if L.ndim == 2 else L * inverse[:, None, :]
     return replace(o, records=replace(o.records, whitener=scaled), whole=whole)

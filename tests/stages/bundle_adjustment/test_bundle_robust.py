@@ -65,7 +65,7 @@ def test_weights_select_and_least_squares_gives_the_statistics(chain: Chain, dis
     wrong = np.flatnonzero((disturbed.measurements.xy_mm != chain.refined.measurements.xy_mm).any(axis=1))
     assert len(np.intersect1d(rejected, wrong)) >= 0.9 * len(wrong)
     assert len(np.setdiff1d(rejected, wrong)) <= 0.1 * len(wrong)
-    final = bundle(chain.block, disturbed, robust, options=BundleOptions(blunders="none"))
+    final = bundle(chain.block, disturbed, robust, options=BundleOptions(blunders={"limit": 5.0}))
     assert final.sigma0 == pytest.approx(chain.bundle.sigma0, rel=0.1)
     assert np.isfinite(final.images.covariance).all()
     sigma = np.sqrt(np.einsum("nii->ni", chain.bundle.images.covariance)[:, :3])

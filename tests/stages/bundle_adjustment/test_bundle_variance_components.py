@@ -54,7 +54,8 @@ def test_with_them_every_group_fits_and_sigma0_is_one(applied: Solution) -> None
 
 def test_proposed_factors_leave_the_result_alone(blocks: tuple[Block, Block]) -> None:
     proposed = _adjusted(blocks[1], apply=False)
-    plain = bundle(blocks[1], calibrated(blocks[1]))
+    options = BundleOptions(blunders={"sigmas": "tests"})  # type: ignore[arg-type]
+    plain = bundle(blocks[1], calibrated(blocks[1]), options=options)
     np.testing.assert_array_equal(proposed.points.xyz_m, plain.points.xyz_m)
     c = proposed.variance_components
     assert c is not None

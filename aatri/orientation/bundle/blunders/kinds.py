@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool, Int
+from aatri.adjustment.statistics.room import redundancy_in_records
+from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Key, keys_of
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,35 @@ class AllRecords:
     def split(self, values: Bool) -> tuple[Bool, ...]:
         """Values of all records, kind by kind."""
         return tuple(values[part] for part in self.parts)
+
+    def keys(self, which: Bool) -> tuple[Key, ...]:
+        """Kind and row of some records."""
+        return tuple(key for o, mine in zip(self.observed, self.split(which)) for key in keys_of(o, mine))
+
+    @property
+    def tests(self) -> int:
+        """Components that can be tested."""
+        return sum(int(o.records.observed_components()[native].sum())
+                   for o, native in zip(self.observed, self.split(self.native)))  # fmt: skip
+
+    def redundancy(self, result: BundleResult | None) -> tuple[Float, Int]:
+        """Redundancy of each kind, in records, half of them where it is not known; and how many there are."""
+        count = np.array([int(self.native[part].sum()) for part in self.parts], dtype=np.int64)
+        redundancy = np.asarray(0.5 * count, dtype=np.float64)
+        for i, o in enumerate(() if result is None else result.observations):
+            rows = np.flatnonzero(o.used & self.native[self.parts[i]])
+            m = o.observed.records.observed_components()[rows].sum(axis=1)
+            exact = o.observed.demanded()[rows].sum(axis=1)  # all of what they say is tested by the others
+            r = m - np.einsum("nii->n", o.covariance[rows])
+            redundancy[i] = redundancy_in_records(r + exact, m + exact)
+        return redundancy, count
+
+    def smallest(self, number: Sequence[Int], factor: Float) -> Float | float:
+        """Smallest factor of the classes of each record's components, (n,)."""
+        if (factor == 1.0).all():
+            return 1.0
+        of_class = np.append(factor, 1.0)
+        return np.concatenate([np.zeros(0), *(of_class[n].min(axis=1) for n in number if n.shape[1])])
 
     def rejected_in(self, given: BundleInput) -> Bool:
         """What earlier stages have rejected, (n,)."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from aatri.adjustment.statistics.limits import LEAST_LIMIT, limit_of_tests
 from aatri.adjustment.statistics.weight_functions import BOUNDS, Weighting
 
 Method = Literal["robust_snooping", "data_snooping", "robust", "none"]
+
+Sigmas = Literal["estimated", "tests", "given"]
 
 
 @dataclass(frozen=True)
@@ -25,20 +28,31 @@ class Rule:
         Of the weight function, in standard deviations; default: that of the function.
     limit : float
         |w| above which an observation is rejected.
+    counts : bool
+        The limit is that of all tests together, see `for_tests`.
     tau : bool
         The tests are standardised by the sigma0 of the adjustment.
-    max_share : float
-        Largest share of a kind that is rejected.
+    max_share : float, optional
+        Largest share of a kind that is rejected; default: what its redundancy answers for.
+    sigmas : str
+        `estimated`: tests and weights with standard deviations that fit the residuals, where the given ones do not;
+        `tests`: the tests alone; `given`: as they are.
     """
 
     method: Method = "robust_snooping"
     weights: Weighting = "huber"
     bound: float | None = None
-    limit: float = 4.0
+    limit: float = LEAST_LIMIT
+    counts: bool = True
     tau: bool = False
-    max_share: float = 0.05
+    max_share: float | None = None
+    sigmas: Sigmas = "estimated"
 
     @property
     def k(self) -> float:
         """Bound of the weight function."""
         return BOUNDS[self.weights] if self.bound is None else self.bound
+
+    def for_tests(self, tests: int) -> Rule:
+        """The rule with the limit of so many tests, unless the user has stated one."""
+        return replace(self, limit=limit_of_tests(tests)) if self.counts else self

@@ -1,15 +1,18 @@
 """The search for gross errors in a bundle: robust start, data snooping, re-admission; every kind takes part.
 
-1. Adjust by least squares. Where no |w| is above the limit, that is the result.
+1. Adjust by least squares, with standard deviations that fit the residuals (`scaling`). Where no |w| is above the
+   limit, which counts the tests made, that is the result.
 2. Else adjust once more, robustly: gross errors smear in least squares, hardly in a robust adjustment. With its poses,
    held, each point with something above the limit, or rejected by an earlier stage, gets a hearing (`points`): the
    fewest records are left out without which the others agree. Of other kinds what is above the limit goes.
 3. Adjust by least squares without it; of what is above the limit the clearest goes, by the same hearing at points; then
    what fits the block after all comes back (`adjustment.statistics.search`); until nothing changes.
+4. What is out of other kinds than rays is tried against the others of its kind (`in_turn`).
 
 Records that nothing tells apart are both left out, and nobody is blamed (`adjustment.statistics.attribution`). No more
-than `max_share` of a kind is rejected: where more disagrees the model is wrong, not the data. With a redundancy below
-`FEW` large |w| may come of standard deviations that are too small: only what stands out by the tau test too goes.
+of a kind is rejected than its redundancy answers for (`adjustment.statistics.room`): where more disagrees single gross
+errors explain nothing, and all of the kind stay. With a redundancy below `FEW` large |w| may come of standard
+deviations that are too small: only what stands out by the tau test too goes.
 
 Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.
 """
@@ -21,43 +24,34 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics import search as statistics
-from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of
-from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int
+from aatri.adjustment.statistics.rejection import room_left
+from aatri.adjustment.statistics.room import room_of
+from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
-from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.hearings import Hearings
+from aatri.orientation.bundle.blunders.in_turn import is_ray, tried_in_turn
 from aatri.orientation.bundle.blunders.other_numbers import other_numbers
-from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
 from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.scaling import Scaling
 from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
 from aatri.orientation.bundle.blunders.tested import Tried, known_covariance, tests_of
-from aatri.orientation.bundle.blunders.told import Found, findings, more_than_share
+from aatri.orientation.bundle.blunders.told import Found, findings
 from aatri.orientation.bundle.result import BundleResult, from_result
-from aatri.orientation.bundle.rounds import Round, with_readmission
+from aatri.orientation.bundle.rounds import Round, keys_of, with_readmission
 
 UNTESTED = (
     "gross errors were not searched for: no observation has a test, for nothing controls it, or the block was solved "
     "without standard deviations"
 )
 
-BACK = 3.29
-"""|w| below which what was rejected comes back: below the limit, or what lies there would go to and fro."""
-
-DOUBT = 1.5
-"""Records that nothing tells apart are left out where a test is beyond so many limits; else they stay, and are named:
-the harm is small, and one of them, of a control point perhaps, is as good as the others."""
-
 HARMLESS = 2.0
 """Tests up to this many limits smear so little that no robust adjustment is needed."""
 
-MOST_HEARINGS = 3
-
-CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
-"""Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
+MOST_SCALINGS = 5
+"""Adjustments until the standard deviations fit."""
 
 
 def search(given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e-3) -> Round:
@@ -80,66 +74,114 @@ def search(given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e
     return _Search(given, adjust, rule, tolerance).run()
 
 
-class _Search:
-    """What the steps of a search share."""
+class _Search(Hearings):
+    """The steps of a search."""
 
     def __init__(self, given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float) -> None:
-        self.given, self.adjust, self.rule, self.tolerance = given, adjust, rule, tolerance
-        self.all = AllRecords.of(given)
-        observed = [o.records for o in self.all.observed]
-        self.snooping = Snooping(
-            rule.limit, (POINT,), ("", rule.max_share), CLEAR[rule.method], 1.0, min(BACK, rule.limit)
-        )
-        pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
-        self.pool: Pool = replace(pool, counted=self.all.native)
-        self.undecided = np.zeros(len(self.all.native), dtype=bool)
-        self.hearings = np.zeros(len(given.point_ids), dtype=np.int64)
-        self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
-        self.more: list[Note] = []
+        super().__init__(given, rule)
+        self.adjust, self.tolerance = adjust, tolerance
+        self.as_given, self.scaling = self.all.observed, Scaling.of(given)
+        self.whole = np.zeros(len(self.all.native), dtype=bool)
 
     def run(self) -> Round:
         """Search."""
-        active = self.all.native & ~self.all.rejected_in(self.given)
+        active = self.began = self.all.native & ~self.all.rejected_in(self.given)
         first, failure = self._first(active)
         if first is not None and not np.isfinite(first.test).any():
             plain = with_readmission(self.given, lambda block: self.adjust(block, How()))
             return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))
-        start: Tried | None = first
-        harmful = first is None or (self._harmful(first, active) and not first.small)
+        redundancy, count = self.all.redundancy(None if first is None else first.result)
+        self.pool = replace(self.pool, room=room_of(redundancy, count, self.rule.max_share))
+        start = None if first is None else self._with_fitting_sigmas(first)
+        harmful = start is None or (self._harmful(start, active) and not start.small)
         if self.rule.method == "robust_snooping" and harmful:
-            active, start = self._from_robust(active, first), None
-        elif first is None and failure is not None:
+            active, start = self._from_robust(active, start), None
+        elif start is None and failure is not None:
             raise failure
         tried, use, swapped = self._searched(start, active)
+        turn = tried_in_turn(tried, use, self.all, self.adjust)
+        tried, use = turn.tried, turn.tried.active
         gone = self.all.native & ~use
-        undecided = gone & (self.undecided | self._lost(tried.result, gone))
+        undecided = gone & (self.undecided | turn.undecided | self._lost(tried.result, gone))
         asked = (tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
         renumbered = tuple(other_numbers(*asked, swapped))
-        doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
-        above = use & ((tried.plain if tried.small else tried.test) > self.rule.limit)
-        told = Found(use, undecided, above, doubtful, swapped, renumbered, tried.small)
-        notes = findings(tried.given, self.all, told, self.rule) + (self.more if above.any() else [])
-        split = self.all.split
-        return Round(tried.given, tried.result, tuple(notes), split(undecided), split(above), swapped, renumbered)
+        doubtful = turn.kept | (self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)])
+        above = use & (((tried.plain if tried.small else tried.test) > self.rule.limit) | turn.kept)
+        told = Found(use, undecided, above, doubtful, swapped, renumbered, tried.small, tried.plain, self.whole)
+        notes = (*self.scaling.notes(self._final), *findings(tried.given, self.all, told, self.rule), *turn.notes)
+        pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
+        return Round(*self._with_final_sigmas(tried), notes, self.all.keys(undecided), self.all.keys(above),
+                     tuple((a, b) for a, b in pairs), renumbered, bool((self._final != 1.0).any()))  # fmt: skip
+
+    @property
+    def _final(self) -> Float:
+        """Factors on the standard deviations of the result."""
+        return self.scaling.final if self.rule.sigmas == "estimated" else np.ones_like(self.scaling.factor)
+
+    def _with_fitting_sigmas(self, tried: Tried) -> Tried:
+        """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
+        for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
+            scaling, by = self.scaling.after(self.scaling.classes.scales(tried.result))
+            if self._harmful(tried, tried.active, self.all.smallest(self.scaling.classes.number, by)):
+                break
+            self._rescale(scaling, by, from_result(self.given, tried.result))
+            if (by == 1.0).all():
+                break
+            tried = Tried(self.given, self.adjust(self.given, How(coarse=True)), tried.active, self.rule)
+        return tried
+
+    def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
+        self.scaling = scaling
+        if (by != 1.0).any():
+            self.given = replace(start, observed=scaling.classes.with_factors(start.observed, by))
+            self.all = replace(self.all, observed=tuple(o.again() for o in self.given.observed))
+
+    def _with_final_sigmas(self, tried: Tried) -> tuple[BundleInput, BundleResult]:
+        """The block with the standard deviations of the result, and adjusted with them."""
+        final = self._final
+        if (final == self.scaling.factor).all():
+            return tried.given, tried.result
+        start = from_result(tried.given, tried.result)
+        scaled = self.scaling.of_result(self.as_given, final)
+        observed = tuple(replace(o, start=now.start) for o, now in zip(scaled, start.observed))
+        given = replace(start, observed=self.all.without(observed, tried.active))
+        return given, self.adjust(given, How())
 
     def _searched(self, start: Tried | None, active: Bool) -> tuple[Tried, Bool, tuple[Swap, ...]]:
-        """Search; exchanged numbers are explained: where they took up the share of a kind, search on without them."""
+        """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
         first = start
 
         def solve(before: Tried | None, use: Bool, _: float) -> Tried:
             return self._solve(before or first, use)
 
         while True:
-            found = statistics.search(solve, active, self.snooping, self.pool, self._found)
+            found = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
             tried, use = found.solved, found.active
             gone = self.all.split(self.all.native & ~use)
             swapped = tuple(swaps(tried.result, self.given.rays, gone, self.rule.limit))
             rows = [self.all.first[s.place] + row for s in swapped for row in (s.first, s.second)]
             explained = np.isin(np.arange(len(use)), rows) & self.pool.counted
-            if not explained.any() or not (use & (tried.test > self.rule.limit)).any():
+            above = use & (tried.test > self.rule.limit)
+            if explained.any() and above.any():
+                self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
+                first, active = tried, use
+                continue
+            back = self._overfull(above, use)
+            if not back.any():
                 return tried, use, swapped
-            self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
-            first, active = tried, use
+            first, active = tried, use | back
+
+    def _overfull(self, above: Bool, use: Bool) -> Bool:
+        """What is to come back of kinds of which more is wrong than there is room for: all, and nothing goes again."""
+        assert self.pool.room is not None
+        doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
+        back, left = np.zeros_like(use), room_left(self.snooping, self.pool, use)
+        for kind, part in enumerate(self.all.parts):
+            mine = self.began[part] & ~use[part] & self.pool.counted[part]
+            if left[kind] <= 0 and mine.any() and (above & ~doubtful)[part].any():
+                self.pool.room[kind] = 0
+                back[part] = mine
+        return back
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
@@ -154,30 +196,64 @@ class _Search:
         except (ConvergenceError, GeometryError) as error:
             return None, error
 
-    def _harmful(self, tried: Tried, active: Bool) -> bool:
-        return bool((active & (tried.test > HARMLESS * self.rule.limit)).any())
+    def _harmful(self, tried: Tried, active: Bool, scale: Float | float = 1.0) -> bool:
+        return bool((active & (tried.test > HARMLESS * self.rule.limit * scale)).any())
 
     def _from_robust(self, active: Bool, first: Tried | None) -> Bool:
         """What is active after a robust adjustment; the block starts from there."""
         squares = None if first is None else first.result
-        given = self.given if first is None else self._moved_by(first, active)
-        result = robust(given, self.adjust, self.rule, squares, coarse=True)
+        self.given = self.given if first is None else self._moved_by(first, active)
+        result = robust(self.given, self.adjust, self.rule, squares, coarse=True)
+        for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
+            scaling, by = self.scaling.after(self.scaling.classes.scales(result, squares))
+            self._rescale(scaling, by, from_result(self.given, result))
+            if (by == 1.0).all():
+                break
+            again, _ = self._first(active)
+            squares = None if again is None else again.result
+            result = robust(self.given, self.adjust, self.rule, squares, coarse=True)
         state = result.adjusted.state
         tests = [
             tests_of(replace(o, covariance=known_covariance(o, squares, i)), state)
             for i, o in enumerate(result.observations)
         ]
         above = active & (np.concatenate(tests) > self.rule.limit)
-        self.given = from_result(given, result)
+        self.given = from_result(self.given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        out = self._heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
+        out = self.heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)
-        self.more = more_than_share(self.all, wrong, self.rule)
-        rejected = self._within_share(wrong, active, np.concatenate(tests))
-        return (active | (self.all.native & self._of(points) & ~out)) & ~rejected
+        whole = self._whole_kind(wrong, active)
+        if whole is not None:
+            wrong[whole] = active[whole]
+            self.whole[whole] = True
+            self.pool = replace(self.pool, counted=self.pool.counted & ~self.whole)
+        rejected = self.within_room(wrong, active, np.concatenate(tests))
+        return (active | (self.all.native & self.of_points(points) & ~out)) & ~rejected
+
+    def _whole_kind(self, wrong: Bool, active: Bool) -> slice | None:
+        """A kind with more wrong than there is room for, where the rest agrees without it, and only without it."""
+        left, counted = room_left(self.snooping, self.pool, active), self.pool.counted
+        parts = [p for p, o in zip(self.all.parts, self.all.observed) if not is_ray(o) and active[p].any()]
+        full = [p for k, p in enumerate(self.all.parts) if np.count_nonzero((wrong & counted)[p]) > max(left[k], 0)]
+        if len(full) != 1 or full[0] not in parts:
+            return None
+        others = [p for p in parts if p != full[0]]
+        return full[0] if self._agrees(wrong, active, full[0], full[0]) and not any(
+            self._agrees(wrong, active, full[0], p) for p in others) else None  # fmt: skip
+
+    def _agrees(self, wrong: Bool, active: Bool, full: slice, without: slice) -> bool:
+        """Whether the block agrees without one kind; `full` is that with too many wrong ones."""
+        use = active & ~wrong
+        use[full] = active[full]
+        use[without] = False
+        try:
+            tried = self._solve(None, use)
+        except (GeometryError, ConvergenceError):
+            return False
+        return not self._harmful(tried, use)
 
     def _moved_by(self, first: Tried, active: Bool) -> BundleInput:
         """The block from where least squares has moved it; points with something above the limit may have run away."""
@@ -188,9 +264,6 @@ class _Search:
         xyz[points] = self.given.xyz_m[points]
         return replace(moved, xyz_m=xyz)
 
-    def _of(self, points: Int) -> Bool:
-        return self.all.at_points & np.isin(self.all.point, points)
-
     def _solve(self, before: Tried | None, use: Bool) -> Tried:
         if before is not None and (use == before.active).all() and self._converged(before.result):
             return before
@@ -200,65 +273,3 @@ class _Search:
 
     def _converged(self, result: BundleResult) -> bool:
         return result.adjusted.history[-1].decrement <= self.tolerance
-
-    def _found(self, tried: Tried, use: Bool) -> Bool:
-        """The clearest gross errors, at points by a hearing of all records of the point."""
-        picked = clearest(self.snooping, self.pool, tried.test, use, ~self._in_stead(tried.test, use))
-        at = picked & self.all.at_points
-        points = np.unique(self.all.point[at])
-        points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
-        state, suspected = tried.result.adjusted.state, np.ones(len(points), dtype=bool)
-        out = self._heard(state, points, suspected, use, tried.test, move=False) & use
-        heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
-        blamed = picked & ~(heard & self.all.at_points)
-        kept = self._within_share(out | blamed, use, tried.test)
-        # Where the coordinates of a point may not go, its rays do not go in their stead.
-        other = self.all.coordinates & (out | blamed) & ~kept
-        return kept & ~self._of(np.unique(self.all.point[other]))
-
-    def _in_stead(self, test: Float, use: Bool) -> Bool:
-        """Records at points whose coordinates are the clearest there, and may not go: they do not go in their stead."""
-        above = use & self.all.coordinates & (test > self.rule.limit)
-        held = np.flatnonzero(above & ~self._within_share(above, use, test))
-        largest = np.zeros(len(self.hearings))
-        np.maximum.at(largest, self.all.point[held], test[held])
-        return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
-
-    def _heard(self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, *, move: bool) -> Bool:
-        """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
-        known = np.isin(points, with_start(state[POINT], points))
-        points, suspected = points[known], suspected[known]
-        wrong = np.zeros(len(active), dtype=bool)
-        if not len(points):
-            return wrong
-        self.hearings[points] += 1
-        native = self.all.split(self.all.native if move else active)
-        found: AtPoints = explained(self.all.observed, native, state, points, suspected, self.rule.limit)
-        rows = self.all.first[found.members.place] + found.members.row
-        largest = np.zeros(len(points))
-        np.maximum.at(largest, found.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])
-        unclear = np.zeros(len(points), dtype=bool)
-        unclear[found.members.block[found.undecided]] = True
-        doubt = unclear & (largest <= DOUBT * self.rule.limit)
-        self.doubtful[points] = doubt
-        surely = ~doubt[found.members.block]
-        wrong[rows[found.out & surely]] = True
-        self.undecided[rows] = found.undecided & surely
-        if move:
-            xyz = self.given.xyz_m.copy()
-            xyz[points] = found.xyz_m
-            self.given = replace(self.given, xyz_m=xyz)
-        return wrong
-
-    def _within_share(self, wrong: Bool, active: Bool, test: Float) -> Bool:
-        """Of what is wrong as much as may be rejected of each kind, the clearest first."""
-        kept = wrong.copy()
-        for part in self.all.parts:
-            some = np.flatnonzero(wrong[part]) + part.start
-            native = self.pool.counted[part]
-            some = some[native[some - part.start]]
-            room = int(np.ceil(self.rule.max_share * native.sum())) - int((native & ~active[part]).sum())
-            if len(some) > max(room, 0):
-                order = np.argsort(-np.nan_to_num(test[some]), kind="stable")
-                kept[some[order[max(room, 0) :]]] = False
-        return kept

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool
+from aatri.adjustment.statistics.limits import SINGLE_LIMIT, expected_beyond
+from aatri.arrays import Bool, Float
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
@@ -18,9 +19,6 @@ from aatri.orientation.bundle.blunders.swaps import Swap
 
 WHOLE_SHARE, WHOLE_LEAST = 0.3, 5
 """An image is named itself where so many of its image points are rejected; a point where half of its rays are."""
-
-WORTH_A_SHARE, MOST_WRONG = 40, 0.25
-"""Of so many observations a share of gross errors can be told, up to so large a one."""
 
 
 def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:
@@ -46,6 +44,10 @@ class Found:
     renumbered : tuple of OtherNumber
     small : bool
         There is too little redundancy to tell gross errors from wrong standard deviations.
+    test : (n,) float64, optional
+        |w| of all.
+    whole : (n,) bool, optional
+        Of kinds that were left out as a whole.
     """
 
     active: Bool
@@ -55,26 +57,33 @@ class Found:
     swapped: tuple[Swap, ...]
     renumbered: tuple[OtherNumber, ...] = ()
     small: bool = False
+    test: Float | None = None
+    whole: Bool | None = None
 
 
 def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) -> list[Note]:
     """Notes on what was rejected, why, and on what could not be."""
     notes = []
     gone = records.native & ~found.active
-    why = f", for no more than {rule.max_share:.0%} of a kind is rejected: where more disagrees the model is wrong, "
-    why += "not the data"
+    most = "its redundancy answers for" if rule.max_share is None else f"{rule.max_share:.0%}, as `max_share` says,"
+    why = (
+        f": more than {most} would have to go, and all are used; where so many disagree the model or a whole group is "
+    )
+    why += "wrong"
     if found.small:
         why = ": none stands out of so few, and the standard deviations may be too small for all of them"
+    whole = np.zeros_like(gone) if found.whole is None else found.whole
     said = (
-        (gone & ~found.undecided, "rejected as gross errors"),
+        (gone & whole, "left out together: most of the kind disagree with the rest, which agrees without them"),
+        (gone & ~whole & ~found.undecided, "rejected as gross errors"),
         (gone & found.undecided, "left out: some of them are wrong, and nothing tells which"),
         (
             found.above & found.doubtful,
-            f"beyond {rule.limit:g} sigma and kept: nothing tells which of the point's is wrong",
+            f"beyond {rule.limit:.3g} sigma and kept: nothing tells which of the point's is wrong",
         ),
         (
             found.above & ~found.doubtful,
-            f"beyond {rule.limit:g} sigma and kept{why}",
+            f"beyond {rule.limit:.3g} sigma and kept{why}",
         ),
     )
     for part, o in zip(records.parts, records.observed):
@@ -91,22 +100,17 @@ def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) 
         what = "these fit under another number, which may be theirs"
         notes.append(Note("warning", f"image_point: {len(ids)} rejected, {what}", ids))
     notes += _whole(given, records, gone)
-    return notes
+    return [*notes, *_by_chance(records, found)]
 
 
-def more_than_share(records: AllRecords, wrong: Bool, rule: Rule) -> list[Note]:
-    """Kinds of which a robust adjustment finds more wrong than may be rejected, but not so many that the model is."""
-    notes = []
-    for part, o in zip(records.parts, records.observed):
-        count, of = int(wrong[part].sum()), int(records.native[part].sum())
-        if of >= WORTH_A_SHARE and rule.max_share < count / of <= MOST_WRONG:
-            enough = np.ceil(1.5 * count / of * 20) / 20
-            text = (
-                f"{o.kind}: after a robust adjustment {count} of {of} are beyond {rule.limit:g} sigma, more than the "
-            )
-            text += f"{rule.max_share:.0%} that may be rejected; if so many gross errors are to be expected, "
-            notes.append(Note("warning", f"{text}`blunders: {{max_share: {enough:g}}}`"))
-    return notes
+def _by_chance(records: AllRecords, found: Found) -> list[Note]:
+    """How many of what is used are beyond the limit of a single test, and how many chance explains."""
+    if found.test is None or not found.active.any():
+        return []
+    beyond = int((found.active & (found.test > SINGLE_LIMIT)).sum())
+    expected = expected_beyond(SINGLE_LIMIT, records.tests)
+    text = f"{beyond} of {int(found.active.sum())} observations used are beyond {SINGLE_LIMIT:g} sigma, the limit of a "
+    return [Note("note", f"{text}single test; chance explains some {expected:.0f}")] if beyond else []
 
 
 def _renumbering(given: BundleInput, one: OtherNumber) -> str:

@@ -36,16 +36,13 @@ def name_of(number: int) -> str:
 
 def without_groups(given: BundleInput, done: BundleInput) -> BundleInput:
     """The block as it was given, with the start, the rejections and the standard deviations of one with groups."""
-    observed = tuple(
-        replace(o if d.rejected is None else o.again().without(d.rejected),
-                start={name: d.start.get(name, value) for name, value in o.start.items()})
-        for o, d in zip(given.observed, done.observed, strict=True)
-    )  # fmt: skip
-    observed = tuple(
-        replace(o, records=replace(o.records, whitener=d.records.whitener))
-        for o, d in zip(observed, done.observed, strict=True)
-    )
-    return replace(done, observed=observed, parameters=given.parameters)
+    observed = []
+    for o, d in zip(given.observed, done.observed, strict=True):
+        whole = o.again()
+        whole = replace(whole, records=replace(whole.records, whitener=d.again().records.whitener),
+                        start={name: d.start.get(name, value) for name, value in o.start.items()})  # fmt: skip
+        observed.append(whole if d.rejected is None else whole.without(d.rejected))
+    return replace(done, observed=tuple(observed), parameters=given.parameters)
 
 
 def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:

@@ -18,6 +18,7 @@ import numpy as np
 
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.kinds import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, How
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import tests_of
@@ -67,6 +68,7 @@ def search_in_groups(
     GeometryError, ConvergenceError
         If the block cannot be adjusted.
     """
+    rule = rule.for_tests(AllRecords.of(given).tests)
     groups = [] if rule.method == "none" else _before_single_ones(given, adjust, effects_of, rule)
     done = _carried(given, groups, single)
     if done is None:

@@ -1,0 +1,122 @@
+"""What a search decides at each step: which records go, by a hearing of all those of their point, within the room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of, room_left
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.poses import POINT
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
+from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.tested import Tried
+
+BACK = 3.29
+"""|w| below which what was rejected comes back: below the limit, or what lies there would go to and fro."""
+
+DOUBT = 6.0
+"""|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
+control point perhaps, is as good as the others."""
+
+MOST_HEARINGS = 3
+
+CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
+"""Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
+
+
+class Hearings:
+    """The records of a block, the rules for them, and what hearings at points have come to.
+
+    Attributes
+    ----------
+    given : BundleInput
+        Where the next adjustment starts.
+    all : AllRecords
+    rule : Rule
+        With the limit of all tests.
+    snooping, pool
+        The same for `adjustment.statistics.rejection`.
+    undecided : (n,) bool
+        Left out though only some of them are wrong.
+    hearings : (n_points,) int64
+    doubtful : (n_points,) bool
+        Points where nothing tells what is wrong, and it is small.
+    """
+
+    def __init__(self, given: BundleInput, rule: Rule) -> None:
+        self.given, self.all = given, AllRecords.of(given)
+        self.rule = rule = rule.for_tests(self.all.tests)
+        observed = [o.records for o in self.all.observed]
+        self.snooping = Snooping(rule.limit, (POINT,), ("", 1.0), CLEAR[rule.method], 1.0, min(BACK, rule.limit))
+        pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
+        self.pool: Pool = replace(pool, counted=self.all.native)
+        self.undecided = np.zeros(len(self.all.native), dtype=bool)
+        self.hearings = np.zeros(len(given.point_ids), dtype=np.int64)
+        self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
+
+    def next_rejections(self, tried: Tried, use: Bool) -> Bool:
+        """The clearest gross errors, at points by a hearing of all records of the point."""
+        picked = clearest(self.snooping, self.pool, tried.test, use, ~self._in_stead(tried.test, use))
+        at = picked & self.all.at_points
+        points = np.unique(self.all.point[at])
+        points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
+        state, suspected = tried.result.adjusted.state, np.ones(len(points), dtype=bool)
+        out = self.heard(state, points, suspected, use, tried.test, move=False) & use
+        heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
+        blamed = picked & ~(heard & self.all.at_points)
+        kept = self.within_room(out | blamed, use, tried.test)
+        # Where the coordinates of a point may not go, its rays do not go in their stead.
+        other = self.all.coordinates & (out | blamed) & ~kept
+        return kept & ~self.of_points(np.unique(self.all.point[other]))
+
+    def _in_stead(self, test: Float, use: Bool) -> Bool:
+        """Records at points whose coordinates are the clearest there, and may not go: they do not go in their stead."""
+        above = use & self.all.coordinates & (test > self.rule.limit)
+        held = np.flatnonzero(above & ~self.within_room(above, use, test))
+        largest = np.zeros(len(self.hearings))
+        np.maximum.at(largest, self.all.point[held], test[held])
+        return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
+
+    def heard(self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, *, move: bool) -> Bool:
+        """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
+        known = np.isin(points, with_start(state[POINT], points))
+        points, suspected = points[known], suspected[known]
+        wrong = np.zeros(len(active), dtype=bool)
+        if not len(points):
+            return wrong
+        self.hearings[points] += 1
+        native = self.all.split(self.all.native if move else active)
+        found: AtPoints = explained(self.all.observed, native, state, points, suspected, self.rule.limit)
+        rows = self.all.first[found.members.place] + found.members.row
+        largest = np.zeros(len(points))
+        np.maximum.at(largest, found.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])
+        unclear = np.zeros(len(points), dtype=bool)
+        unclear[found.members.block[found.undecided]] = True
+        doubt = unclear & (largest <= max(DOUBT, self.rule.limit))
+        self.doubtful[points] = doubt
+        surely = ~doubt[found.members.block]
+        wrong[rows[found.out & surely]] = True
+        self.undecided[rows] = found.undecided & surely
+        if move:
+            xyz = self.given.xyz_m.copy()
+            xyz[points] = found.xyz_m
+            self.given = replace(self.given, xyz_m=xyz)
+        return wrong
+
+    def within_room(self, wrong: Bool, active: Bool, test: Float) -> Bool:
+        """Of what is wrong as much as there is room for in each kind, the clearest first."""
+        kept, left = wrong.copy(), np.maximum(room_left(self.snooping, self.pool, active), 0)
+        for room, part in zip(left, self.all.parts):
+            some = np.flatnonzero(wrong[part] & self.pool.counted[part]) + part.start
+            if len(some) > room:
+                order = np.argsort(-np.nan_to_num(test[some]), kind="stable")
+                kept[some[order[room:]]] = False
+        return kept
+
+    def of_points(self, points: Int) -> Bool:
+        return self.all.at_points & np.isin(self.all.point, points)

@@ -1,0 +1,198 @@
+"""What is out of control, positions, distances ... is tried against the others of its kind: each is left out in turn.
+
+The rejected record is put back and the block adjusted. There the gain of leaving out each one of the kind is known, in
+the linear model exactly, whatever the start, the path and the order (`adjustment.statistics.leave_one_out`). If another
+gains more it goes instead. If several gain the same nothing tells which is wrong: all go, if the block is determined
+as well without them (two contradicting bars: nothing else gives the scale), else all stay; they are named either way.
+
+Only a record that leaves some other of its kind all but untested can be taken for it: with correlation rho of their
+tests gain_j = rho^2 gain_i, and leaving i out takes rho^2 of j's redundancy. The others are clear without that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.adjustment.statistics.leave_one_out import as_good, gains_of_leaving_out
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.notes import Note
+from aatri.observations.observed import NEARLY_EXACT, Observed
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.robust import Adjust, How
+from aatri.orientation.bundle.blunders.tested import Tried
+from aatri.orientation.bundle.blunders.told import labels
+from aatri.orientation.bundle.result import from_result
+
+MOST = 12
+"""Rejected records of a kind up to which each is tried: where there are more the others tell them apart."""
+
+SOFT = 0.02
+"""Standard deviation that exact coordinates get for the trial, over that of a prediction without them."""
+
+
+@dataclass(frozen=True)
+class InTurn:
+    """What the trials have come to.
+
+    Attributes
+    ----------
+    tried : Tried
+        Adjusted with what is active now.
+    undecided : (n,) bool
+        Left out though only one of them is wrong.
+    kept : (n,) bool
+        Used though one of them is wrong.
+    notes : tuple of Note
+    """
+
+    tried: Tried
+    undecided: Bool
+    kept: Bool
+    notes: tuple[Note, ...]
+
+
+def tried_in_turn(tried: Tried, use: Bool, records: AllRecords, adjust: Adjust) -> InTurn:
+    """Try what is out against the others of its kind.
+
+    Parameters
+    ----------
+    tried : Tried
+        The end of a search.
+    use : (n,) bool
+    records : AllRecords
+    adjust : callable
+    """
+    state = _InTurn(tried, use, records, adjust)
+    for kind in dict.fromkeys(o.kind for o in records.observed):
+        places = [i for i, o in enumerate(records.observed) if o.kind == kind and not is_ray(o)]
+        if places:
+            state.try_kind(places)
+    return InTurn(state.tried, state.undecided, state.kept, tuple(state.notes))
+
+
+class _InTurn:
+    def __init__(self, tried: Tried, use: Bool, records: AllRecords, adjust: Adjust) -> None:
+        self.tried, self.records, self.adjust = tried, records, adjust
+        self.undecided, self.kept = np.zeros_like(use), np.zeros_like(use)
+        self.notes: list[Note] = []
+
+    def try_kind(self, places: list[int]) -> None:
+        """Try all of a kind that are out."""
+        rows = np.concatenate([np.arange(part.start, part.stop) for i in places for part in [self.records.parts[i]]])
+        out = rows[self.records.native[rows] & ~self.tried.active[rows]]
+        for row in out.tolist() if len(out) <= MOST else ():
+            if not self.tried.active[row] and not self.undecided[row] and self._may_be_another(places, row):
+                self._try(places, rows, row)
+
+    def _may_be_another(self, places: list[int], row: int) -> bool:
+        """Whether some other of the kind is left all but untested without this one."""
+        i, k = self._place(places, row)
+        mine = self.tried.result.observations[i]
+        if mine.observed.holds is not None and self.records.observed[i].holds is not None:
+            return bool(np.isfinite(mine.covariance[k]).all())
+        if not np.isfinite(mine.covariance[k]).all():
+            return False
+        w = whitened_residuals(mine.observed.records, self.tried.result.adjusted.state, np.array([k]))
+        gain = float(gains_of_leaving_out(w, -mine.covariance[[k]])[0])
+        for found in (self.tried.result.observations[p] for p in places):
+            H = found.covariance[found.used]
+            R = np.eye(H.shape[1]) - H[np.isfinite(H).all(axis=(1, 2))]
+            if len(R) and np.linalg.eigvalsh(R).min() < SEPARABLE / max(gain, SEPARABLE):
+                return True
+        return False
+
+    def _try(self, places: list[int], rows: Int, row: int) -> None:
+        use = self.tried.active.copy()
+        use[row] = True
+        try:
+            back = self._adjusted(use, {p: self._soft(*self._place(places, row)) for p in places})
+        except (GeometryError, ConvergenceError):
+            return
+        gain = np.concatenate([_gains(back, p, self.records) for p in places])
+        best = rows[as_good(np.where(use[rows], gain, np.nan))]
+        if len(best) == 1 and best[0] == row:
+            return
+        less = use.copy()
+        less[best] = False
+        without = self._without(less, back, best)
+        if without is not None:
+            self.tried = without
+            self.undecided[best] = len(best) > 1
+            return
+        self.tried = self._adjusted(use, {})
+        self.kept[best] = True
+        names = [labels(o, part) for o, part in zip(self.records.observed, self.records.split(self.kept)) if part.any()]
+        kind = self.records.observed[places[0]].kind
+        text = f"{kind}: one of these is wrong, and nothing tells which; without them the block is not determined, so "
+        text += "all of them are used: measure another, or leave out the wrong one (`use: false`)"
+        self.notes.append(Note("warning", text, tuple(name for some in names for name in some)))
+
+    def _without(self, less: Bool, back: Tried, best: Int) -> Tried | None:
+        """Adjusted without some records; None where that leaves open what only they determine."""
+        try:
+            without = self._adjusted(less, {})
+        except (GeometryError, ConvergenceError):
+            return None
+        gone = sum(int(o.records.observed_components()[best[(best >= p.start) & (best < p.stop)] - p.start].sum())
+                   for o, p in zip(self.records.observed, self.records.parts))  # fmt: skip
+        lost = back.result.adjusted.redundancy - gone - without.result.adjusted.redundancy
+        return (
+            without if lost >= 0 and without.result.point_adjusted.sum() >= back.result.point_adjusted.sum() else None
+        )
+
+    def _adjusted(self, use: Bool, soft: dict[int, float]) -> Tried:
+        given: BundleInput = from_result(self.tried.given, self.tried.result)
+        observed = list(self.records.without(given.observed, use))
+        for place, sigma in soft.items():
+            observed[place] = _softened(observed[place], sigma)
+        given = replace(given, observed=tuple(observed))
+        return Tried(given, self.adjust(given, How()), use, self.tried.rule)
+
+    def _place(self, places: list[int], row: int) -> tuple[int, int]:
+        """Place of a record's observations, and its row there."""
+        place = next(p for p in places if self.records.parts[p].start <= row < self.records.parts[p].stop)
+        return place, row - self.records.parts[place].start
+
+    def _soft(self, place: int, k: int) -> float:
+        """Standard deviation of exact coordinates for the trial, m; 0 where there are none."""
+        found = self.tried.result.observations[place]
+        if self.records.observed[place].holds is None:
+            return 0.0
+        variance = np.diag(found.covariance[k])[self.records.observed[place].holds.scalar[k]]  # type: ignore[union-attr]
+        return SOFT * NEARLY_EXACT * float(np.sqrt(variance.min(initial=np.inf))) if len(variance) else 0.0
+
+
+def _gains(tried: Tried, place: int, records: AllRecords) -> Float:
+    """Gains of leaving out each of the observations in use, NaN for the others, (n,)."""
+    found = tried.result.observations[place]
+    gain = np.full(len(found.observed), np.nan)
+    rows = np.flatnonzero(found.used & records.split(records.native)[place])
+    rows = rows[np.isfinite(found.covariance[rows]).all(axis=(1, 2))]
+    if len(rows):
+        v = whitened_residuals(found.observed.records, tried.result.adjusted.state, rows)
+        gain[rows] = gains_of_leaving_out(v, found.covariance[rows])
+    return gain
+
+
+def _softened(o: Observed, sigma_m: float) -> Observed:
+    """Exact coordinates as observed ones, so that they have residuals."""
+    if o.holds is None or not sigma_m > 0:
+        return o
+    whitener = o.records.whitener if o.records.whitener.ndim == 3 else o.records.whitener[:, :, None] * np.eye(3)
+    whitener = whitener.copy()
+    row, component = np.nonzero(o.holds.scalar)
+    whitener[row, component, component] = 1.0 / sigma_m
+    return replace(o, records=replace(o.records, whitener=whitener), holds=None)
+
+
+def is_ray(o: Observed) -> bool:
+    """Whether these are measurements in images (their points get a hearing), or none at all."""
+    groups = {group for group, _ in o.records.touches}
+    return o.exact or bool(o.components) or {POSE, POINT} <= groups

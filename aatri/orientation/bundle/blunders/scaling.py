@@ -1,0 +1,222 @@
+"""Standard deviations that fit the residuals, class by class, before anything is rejected.
+
+A class is a kind of observation, its plan and height where they are measured apart, the image points of each camera,
+and the groups that the tables name. Its scale is estimated robustly (`adjustment.statistics.class_scales`). The search
+is made with standard deviations times these scales. Those of the result are the given ones, as long as their ratios are
+right; where these are clearly wrong the weights follow, over the scale of the class with the most redundancy, so that
+sigma0 remains the ratio to standard deviations as given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.records import predicted
+from aatri.adjustment.statistics.class_scales import ClassScales, class_scales
+from aatri.adjustment.statistics.variance_components import ESTIMABLE
+from aatri.arrays import Bool, Float, Int
+from aatri.notes import Note
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE, is_additional
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.tested import WELL_CONTROLLED, known_covariance
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.variance_groups import with_factor
+
+SETTLED = 1.1
+"""A scale in use that changes by less than this factor stays."""
+
+
+NO_ERRORS = 0.02
+"""Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
+
+
+@dataclass(frozen=True)
+class Classes:
+    """Classes of observations.
+
+    Attributes
+    ----------
+    names : tuple of str
+    kind : (g,) int64
+        Number of the kind that each class belongs to.
+    number : tuple of (n, m) int
+        Class of every component of each of the observations; -1 none.
+    """
+
+    names: tuple[str, ...]
+    kind: Int
+    number: tuple[Int, ...]
+
+    @classmethod
+    def of(cls, given: BundleInput) -> Classes:
+        """The classes of a block."""
+        names: list[str] = []
+        kinds: list[int] = []
+        numbers: dict[str, int] = {}
+        number: list[Int] = []
+        for o in given.observed:
+            if o.exact or o.components or not len(o):
+                number.append(np.broadcast_to(np.int64(-1), (len(o), o.records.rows)))
+                continue
+            labels, label = _labels(o, given)
+            parts = o.parts or (("", tuple(range(o.records.rows))),)
+            component = np.zeros(o.records.rows, dtype=np.int64)
+            for k, (_, components) in enumerate(parts):
+                component[list(components)] = k * len(labels)
+            number.append(len(names) + label[:, None] + component)
+            names += [f"{o.kind} {part} {more}".strip().replace("  ", " ") for part, _ in parts for more in labels]
+            kinds += [numbers.setdefault(o.kind, len(numbers))] * (len(parts) * len(labels))
+        return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))
+
+    def scales(self, result: BundleResult, squares: BundleResult | None = None) -> ClassScales:
+        """Scales of all classes from the residuals of what is used.
+
+        Parameters
+        ----------
+        result : BundleResult
+        squares : BundleResult, optional
+            The adjustment whose covariances are known, where `result` has none.
+        """
+        parts = []
+        for i, (found, number) in enumerate(zip(result.observations, self.number)):
+            o, rows = found.observed, np.flatnonzero(found.used)
+            if o.exact or o.components or not len(rows):
+                continue
+            H = found.covariance if squares is None else known_covariance(found, squares, i)
+            v = predicted(o.records, result.adjusted.state, rows)[0]
+            r = 1.0 - np.einsum("nii->ni", H[rows])
+            known = o.records.observed_components()[rows] & (r > WELL_CONTROLLED)
+            parts.append((v.ravel(), r.ravel(), np.where(known, number[rows], -1).ravel()))
+        if not parts:
+            return ClassScales(
+                np.ones(len(self.names)), np.zeros(len(self.names)), np.zeros(len(self.names), dtype=bool)
+            )
+        v, r, group = (np.concatenate(values) for values in zip(*parts))
+        return self._with_small_ones(class_scales(v, r, group, len(self.names)), v, r, group)
+
+    def _with_small_ones(self, found: ClassScales, v: Float, r: Float, group: Int) -> ClassScales:
+        """Parts, cameras and groups of little redundancy have the scale of their kind."""
+        scale, redundancy, estimable = found.scale.copy(), found.redundancy.copy(), found.estimable.copy()
+        for kind in np.unique(self.kind[~found.estimable]):
+            mine = np.flatnonzero(self.kind == kind)
+            if len(mine) < 2 or found.redundancy[mine].sum() < ESTIMABLE:
+                continue
+            whole = class_scales(v, r, np.where(np.isin(group, mine), 0, -1), 1)
+            small = mine[~found.estimable[mine]]
+            scale[small], redundancy[small], estimable[small] = whole.scale, whole.redundancy, whole.estimable
+        return ClassScales(scale, redundancy, estimable)
+
+    def with_factors(self, observed: tuple[Observed, ...], factor: Float, priors: float = 1.0) -> tuple[Observed, ...]:
+        """Observations with standard deviations times the factor of their class.
+
+        Parameters
+        ----------
+        observed : tuple of Observed
+        factor : (g,) float64
+        priors : float
+            Factor of what is known of film, cameras and mounts beforehand; weights of additional parameters are none.
+        """
+        known = np.append(factor, priors)
+        return tuple(
+            with_factor(o, np.full_like(number, len(factor)) if _is_prior(o) else number, known)
+            for o, number in zip(observed, self.number)
+        )  # fmt: skip
+
+
+def _is_prior(o: Observed) -> bool:
+    return bool(o.components) and not any(is_additional(group) for group, _ in o.records.touches)
+
+
+def _labels(o: Observed, given: BundleInput) -> tuple[list[str], Int]:
+    """What tells the observations of one kind apart, and which each has: camera and group."""
+    labels, label = [""], np.zeros(len(o), dtype=np.int64)
+    touched = dict(o.records.touches)
+    several = given.given is not None and POSE in touched and POINT in touched and len(given.given.block.cameras) > 1
+    if several:
+        assert given.given is not None
+        block = given.given.block
+        used, label = np.unique(block.images.camera[touched[POSE]], return_inverse=True)
+        labels = [str(name) for name in block.cameras.id[used]]
+    if o.group is not None:
+        names, group = np.unique(o.group, return_inverse=True)
+        labels = [f"{a} {b}".strip() for a in labels for b in names.tolist()]
+        label = label * len(names) + group
+    return labels, label
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Standard deviations in use by a search: factors on those given, class by class.
+
+    Attributes
+    ----------
+    classes : Classes
+    factor : (g,) float64
+    last : ClassScales, optional
+        What the last adjustment asks for beyond them.
+    without_errors : (g,) bool, optional
+        Classes without errors, which keep the standard deviations given.
+    """
+
+    classes: Classes
+    factor: Float
+    last: ClassScales | None = None
+    without_errors: Bool | None = None
+
+    @classmethod
+    def of(cls, given: BundleInput) -> Scaling:
+        """Standard deviations as given."""
+        classes = Classes.of(given)
+        return cls(classes, np.ones(len(classes.names)))
+
+    def after(self, asked: ClassScales) -> tuple[Scaling, Float]:
+        """With what an adjustment asks for, and the factors that this changes by."""
+        moved = self.changed & asked.estimable & (np.abs(np.log(asked.scale)) > np.log(SETTLED))
+        by = np.where(moved, asked.scale, asked.differing)
+        none = self.factor * by < NO_ERRORS
+        if self.without_errors is not None:
+            none |= self.without_errors
+        by = np.where(none, 1.0 / self.factor, by)
+        left = replace(asked, scale=np.where(none, 1.0, asked.scale / by))
+        return Scaling(self.classes, self.factor * by, left, none), by
+
+    @property
+    def changed(self) -> Bool:
+        """Classes whose standard deviations are not those given."""
+        return np.asarray(self.factor != 1.0)
+
+    @property
+    def final(self) -> Float:
+        """Factors for the result: 1 where the ratios are right, else over that of the class with most redundancy."""
+        if self.last is None or not self.changed.any() or not self._total().weights_are_wrong:
+            return np.ones_like(self.factor)
+        return np.asarray(self.factor / self.factor[self.last.main])
+
+    def of_result(self, observed: tuple[Observed, ...], final: Float) -> tuple[Observed, ...]:
+        """Observations as given with the standard deviations of the result: those of priors keep their ratio, too."""
+        changed = self.last is not None and bool((final != 1.0).any())
+        priors = 1.0 / float(self.factor[self.last.main]) if changed and self.last is not None else 1.0
+        return self.classes.with_factors(observed, final, priors)
+
+    def _total(self) -> ClassScales:
+        assert self.last is not None
+        return replace(self.last, scale=self.last.scale * self.factor)
+
+    def notes(self, final: Float) -> list[Note]:
+        """What was found of standard deviations that do not fit; `final` are the factors of the result."""
+        if not self.changed.any():
+            return []
+        of = dict(zip(self.classes.names, self.factor))
+        told = tuple(f"{name} {f:.3g}" for name, f in of.items() if f != 1.0)
+        if (final == 1.0).all():
+            text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
+            return [Note("note", text, told)]
+        kept = [name for name, f in of.items() if f == 1.0]
+        text = (
+            "standard deviations do not fit the residuals; the weights follow what fits, times those given "
+            f"({', '.join(kept) + ' as given' if kept else 'all'}; `blunders: {{sigmas: given}}` keeps the weights)"
+        )
+        return [Note("warning", text, told)]
