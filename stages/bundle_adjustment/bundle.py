@@ -253,10 +253,10 @@ def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> 
     def adjust(block: BundleInput, how: How = How()) -> BundleResult:
         return _adjusted(block, options, context, how)
 
-    def single(block: BundleInput) -> Round:
+    def single(block: BundleInput, squares: BundleResult | None) -> Round:
         if rule.method == "none":
             return with_readmission(block, adjust)
-        return search(block, adjust, rule, options.tolerance)
+        return search(block, adjust, rule, options.tolerance, squares)
 
     if rule.method == "robust":
         done = robustly(given, adjust, rule)

@@ -54,7 +54,9 @@ MOST_SCALINGS = 5
 """Adjustments until the standard deviations fit."""
 
 
-def search(given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e-3) -> Round:
+def search(
+    given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e-3, squares: BundleResult | None = None
+) -> Round:
     """Adjust a block and leave out its gross errors.
 
     Parameters
@@ -65,13 +67,15 @@ def search(given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e
     rule : Rule
     tolerance : float
         Bound of the Newton decrement of the result.
+    squares : BundleResult, optional
+        Least squares with everything, where that is known.
 
     Raises
     ------
     GeometryError, ConvergenceError
         If the block cannot be adjusted, robustly neither.
     """
-    return _Search(given, adjust, rule, tolerance).run()
+    return _Search(given, adjust, rule, tolerance).run(squares)
 
 
 class _Search(Hearings):
@@ -83,10 +87,10 @@ class _Search(Hearings):
         self.as_given, self.scaling = self.all.observed, Scaling.of(given)
         self.whole = np.zeros(len(self.all.native), dtype=bool)
 
-    def run(self) -> Round:
+    def run(self, squares: BundleResult | None) -> Round:
         """Search."""
         active = self.began = self.all.native & ~self.all.rejected_in(self.given)
-        first, failure = self._first(active)
+        first, failure = (Tried(self.given, squares, active, self.rule), None) if squares else self._first(active)
         if first is not None and not np.isfinite(first.test).any():
             plain = with_readmission(self.given, lambda block: self.adjust(block, How()))
             return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))

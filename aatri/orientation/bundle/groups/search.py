@@ -28,6 +28,8 @@ from aatri.orientation.bundle.groups.find import Group, wrong_groups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 
+Single = Callable[[BundleInput, BundleResult | None], Round]
+
 MOST_GROUPS = 6
 """Groups that are looked for, one by one; where more is wrong, the model of the block is."""
 
@@ -48,7 +50,7 @@ class FoundGroup:
 
 
 def search_in_groups(
-    given: BundleInput, adjust: Adjust, single: Callable[[BundleInput], Round], effects_of: EffectsOf, rule: Rule
+    given: BundleInput, adjust: Adjust, single: Single, effects_of: EffectsOf, rule: Rule
 ) -> tuple[Round, tuple[FoundGroup, ...]]:
     """Adjust a block, find groups that are wrong together, and leave out single gross errors.
 
@@ -57,7 +59,7 @@ def search_in_groups(
     given : BundleInput
     adjust : callable
     single : callable
-        Adjusts a block by `rule`, searching for single gross errors.
+        (block, least squares of it or None) -> the block adjusted by `rule`, searching for single gross errors.
     effects_of : callable
         What is to be tested of a block.
     rule : Rule
@@ -69,10 +71,12 @@ def search_in_groups(
         If the block cannot be adjusted.
     """
     rule = rule.for_tests(AllRecords.of(given).tests)
-    groups = [] if rule.method == "none" else _before_single_ones(given, adjust, effects_of, rule)
-    done = _carried(given, groups, single)
+    groups, squares = list[Group](), None
+    if rule.method != "none":
+        groups, squares = _before_single_ones(given, adjust, effects_of, rule)
+    done = _carried(given, groups, single, squares)
     if done is None:
-        groups, done = [], single(given)
+        groups, done = [], single(given, None)
     while len(groups) < MOST_GROUPS:
         one = _largest_test(done.result)
         more = wrong_groups(given, done.result, effects_of, one if one > rule.limit else 0.0, [g.key for g in groups])
@@ -87,18 +91,22 @@ def search_in_groups(
     return _as_given(given, done, groups, adjust, rule)
 
 
-def _carried(given: BundleInput, groups: list[Group], single: Callable[[BundleInput], Round]) -> Round | None:
+def _carried(
+    given: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
+) -> Round | None:
     """Single gross errors with groups carried; None where the block does not determine these."""
     try:
-        return single(with_groups(given, groups))
+        return single(with_groups(given, groups), squares)
     except (ConvergenceError, GeometryError):
         if not groups:
             raise
         return None
 
 
-def _before_single_ones(given: BundleInput, adjust: Adjust, effects_of: EffectsOf, rule: Rule) -> list[Group]:
-    """Groups that explain what is above the limit better than single observations do."""
+def _before_single_ones(
+    given: BundleInput, adjust: Adjust, effects_of: EffectsOf, rule: Rule
+) -> tuple[list[Group], BundleResult | None]:
+    """Groups that explain what is above the limit better than single observations do; least squares with them."""
     groups: list[Group] = []
     result = _squares(given, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
@@ -114,7 +122,7 @@ def _before_single_ones(given: BundleInput, adjust: Adjust, effects_of: EffectsO
         as_good = [(g, r) for g, r in fits if BETTER * r.adjusted.cost <= least]
         group, result = min(as_good, key=lambda one: one[0].complexity)
         groups.append(group)
-    return groups
+    return groups, result
 
 
 def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
