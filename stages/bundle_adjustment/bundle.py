@@ -68,7 +68,7 @@ from aatri.orientation.bundle.groups.search import FoundGroup, search_in_groups
 from aatri.orientation.bundle.groups.told import contradicts, group_notes
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
-from aatri.orientation.bundle.parameter_notes import parameter_notes
+from aatri.orientation.bundle.parameter_notes import column_kinds, parameter_notes
 from aatri.orientation.bundle.rank_advice import rank_advice
 from aatri.orientation.bundle.result import BundleResult, without_covariances
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
@@ -228,7 +228,7 @@ def bundle(
     notes += [] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)
     notes += weak_datum_notes(given, result)
     notes += distortion_notes(given, result, tests=options.reliability)
-    notes += [*parameter_notes(given, result), *correlation_notes(result)]
+    notes += [*parameter_notes(given, result), *correlation_notes(result, column_kinds(given))]
     tell(notes, context)
     told = told_parameters(block, result, chosen)
     tell(told.notes, context)
@@ -273,7 +273,7 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context, how:
         return with_observed_sigma0(adjust(given, _settings(options, how), reporter=context))
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
-        advice = rank_advice(error.what, names)
+        advice = rank_advice(error.what, names, column_kinds(given))
         if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error

@@ -13,7 +13,7 @@ from aatri.adapters.bundle.calibration_tables import CalibrationTables
 from aatri.adapters.bundle.camera_parameters import PRINCIPAL_POINT
 from aatri.adapters.bundle.independent_errors import independent_errors_table
 from aatri.adapters.frame.adjustment_frame import result_out_of
-from aatri.arrays import Bool, Int
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
@@ -27,6 +27,7 @@ from aatri.artifacts.solution import (
     Tests,
 )
 from aatri.artifacts.suspects import Suspects
+from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.block import BundleInput
@@ -86,19 +87,24 @@ def _tests(result: BundleResult) -> Tests:
 def _cameras(block: Block, parameters: Sequence[Parameters]) -> SolvedCameras:
     """Interior orientations as adjusted: of camera models, or by c, x0, y0 of a set that each camera has one of."""
     cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *parameters])
-    values = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
-    for group, names in ((CAMERA, ("principal_distance", *PRINCIPAL_POINT)), (ADDITIONAL, INTERIOR.parameters)):
-        for column, name in enumerate(names):
-            found = dict(zip(p.object[mine].tolist(), p.value[mine])) if (mine := _of(p, group, name)).any() else {}
-            if found and set(found) <= set(block.cameras.id.tolist()):
-                at = np.flatnonzero(np.isin(block.cameras.id, list(found)))
-                change = np.array([found[str(block.cameras.id[k])] for k in at])
-                values[at, column] = change + (values[at, column] if group == ADDITIONAL else 0.0)
+    given = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
+    by_set = _by_camera(block, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(given), 3)))
+    moved = np.array([interior_orientation(c0, change)[0] for c0, change in zip(given[:, 0], by_set)]).reshape(-1, 3)
+    values = moved + np.column_stack([np.zeros(len(given)), given[:, 1:]])
+    values = _by_camera(block, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), values)
     return replace(cameras, principal_distance_mm=values[:, 0], principal_point_mm=values[:, 1:])
 
 
-def _of(p: Parameters, group: str, name: str) -> Bool:
-    return np.asarray((p.group == group) & (p.name == name))
+def _by_camera(block: Block, p: Parameters, group: str, names: tuple[str, ...], values: Float) -> Float:
+    """The values (n_cameras, k) with those that the parameters have of single cameras."""
+    found = values.copy()
+    row = {str(name): k for k, name in enumerate(block.cameras.id)}
+    for column, name in enumerate(names):
+        mine = np.flatnonzero((p.group == group) & (p.name == name))
+        at = [row.get(str(camera), -1) for camera in p.object[mine]]
+        if len(at) and min(at) >= 0:
+            found[at, column] = p.value[mine]
+    return found
 
 
 def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, float]:

@@ -7,8 +7,14 @@ of the flying height 0.997, with images 15 degrees oblique 0.97, with observed p
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.camera.models.brown import brown_basis
+from aatri.camera.parameters.exterior_effects import share_in_span
 
 WARNED = 0.95
 """Correlations from here on are worth a warning."""
@@ -66,16 +72,16 @@ _PLAN = frozenset({"shift x", "shift y"})
 _DRIFTS = frozenset({*(f"shift {a}" for a in "xyz"), *(f"drift {a}" for a in "xyz")})
 
 _COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
-    (frozenset({"c", "f", "a21"}), frozenset({"Z0"}), _SCALE),
-    (frozenset({"c", "f"}), frozenset({"a21"}), "they are the same parameter, leave out a21"),
-    (frozenset({"x0", "y0", "a19", "a20"}), frozenset({"X0", "Y0"}), _SHIFT),
-    (frozenset({"x0", "y0", "a19", "a20"}), frozenset({"phi", "omega"}), _TILT),
-    (frozenset({"x0", "a19"}), frozenset({"p1"}), _TANGENTIAL),
-    (frozenset({"y0", "a20"}), frozenset({"p2"}), _TANGENTIAL),
+    (frozenset({"c", "f"}), frozenset({"Z0"}), _SCALE),
+    (frozenset({"c", "f"}), frozenset({"c", "f"}), "they are the same parameter, leave out one of them"),
+    (frozenset({"x0", "y0"}), frozenset({"X0", "Y0"}), _SHIFT),
+    (frozenset({"x0", "y0"}), frozenset({"phi", "omega"}), _TILT),
+    (frozenset({"x0"}), frozenset({"p1"}), _TANGENTIAL),
+    (frozenset({"y0"}), frozenset({"p2"}), _TANGENTIAL),
     (frozenset({"p1", "p2"}), frozenset({"phi", "omega"}), _TANGENTIAL),
     (frozenset({"c", "f"}), frozenset({"b1"}), _AFFINE),
     (frozenset({"k1", "k2", "k3", "k4"}), frozenset({"Z0", "X0", "Y0", "phi", "omega"}), _BOWL),
-    (frozenset({"x0", "y0", "a19", "a20"}), frozenset({"boresight x", "boresight y"}), _BORESIGHT),
+    (frozenset({"x0", "y0"}), frozenset({"boresight x", "boresight y"}), _BORESIGHT),
     (frozenset({"lever z"}), frozenset({"shift z"}), _LEVER_SHIFT),
     (frozenset({"lever z", "shift z"}), frozenset({"c", "f"}), _POSITION_SCALE),
     (frozenset({"lever x", "lever y"}), frozenset({"time offset"}), _TIME_ALONG),
@@ -84,8 +90,6 @@ _COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
     (_DRIFTS, _DRIFTS, _STRIP_DRIFT),
     (_DRIFTS, frozenset({"Z0", "X0", "Y0"}), _STRIP_DRIFT),
     (frozenset({"k1", "k2", "k3", "k4"}), frozenset({"k1", "k2", "k3", "k4"}), _RADIAL),
-    (frozenset({"a16", "a17", "a18"}), frozenset({"a16", "a17", "a18"}), _RADIAL),
-    (frozenset({"a13", "a14", "a15"}), frozenset({"a13", "a14", "a15"}), _RADIAL),
 )
 
 
@@ -110,7 +114,37 @@ class Advice:
     text: str
 
 
-def advise(pairs: Iterable[tuple[str, str, float]]) -> list[Advice]:
+IS = 0.99
+"""A parameter is of a kind if so much of its column's square lies in what the kind spans."""
+
+
+def kinds_of_columns(names: Sequence[str], columns: Float, xy_mm: Float) -> dict[str, str]:
+    """What the parameters of a set do, by their columns: c, x0, y0, b1, b2, p1, p2, k1 of any radial; else nothing.
+
+    Names mean other things from set to set. Balanced radial terms have a part of c, decentring one of x0, y0.
+
+    Parameters
+    ----------
+    names : (s,) sequence of str
+    columns : (n, 2, s) float64
+        Corrections of image points by the parameters.
+    xy_mm : (n, 2) float64, mm
+        From the principal point.
+    """
+    zero, one = np.zeros(len(xy_mm)), np.ones(len(xy_mm))
+    scale = float(np.abs(xy_mm).max(initial=0.0)) or 1.0
+    radial = brown_basis(xy_mm / scale)  # k1, k2, k3, p1, p2, b1, b2
+    c, x0, y0 = xy_mm[:, :, None], np.stack([one, zero], axis=1)[:, :, None], np.stack([zero, one], axis=1)[:, :, None]
+    spans = {
+        "c": c, "x0": x0, "y0": y0, "b1": radial[:, :, 5:6], "b2": radial[:, :, 6:7],
+        "p1": np.concatenate([x0, radial[:, :, 3:4]], axis=2), "p2": np.concatenate([y0, radial[:, :, 4:5]], axis=2),
+        "k1": np.concatenate([c, radial[:, :, :3]], axis=2),
+    }  # fmt: skip
+    shares = {kind: share_in_span(columns, span) for kind, span in spans.items()}
+    return {name: next((kind for kind, share in shares.items() if share[j] > IS), "") for j, name in enumerate(names)}
+
+
+def advise(pairs: Iterable[tuple[str, str, float]], kinds: Mapping[str, str] | None = None) -> list[Advice]:
     """Name the physical reason of high correlations.
 
     Parameters
@@ -118,6 +152,8 @@ def advise(pairs: Iterable[tuple[str, str, float]]) -> list[Advice]:
     pairs : iterable of (name, name, correlation)
         Names as in the parameter sets; unknowns of the orientation as X0, Y0, Z0, phi, omega, kappa, also with their
         image as in `Z0 of image 12`. Upper case as in DBAT's K1 is the same as k1.
+    kinds : mapping, optional
+        What the parameters of a set do, see `kinds_of_columns`; names that are not there are those of camera models.
 
     Returns
     -------
@@ -132,15 +168,15 @@ def advise(pairs: Iterable[tuple[str, str, float]]) -> list[Advice]:
         fact = f"{first} and {second} are correlated by {rho:.3f}" if determinable else (
             f"{first} and {second} cannot be told apart: correlation {rho:.6f}"
         )  # fmt: skip
-        reason = _reason(first, second)
+        reason = _reason(first, second, kinds or {})
         found.append(
             Advice(first, second, rho, determinable, f"{fact}: {reason}" if determinable else f"{fact}; {reason}")
         )
     return found
 
 
-def _reason(first: str, second: str) -> str:
-    a, b = _kind(first), _kind(second)
+def _reason(first: str, second: str, kinds: Mapping[str, str]) -> str:
+    a, b = (kinds.get(name.split()[0], _kind(name)) for name in (first, second))
     for one, other, text in _COUPLINGS:
         if (a in one and b in other) or (b in one and a in other):
             return text
@@ -151,11 +187,8 @@ _ORIENTATION = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
 
 
 _TWO_WORDS = ("shift", "drift", "lever", "time", "boresight")
-_SHORT = {
-    "principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0",
-    "A1": "k1", "A2": "k2", "A3": "k3", "B1": "p1", "B2": "p2", "C1": "b1", "C2": "b2",
-}  # fmt: skip
-"""Other names of the same: of camera models, of AICON."""
+_SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
+"""Other names of the same, of camera models."""
 
 
 def _kind(name: str) -> str:

@@ -12,6 +12,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.camera.models.forward_models import PARAMETERS as FORWARD
+from aatri.camera.parameters.brown import interior_orientation
 from aatri.observations.poses import ADDITIONAL, CAMERA
 
 NAMES = {CAMERA: ("principal_distance", "principal_point.x", "principal_point.y"), ADDITIONAL: ("c", "x0", "y0")}
@@ -53,7 +54,19 @@ def interior_covariances(solution: Solution) -> Float:
                 held = p.sigma[a] == 0 or p.sigma[b] == 0
                 missing = p.sigma[a] ** 2 if a == b else 0.0 if held else np.nan
                 found[k, i, j] = known.get((min(a, b), max(a, b)), missing)
-    return found
+    return _of_changed_distance(solution, found, place)
+
+
+def _of_changed_distance(solution: Solution, covariance: Float, place: Mapping[tuple[str, str], int]) -> Float:
+    """With the derivatives of c, x0, y0 by the parameters of a set, which are linear in the nominal camera."""
+    sets = solution.calibrated_sets
+    nominal = {} if sets is None else dict(zip(sets.object.tolist(), sets.principal_distance_mm.tolist()))
+    for k, camera in enumerate(solution.cameras.id.tolist()):
+        rows = [place.get((camera, name), -1) for name in NAMES[ADDITIONAL]]
+        if camera in nominal and min(rows) >= 0:
+            D = interior_orientation(nominal[camera], solution.parameters.value[rows])[1]
+            covariance[k] = D @ covariance[k] @ D.T
+    return covariance
 
 
 def convention(block: Block, camera: int) -> str:

@@ -6,6 +6,7 @@ among themselves and with the orientation are told by `parameter_notes`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -25,8 +26,8 @@ MOST_PAIRS = 60
 """So many pairs of blocks at most are looked at: each takes a solve."""
 
 
-def correlation_notes(result: BundleResult) -> list[Note]:
-    """High correlations among shared unknowns."""
+def correlation_notes(result: BundleResult, kinds: Mapping[str, str]) -> list[Note]:
+    """High correlations among shared unknowns; `kinds` says what the additional parameters do."""
     if not result.adjusted.has_factor or result.adjusted.down_weighted or result.free is not None:
         return []
     shared = [u for u in result.adjusted.problem.unknowns if u.name not in (POSE, POINT, FILM) and not u.joins]
@@ -50,7 +51,7 @@ def correlation_notes(result: BundleResult) -> list[Note]:
         first, second = result.covariances[a[0]][a[1]], result.covariances[b[0]][b[1]]
         every = tuple(i.ravel() for i in np.indices(cross.shape))
         found += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)
-    return [*_told(found), *_left_out(len(pairs))]
+    return [*_told(found, kinds), *_left_out(len(pairs))]
 
 
 def _of_camera(group: str) -> bool:
@@ -69,9 +70,9 @@ def _high(
             for i, j in high]  # fmt: skip
 
 
-def _told(found: list[tuple[str, str, float]]) -> list[Note]:
+def _told(found: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Note]:
     found.sort(key=lambda pair: -abs(pair[2]))
-    notes = [Note("warning", a.text) for a in advise(found)[:7]]
+    notes = [Note("warning", a.text) for a in advise(found, kinds)[:7]]
     rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in found if abs(rho) < WARNED or len(notes) >= 7]
     if rest:
         notes.append(Note("note", f"correlations of {LISTED:.2f} and more: {shown(rest)}"))

@@ -23,7 +23,7 @@ from aatri.adjustment.statistics.significance import (
     parameter_tests,
 )
 from aatri.camera.models import calibration
-from aatri.camera.parameters.advice import WARNED, advise
+from aatri.camera.parameters.advice import WARNED, advise, kinds_of_columns
 from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
@@ -45,6 +45,9 @@ CHOSEN = (
     "too small, those of points by some 5 %, of orientations by up to 20 %; `remove: false` keeps them true"
 )
 """What is to be said after a choice of parameters; measured, see docs/methods/self_calibration.md."""
+
+MOST_COLUMNS = 2000
+"""Image points that tell what a parameter does."""
 
 _SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
@@ -68,7 +71,7 @@ def parameter_notes(given: BundleInput, result: BundleResult) -> list[Note]:
             continue
         found = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
         if len(found) > MOST_UNITS:
-            notes += _summed_up(group, [e for _, e in found])
+            notes += _summed_up(given, group, [e for _, e in found])
             continue
         for k, e in found:
             notes += _unit(given, result, group, k, e)
@@ -95,6 +98,16 @@ def parameter_names(rows: ParameterRows, unit: int) -> tuple[str, ...]:
     """Names of a unit's parameters as advice knows them: c, x0, y0, k1 ..."""
     names = calibration.PARAMETERS[rows.model[unit]] if rows.group == CAMERA else rows.labels
     return tuple(_SHORT.get(name, name) for name in names)
+
+
+def column_kinds(given: BundleInput) -> dict[str, str]:
+    """What the additional parameters do, by their columns at the image points."""
+    found: dict[str, str] = {}
+    for rows in given.parameters:
+        if is_additional(rows.group) and rows.basis is not None and given.rays is not None:
+            known = np.flatnonzero(np.isfinite(given.rays.xy_mm).all(axis=1))[:MOST_COLUMNS]
+            found |= kinds_of_columns(rows.labels, rows.basis[known], given.rays.xy_mm[known])
+    return found
 
 
 def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[ParameterRows, ...] | None, list[Note]]:
@@ -169,7 +182,8 @@ def _unit(given: BundleInput, result: BundleResult, group: AdjustedParameters, u
         notes.append(Note("note", f"{name}: not significant at 5 %: {which}"))
     notes += _moved(group, unit)
     pairs = [(p.first, p.second, p.correlation) for p in correlated_pairs(e, WARNED)]
-    advice = advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)])
+    kinds = column_kinds(given) if is_additional(group.given.group) else {}
+    advice = advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)], kinds)
     return [*notes, *(Note("warning", f"{name}: {a.text}") for a in advice)]
 
 
@@ -208,7 +222,7 @@ def _pairs_with_pose(
     return [(p.first, p.second, p.correlation) for p in found]
 
 
-def _summed_up(group: AdjustedParameters, found: list[Estimates]) -> list[Note]:
+def _summed_up(given: BundleInput, group: AdjustedParameters, found: list[Estimates]) -> list[Note]:
     """One line each for many units."""
     idle: dict[str, int] = {}
     coupled: dict[tuple[str, str], list[float]] = {}
@@ -219,10 +233,11 @@ def _summed_up(group: AdjustedParameters, found: list[Estimates]) -> list[Note]:
         for p in correlated_pairs(e, WARNED):
             coupled.setdefault((p.first, p.second), []).append(p.correlation)
     notes, what = [], f"{group.given.group} of {len(found)} units"
+    kinds = column_kinds(given) if is_additional(group.given.group) else {}
     if idle:
         names = shown([f"{name} ({n})" for name, n in sorted(idle.items())])
         notes.append(Note("note", f"{what}: not significant in {names}"))
     for (first, second), rho in sorted(coupled.items()):
-        for advice in advise([(first, second, max(rho, key=abs))]):
+        for advice in advise([(first, second, max(rho, key=abs))], kinds):
             notes.append(Note("warning", f"{what}: in {len(rho)}, at most: {advice.text}"))
     return notes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations, pairwise
 
 from aatri.camera.parameters.advice import advise
@@ -30,7 +31,7 @@ _BORESIGHT = (
 )
 
 
-def rank_advice(what: str, names: tuple[str, ...]) -> str:
+def rank_advice(what: str, names: tuple[str, ...], kinds: Mapping[str, str]) -> str:
     """The remedy for a rank defect, or an empty text where there is none of its own.
 
     Parameters
@@ -39,6 +40,8 @@ def rank_advice(what: str, names: tuple[str, ...]) -> str:
         The message.
     names : tuple of str
         Names of additional and camera parameters.
+    kinds : mapping
+        What the additional ones do.
     """
     text = f" {what}"
     of_camera = [name for name in names if f" {name} of {CAMERA}" in text]
@@ -47,7 +50,7 @@ def rank_advice(what: str, names: tuple[str, ...]) -> str:
     shared = [label for label in _SHARED if f" {label} of " in text]
     pairs = [(a, b, 1.0) for a in open_ for b in (pose or shared)] or [(a, b, 1.0) for a, b in pairwise(open_)]
     pairs += [(a, b, 1.0) for a, b in combinations(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
-    reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs))
+    reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs, kinds))
     if of_camera:
         reasons["fix or weight the parameters: `sigmas` of the camera"] = None
     elif open_:

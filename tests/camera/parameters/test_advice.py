@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from aatri.camera.parameters.advice import advise
+from aatri.camera.parameters.advice import advise, kinds_of_columns
+from aatri.camera.parameters.catalogue import parameter_set
+from aatri.camera.parameters.parameter_set import scale_of_format
 
 # reference table: relief and design, max |correlation| of the principal distance with a Z0
 TABLE = [
@@ -36,11 +39,32 @@ def test_principal_distance_and_height(design: str, rho: float, warned: bool, de
         ("k1", "k2", "powers of the same radius"),
         ("p1", "x0", "decentred lens"),
         ("y0", "p2", "decentred lens"),
-        ("a21", "Z0 of image 3", "vertical images of nearly flat terrain"),
-        ("a19", "X0 of image 3", "shift of the principal point"),
         ("x0", "phi of image 3", "tilt"),
         ("b3", "b4", "hold or weight"),
     ],
 )
 def test_known_couplings_are_explained(first: str, second: str, words: str) -> None:
     assert words in advise([(first, second, -0.98)])[0].text
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("brown21", {"a21": "c", "a19": "x0", "a20": "y0", "a16": "k1", "a1": "b1", "a13": "", "a3": ""}),
+        ("aicon", {"c": "c", "A1": "k1", "A3": "k1", "B1": "p1", "B2": "p2", "C1": "b1", "C2": "b2"}),
+        ("brown_conrady", {"c": "c", "x0": "x0", "k1": "k1", "k3": "k1", "p1": "p1", "b1": "b1", "b2": "b2"}),
+        ("ebner12", {"b1": "", "b2": "", "b3": ""}),
+    ],
+)
+def test_parameters_are_known_by_what_their_columns_do(name: str, kinds: dict[str, str]) -> None:
+    chosen = parameter_set(name)
+    scale = scale_of_format([115.0, 110.0], 150.0)
+    xy = np.random.default_rng(1).uniform(-110, 110, (300, 2))
+    found = kinds_of_columns(chosen.parameters, chosen.basis(xy, scale), xy)
+    assert {key: found[key] for key in kinds} == kinds
+
+
+def test_advice_goes_by_the_kind_and_not_by_the_name() -> None:
+    assert "half a change of c" in advise([("c", "b1", 0.98)])[0].text
+    assert "hold or weight" in advise([("c", "b1", 0.98)], {"c": "c", "b1": ""})[0].text
+    assert "nearly flat terrain" in advise([("a21", "Z0 of image 3", 0.98)], {"a21": "c"})[0].text

@@ -34,22 +34,22 @@ def test_an_interior_orientation_is_told_as_adjusted(of: Hand, way: str, tmp_pat
                          camera=camera)  # fmt: skip
     options = {} if way == "model" else {"self_calibration": {"set": "brown_conrady"}}
     found = bundle(block, points, start(of, block), options=BundleOptions(blunders="none", tolerance=1e-6, **options))
-    np.testing.assert_allclose(found.cameras.principal_distance_mm, TRUE[:1], atol=5e-4)
-    np.testing.assert_allclose(found.cameras.principal_point_mm[0], TRUE[1:], atol=5e-4)
+    np.testing.assert_allclose(found.cameras.principal_distance_mm, TRUE[:1], atol=3e-4)
+    np.testing.assert_allclose(found.cameras.principal_point_mm[0], TRUE[1:], atol=3e-4)
     if way == "model":
         p = dict(zip(found.parameters.name.tolist(), found.parameters.value.tolist()))
-        np.testing.assert_allclose([p["principal_point.x"], p["principal_point.y"]], TRUE[1:], atol=1e-4)
+        np.testing.assert_allclose([p["principal_point.x"], p["principal_point.y"]], TRUE[1:], atol=3e-4)
         again = replace(block, cameras=replace(block.cameras, principal_point_mm=np.array([[0.0, 0.5]])))
         at_zero = replace(points, measurements=replace(points.measurements, xy_mm=seen + PRINCIPAL_POINT_MM - [0, 0.5]))
         same = bundle(again, at_zero, start(of, block), found, options=BundleOptions(blunders="none", tolerance=1e-6))
-        np.testing.assert_allclose(same.cameras.principal_point_mm[0], TRUE[1:], atol=5e-4)
+        np.testing.assert_allclose(same.cameras.principal_point_mm[0], TRUE[1:], atol=3e-4)
     write_solution_tables(found, block, tmp_path / "out")
     (row,) = csv.DictReader((tmp_path / "out" / "cameras.csv").read_text().splitlines())
     assert float(row["principal_point_x_mm"]) == found.cameras.principal_point_mm[0, 0]
     names = ("c", "x0", "y0") if way == "set" else ("principal_distance", "principal_point.x", "principal_point.y")
     sigma = dict(zip(found.parameters.name.tolist(), found.parameters.sigma.tolist()))
     for column, name in zip(("principal_distance", "principal_point_x", "principal_point_y"), names):
-        assert float(row[f"s{column}_mm"]) == pytest.approx(sigma[name], rel=1e-6)
+        assert float(row[f"s{column}_mm"]) == pytest.approx(sigma[name], rel=2e-3)
     cofactor = float(row["covariance_principal_point_x_principal_point_y_mm2"])
     assert abs(cofactor) < sigma[names[1]] * sigma[names[2]]
     assert row["convention"].startswith("principal point from the fiducial centre, x right, y up")
