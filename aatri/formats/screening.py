@@ -28,6 +28,7 @@ from aatri.adapters.sanity_as_given import as_given
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block, Rejects
 from aatri.errors import InputError, raise_all
+from aatri.formats.control_lost import joined, lost_control
 from aatri.formats.copies import without_copies
 from aatri.formats.gate import faults_of
 from aatri.formats.positions_screened import without_impossible_positions
@@ -96,7 +97,8 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     raise_all(faults_of(block))
     block, told_of_copies = (block, []) if copies else without_copies(block)
     block, impossible = without_impossible_positions(block, max_reject_share)
-    problems = [*repeated_measurements(block), *impossible]
+    lost, other_names = lost_control(block)
+    problems = [*repeated_measurements(block), *impossible, *lost]
     images, points = _Set(block.images.active.copy()), _Set(block.image_points.active.copy())
     points.reject(np.flatnonzero(_outside_format(block) & points.active), OUTSIDE)
     while _reject_round(block, images, points):
@@ -107,7 +109,7 @@ def screen_block(block: Block, reporter: Reporter = SILENT, max_reject_share: fl
     misplaced, notes = control_as_given(block)
     raise_all(misplaced)
     contradictions, figures = as_given(block, points.active)
-    tell([*figures, *notes, *told_of_copies], reporter)
+    tell([*figures, *notes, *told_of_copies, *other_names], reporter)
     raise_all(contradictions)
     rejects = _rejects(block, images, points)
     tell(_told(rejects), reporter)
@@ -224,14 +226,7 @@ def _has_prior(block: Block) -> Bool:
     """Points that one ray may determine: control, or with geodetic observations or relative control."""
     prior = np.zeros(len(block.points), bool)
     prior[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
-    return prior | _joined(block)
-
-
-def _joined(block: Block) -> Bool:
-    """Points named by geodetic observations or relative control."""
-    g, members = block.geodetic, block.relative_control_members
-    start, end = g.start[g.active & (g.start_kind == "point")], g.end[g.active & (g.end_kind == "point")]
-    return np.isin(block.points.id, np.concatenate([start, end, g.via[g.active], members.id]))
+    return prior | joined(block)
 
 
 def _has_position(block: Block) -> Bool:
@@ -287,7 +282,7 @@ def _rejects(block: Block, images: _Set, points: _Set) -> Rejects:
         listed.append(("image_point", _point_name(block, row), why, int(measured.file[row]), int(measured.line[row])))
     unseen = (
         np.isin(ground.role, (CONTROL, CHECK)).any(axis=1)
-        & ((_images_per_point(block, points.active) == 0) & ~_joined(block))[ground.point]
+        & ((_images_per_point(block, points.active) == 0) & ~joined(block))[ground.point]
     )
     for row in np.flatnonzero(unseen).tolist():
         point = str(block.points.id[ground.point[row]])

@@ -42,7 +42,10 @@ def read_binary(folder: Path) -> ColmapModel:
     """
     paths = binary_paths(folder)
     data = [_Bytes(path) for path in paths]
-    return ColmapModel(_cameras(data[0]), _images(data[1]), *_points(data[2]), paths)
+    cameras, images, (points, xyz, track) = _cameras(data[0]), _images(data[1]), _points(data[2])
+    for file in data:
+        file.ends()
+    return ColmapModel(cameras, images, points, xyz, np.zeros(len(points), dtype=np.int32), paths, track)
 
 
 def write_binary(model: ColmapModel) -> None:
@@ -96,6 +99,12 @@ class _Bytes:
         self.at += dtype.itemsize * count
         return values
 
+    def ends(self) -> None:
+        """A fault if there is more than was counted."""
+        if self.at < len(self.data):
+            what = f"has {len(self.data) - self.at} bytes more than the numbers it states need"
+            raise InputError(what, where=str(self.path), remedy="export the model again")
+
     def _need(self, size: int) -> None:
         if self.at + size > len(self.data):
             what = f"ends at byte {len(self.data)}, where {size} bytes from {self.at} are expected"
@@ -128,13 +137,15 @@ def _images(data: _Bytes) -> list[ColmapImage]:
 
 
 def _points(data: _Bytes) -> tuple[Int, Float, Int]:
-    ids, xyz = [], []
+    """Ids, coordinates and tracks."""
+    ids, xyz, tracks = [], [], [np.zeros((0, 3), dtype=np.int64)]
     for _ in range(data.take("Q")[0]):
-        number, x, y, z, _, _, _, _, track = data.take("Q3d3BdQ")
+        number, x, y, z, _, _, _, _, length = data.take("Q3d3BdQ")
         if number > MAX_ID:
             raise InputError(f"point {number}: an id beyond {MAX_ID}", where=str(data.path), remedy="number anew")
         ids.append(number)
         xyz.append((x, y, z))
-        data.array(TRACK, track)
-    n = len(ids)
-    return np.array(ids, dtype=np.int64), np.array(xyz, dtype=np.float64).reshape(n, 3), np.zeros(n, dtype=np.int32)
+        track = data.array(TRACK, length)
+        tracks.append(np.stack([np.full(length, number), track["image"], track["index"]], axis=1).astype(np.int64))
+    points = np.array(ids, dtype=np.int64)
+    return points, np.array(xyz, dtype=np.float64).reshape(len(ids), 3), np.concatenate(tracks)

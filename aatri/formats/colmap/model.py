@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from aatri.arrays import Float, Int
 
 MODELS = {
@@ -65,6 +67,8 @@ class ColmapModel:
         Lines of the file (0: binary).
     paths : list of Path
         The files, in the order of `NAMES`.
+    track : (t, 3) int64
+        Point, image, and row of the feature, as points3D repeats them.
     error_px : (p,) float64, px
         Mean reprojection error, -1 not known; not read.
     """
@@ -75,6 +79,7 @@ class ColmapModel:
     xyz: Float
     point_lines: Int
     paths: list[Path]
+    track: Int = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     error_px: list[float] = field(default_factory=list)
 
     def tracks(self) -> list[list[tuple[int, int]]]:

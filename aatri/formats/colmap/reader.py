@@ -32,6 +32,7 @@ from aatri.formats.builder import Columns, block_of
 from aatri.formats.colmap.binary import binary_paths, read_binary
 from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
+from aatri.formats.colmap.stated import compare_tracks
 from aatri.formats.colmap.text import read_text, text_paths
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.text.text_file import missing
@@ -87,6 +88,7 @@ def read_colmap(
     """
     model = _read(folder, reporter)
     _check(model)
+    raise_all(compare_tracks(model, reporter))
     cameras, images = model.cameras, model.images
     names, ids = [image.name for image in images], [str(camera.id) for camera in cameras]
     rotation, position_m = _poses(images)

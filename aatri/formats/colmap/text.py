@@ -19,6 +19,7 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
+from aatri.formats.colmap.stated import compare_count, stated_counts
 from aatri.formats.text.number_text import numbers_of, whole_number_of
 from aatri.formats.text.text_file import read_lines
 from aatri.ids import clipped, did_you_mean
@@ -42,9 +43,14 @@ def read_text(folder: Path, reporter: Reporter = SILENT) -> ColmapModel:
         If a file is missing or not of its form.
     """
     paths = text_paths(folder)
-    cameras = [_camera(row) for row in _rows(paths[0], reporter)]
-    images = _images(paths[1], reporter)
-    return ColmapModel(cameras, images, *_points(_rows(paths[2], reporter)), paths)
+    lines = [read_lines(path, reporter) for path in paths]
+    cameras = [_camera(row) for row in _rows(paths[0], lines[0])]
+    images = _images(paths[1], lines[1])
+    points, xyz, at, track = _points(_rows(paths[2], lines[2]))
+    counts = (("cameras", len(cameras)), ("images", len(images)), ("points", len(points)))
+    for path, text, (what, count) in zip(paths, lines, counts):
+        compare_count(path, stated_counts(text), what, count, reporter)
+    return ColmapModel(cameras, images, points, xyz, at, paths, track)
 
 
 def write_text(model: ColmapModel) -> None:
@@ -108,8 +114,8 @@ class _Row:
             raise self.error(f"{len(self.words)} words where {what} should stand", f"write at least {width}")
 
 
-def _rows(path: Path, reporter: Reporter) -> list[_Row]:
-    rows = [_Row(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
+def _rows(path: Path, lines: list[str]) -> list[_Row]:
+    rows = [_Row(text.split(), path, k) for k, text in enumerate(lines, 1)]
     return [row for row in rows if row.words and not row.words[0].startswith("#")]
 
 
@@ -126,10 +132,10 @@ def _camera(row: _Row) -> ColmapCamera:
     )  # fmt: skip
 
 
-def _images(path: Path, reporter: Reporter) -> list[ColmapImage]:
+def _images(path: Path, lines: list[str]) -> list[ColmapImage]:
     images: list[ColmapImage] = []
     head: _Row | None = None
-    for k, text in enumerate(read_lines(path, reporter), 1):
+    for k, text in enumerate(lines, 1):
         row = _Row(text.split(), path, k)
         if row.words and row.words[0].startswith("#"):
             continue
@@ -159,11 +165,18 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
     )  # fmt: skip
 
 
-def _points(rows: list[_Row]) -> tuple[Int, Float, Int]:
+def _points(rows: list[_Row]) -> tuple[Int, Float, Int, Int]:
+    """Ids, coordinates, lines and tracks."""
+    tracks = [np.zeros((0, 3), dtype=np.int64)]
     for row in rows:
         row.at_least(8, "id X Y Z R G B error")
+        track = _Row(row.words[8:], row.path, row.line).integers()
+        if len(track) % 2:
+            raise row.error(f"{len(track)} words where `image index` should repeat", "export the model again")
+        tracks.append(np.insert(track.reshape(-1, 2), 0, row.integer(0), axis=1))
     return (
         np.array([row.integer(0) for row in rows], dtype=np.int64),
         np.array([row.numbers(1, 4) for row in rows], dtype=np.float64).reshape(-1, 3),
         np.array([row.line for row in rows], dtype=np.int32),
+        np.concatenate(tracks),
     )

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 from aatri.errors import InputError, raise_all
+from aatri.formats.dbat.decimal_commas import decimal_commas
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine
 from aatri.ids import clipped
@@ -129,10 +130,15 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoi
     """
     control: dict[str, ObjectPoint] = {}
     problems: list[InputError] = []
-    for k, text in enumerate(read_lines(path, reporter), 1):
-        if not text.strip() or text.lstrip().startswith("#"):
-            continue
+    lines = [(k, text) for k, text in enumerate(read_lines(path, reporter), 1)
+             if text.strip() and not text.lstrip().startswith("#")]  # fmt: skip
+    decimal = decimal_commas([text for _, text in lines])
+    for (k, text), comma in zip(lines, decimal):
         entry = TextLine([cell.strip() for cell in text.split(",")], path, k)
+        if comma:
+            what = f"{clipped(comma)!r} may be two numbers or one with a decimal comma"
+            problems.append(entry.error(what, "write a decimal point; a number without one as 10.0"))
+            continue
         try:
             _add(control, _control_point(entry), entry)
         except InputError as error:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from aatri.arrays import Int
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPointCovariances, GroundPoints, Points
+from aatri.errors import InputError
 from aatri.formats.tables.covariances import check_places, ground_point_covariances, with_own_covariances
 from aatri.formats.tables.positions import (
     COORDINATES,
@@ -34,6 +35,8 @@ GROUND_POINTS = {
 
 ROLES = {"control": CONTROL, "check": CHECK, "approximate": APPROXIMATE, "ignore": NO_ROLE}
 
+MIN_CONTROL = 3
+"""Points that could be the datum of a block without positions."""
 SAME_PLACE_SIGMAS = 3.0
 """Two control points nearer than this many sigmas are pointed out."""
 
@@ -69,6 +72,7 @@ def ground_point_tables(
     needs = role == CONTROL
     default = source.settings.sigma.control
     sigma = stacked(table, SIGMAS)
+    _refuse_all_approximate(source, table, role, sigma)
     if default is None:
         ask_for_sigma(source, table, needs & np.isnan(sigma), "control", "ground")
     known = needs | (role == CHECK)
@@ -87,6 +91,19 @@ def ground_point_tables(
     order = np.argsort(rows.point, kind="stable")
     rows = rows.take(order)
     return GroundTables(rows, ground_point_covariances(source, table, covariances, frame, rows, order))
+
+
+def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: Float) -> None:
+    """Standard deviations of control, but no point is control: the roles are wrong, or the block loses its datum."""
+    if np.isin(role, (CONTROL, CHECK)).any() or not (role == APPROXIMATE).any() or any(table.text["datum"]):
+        return
+    in_rows = bool(np.isfinite(sigma).any())
+    alone = len(table) >= MIN_CONTROL and not (source.folder / "exterior.csv").exists()
+    if in_rows or (alone and source.settings.sigma.control is not None):
+        place = "its rows have" if in_rows else "sigma.control in block.yaml gives"
+        what = f"no ground point is control or check, all are approximate, but {place} standard deviations of control"
+        source.problems.append(InputError(what, where=table.where(0, "role"), remedy="write role control; or leave out "
+                                          "the standard deviations, if these are start values only"))  # fmt: skip
 
 
 def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> None:

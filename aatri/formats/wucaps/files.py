@@ -48,6 +48,15 @@ class Photo:
 
 
 @dataclass(frozen=True)
+class StatedStrip:
+    """What the first line of a strip says: its number of photos, and the photo scale number times 10; 0: nothing."""
+
+    photos: int
+    scale_times_10: float
+    entry: TextLine
+
+
+@dataclass(frozen=True)
 class Measured:
     """A measured image point, mm."""
 
@@ -74,6 +83,7 @@ class WucapsFiles:
     strips: list[str]
     photos: list[Photo]
     measured: list[Measured]
+    stated: list[StatedStrip]
     ground: dict[str, GroundPoint]
     roles: dict[str, list[int]]
 
@@ -158,9 +168,10 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
     return Camera(values, fiducials)
 
 
-def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo], list[Measured]]:
+def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo], list[Measured], list[StatedStrip]]:
     """PREPHI: names of the strips, photos in order, measurements."""
     numbers: list[str] = []
+    stated: list[StatedStrip] = []
     photos: dict[str, Photo] = {}
     measured: list[Measured] = []
     problems: list[AatriError] = []
@@ -180,6 +191,7 @@ def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo],
                         "a new strip, but the last one has no last photo", "make its last number negative"
                     )
                 numbers.append(entry.words[0])
+                stated.append(StatedStrip(entry.count(1), entry.number(2), entry))
                 last = False
             elif len(entry.words) == 2 and numbers and not _ends(entry):
                 photo, last = entry.words[0].removeprefix("-"), entry.words[0].startswith("-")
@@ -193,7 +205,7 @@ def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo],
         problems.append(entries[-1].error(f"the file ends within photo {photo}", "end it with -99 0 0"))
     raise_all(problems)
     names = numbers if len(set(numbers)) == len(numbers) else [str(k + 1) for k in range(len(numbers))]
-    return names, list(photos.values()), measured
+    return names, list(photos.values()), measured, stated
 
 
 def _add_photo(photos: dict[str, Photo], name: str, strip: int, entry: TextLine) -> None:

@@ -18,6 +18,7 @@ from aatri.formats.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.source import texts
 from aatri.formats.wucaps.files import NAMES, read_files
+from aatri.formats.wucaps.stated import compare_strips
 from aatri.ids import canonical
 from aatri.progress import SILENT, Reporter
 
@@ -46,6 +47,7 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         If a file is missing or a line is not of its form.
     """
     files = read_files(folder, reporter)
+    compare_strips(files, reporter)
     photos, rows, marks = files.photos, files.measured, files.camera.fiducials
     names, (c, x0, y0) = list(files.ground), files.camera.interior
     block = block_of(
