@@ -35,6 +35,7 @@ from pydantic import field_validator, model_validator
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.exchanged_images import without_exchanged_images
 from aatri.adapters.bundle.geodetic_conventions import convention_notes
 from aatri.adapters.bundle.group_effects import effects_of
 from aatri.adapters.bundle.hidden_distortion import distortion_notes
@@ -261,7 +262,8 @@ def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> 
     if rule.method == "robust":
         done = robustly(given, adjust, rule)
     else:
-        done, groups = search_in_groups(given, adjust, single, effects_of, rule)
+        begin = given if rule.method == "none" else without_exchanged_images(given)
+        done, groups = search_in_groups(begin, adjust, single, effects_of, rule)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
     return done, groups

@@ -132,7 +132,8 @@ def principal_distance(chain: Chain, rng: np.random.Generator) -> Spoilt:
 def principal_point(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """A principal point off by 1 % of c: the same as a lever arm where all fly one height; both are named."""
     c = float(chain.block.cameras.principal_distance_mm[0])
-    return _camera(chain, "principal point|lever arm", shift=0.01 * c * rng.choice([-1, 1], 2))
+    spoilt = _camera(chain, "principal point|lever arm", shift=0.01 * c * rng.choice([-1, 1], 2))
+    return replace(spoilt, wrong={"position": np.arange(len(chain.block.exterior))})
 
 
 def radial(chain: Chain, rng: np.random.Generator) -> Spoilt:

@@ -1,4 +1,4 @@
-"""Swapped numbers: two image points of an image, or two points of control, that fit each other's place.
+"""Swapped numbers: two image points of an image, two points of control, two positions that fit each other's place.
 
 Two image points a, b of one image are swapped if each is where the block expects the other,
 
@@ -6,7 +6,8 @@ Two image points a, b of one image are swapped if each is where the block expect
 
 A point of two rays alone predicts nothing once both are left out: then the ray of the other image tells, which must
 meet the exchanged one. The standardised parallax of rays d1, d2 over the base b is t / sigma_t, t = b . (d1 x d2). Two
-control points a, b are swapped if the block finds a at the coordinates of b, and b at those of a.
+control points, or observed positions of two images, a, b are swapped if the block finds a at the coordinates of b, and
+b at those of a.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def swaps(result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ..
             continue
         if rays is not None and is_of_rays(o.observed, rays):
             found += [Swap(i, a, b) for a, b in _of_rays(result, o, rays, out[i], limit)]
-        elif groups == {POINT} and o.observed.records.rows == 3:
+        elif groups in ({POINT}, {POSE}) and o.observed.records.rows == 3:
             found += [Swap(i, a, b) for a, b in _of_coordinates(result, o, out[i], limit)]
     return found
 
@@ -157,10 +158,13 @@ def _of_coordinates(
     rows = rows[np.isfinite(o.covariance[rows]).all(axis=(1, 2))]
     if len(rows) < 2:
         return
-    point = dict(records.touches)[POINT][rows]
-    seen = state[POINT][point]
-    given = seen - records.evaluate(state, rows)[0]
     used = records.observed_components()[rows]
+    group, block = records.touches[0]
+    if group == POSE:
+        rows, used = rows[used.all(axis=1)], used[used.all(axis=1)]
+    v, (by_block,) = records.evaluate(state, rows)
+    seen = state[POINT][block[rows]] if group == POINT else state[POSE].position_m[block[rows]]
+    given = seen - (v if group == POINT else np.linalg.solve(by_block[:, :, :3], v[:, :, None])[:, :, 0])
     sigma = np.nan_to_num(records.sigmas()[rows])
     spread = sigma * np.sqrt(1.0 + np.einsum("nii->ni", o.covariance[rows]))
     for a, b in combinations(range(len(rows)), 2):

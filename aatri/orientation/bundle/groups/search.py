@@ -2,7 +2,7 @@
 
 1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
    does, the group is carried as unknowns (`carried`), and the block adjusted again: it is found if that halves the
-   largest |w|; of several the one that leaves the least v'v.
+   squares of what is above the limit; of several the one that leaves the least v'v.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`find`), which single ones had hidden: with each the search begins anew.
 4. Adjust once more without the unknowns of the groups. Positions and attitudes of a group whose shift is beyond the
@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.kinds import AllRecords
@@ -35,7 +36,7 @@ MOST_GROUPS = 6
 
 
 SMALLER = 0.5
-"""Share of the largest |w| that a group may leave: what explains less is not what is wrong."""
+"""Share of the squares of what is above the limit that a group may leave: what explains less is not what is wrong."""
 
 BETTER = 0.8
 """Share of v'v that a group of more parameters must leave of that of another: else the simpler one is found."""
@@ -78,7 +79,7 @@ def search_in_groups(
     if done is None:
         groups, done = [], single(given, None)
     while len(groups) < MOST_GROUPS:
-        one = _largest_test(done.result)
+        one = float(_tests(done.result).max())
         more = wrong_groups(given, done.result, effects_of, one if one > rule.limit else 0.0, [g.key for g in groups])
         tried = ((group, _carried(given, [*groups, group], single)) for group in more)
         found = next(((group, again) for group, again in tried if again is not None), None)
@@ -110,12 +111,13 @@ def _before_single_ones(
     groups: list[Group] = []
     result = _squares(given, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
-        single = _largest_test(result)
+        single = float(_tests(result).max())
         if single <= rule.limit:
             break
         tried = [(g, _squares(with_groups(given, [*groups, g]), adjust))
                  for g in wrong_groups(given, result, effects_of, single, [g.key for g in groups])]  # fmt: skip
-        fits = [(g, r) for g, r in tried if r is not None and _largest_test(r) <= max(rule.limit, SMALLER * single)]
+        most = SMALLER * _misfit(result, rule.limit)
+        fits = [(g, r) for g, r in tried if r is not None and _misfit(r, rule.limit) <= most]
         if not fits:
             break
         least = min(r.adjusted.cost for _, r in fits)
@@ -133,9 +135,16 @@ def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
         return None
 
 
-def _largest_test(result: BundleResult) -> float:
-    tests = [tests_of(o, result.adjusted.state)[o.used] for o in result.observations]
-    return float(np.nanmax(np.concatenate([[0.0], *tests])))
+def _tests(result: BundleResult) -> Float:
+    """|w| of all observations in use, that have one."""
+    tests = np.concatenate([np.zeros(1), *(tests_of(o, result.adjusted.state)[o.used] for o in result.observations)])
+    return tests[np.isfinite(tests)]
+
+
+def _misfit(result: BundleResult, limit: float) -> float:
+    """Sum of squares of what is above the limit."""
+    tests = _tests(result)
+    return float((tests[tests > limit] ** 2).sum())
 
 
 def _as_given(
