@@ -5,7 +5,8 @@ Of an image, the k points around each of its points are a neighbourhood. With wh
     |sum v|^2 / k  <=  gain
 
 of the score test of a common shift, whatever the covariances: M = H'H - c'Qc is no more than H'H. Where that bound is
-largest in an image the test itself is made, of neighbourhoods of all sizes around that point.
+largest in an image the test itself is made, of neighbourhoods of all sizes around that point, and of the same points in
+the other images: along one line of flight an error in one image looks like one in the next.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ SIZES = (3, 4, 6, 8, 12, 16, 24, 32)
 
 MOST_OF_AN_IMAGE = 0.7
 """A larger share of the points of an image is no neighbourhood: the image itself is wrong."""
+
+MOST_OF_A_NEIGHBOURHOOD = 0.6
+"""Share of its points that another image must show to be tried instead."""
 
 LARGE, FEWEST_LARGE = 2.5, 3
 """Images with so many residuals beyond so many standard deviations are looked at."""
@@ -51,20 +55,32 @@ def moved_together(
             worst.append((bound, k, mine[near[centre]]))
             tests += near.size
     worst = sorted(worst, key=lambda one: -one[0])[:MOST_IMAGES]
-    windows = [(k, some[:size]) for _, k, some in worst for size in SIZES if size <= len(some)]
+    point = given.rays.point[rows]
+    windows = [
+        (j, there)
+        for _, _, some in worst
+        for size in SIZES
+        if size <= len(some)
+        for j, there in _elsewhere(image, point, some[:size])
+    ]
     if not windows:
         return
     count = [len(some) for _, some in windows]
     chosen = rows[np.concatenate([some for _, some in windows])]
-    names = np.array([_name(given, len(some), k, int(rows[some[0]])) for k, some in windows])
+    names = np.array([f"point {given.point_ids[point[some[0]]]} in image {given.image_ids[k]}" for k, some in windows])
     unit = np.repeat(np.arange(len(windows)), count)
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
     yield Effects(place, "neighbourhood", names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests)
 
 
-def _name(given: BundleInput, size: int, image: int, centre: int) -> str:
-    assert given.rays is not None
-    return f"{size} points around {given.point_ids[given.rays.point[centre]]} in image {given.image_ids[image]}"
+def _elsewhere(image: Int, point: Int, some: Int) -> Iterator[tuple[int, Int]]:
+    """The points of a neighbourhood in each image that shows most of them: where few images do, any may be wrong."""
+    rows = np.flatnonzero(np.isin(point, point[some]))
+    rows = rows[np.argsort(~np.isin(rows, some), kind="stable")]
+    for j in np.unique(image[rows]).tolist():
+        there = rows[image[rows] == j]
+        if len(there) >= max(SIZES[0], MOST_OF_A_NEIGHBOURHOOD * len(some)):
+            yield j, there
 
 
 def _nearest(xy_mm: Float) -> Int:

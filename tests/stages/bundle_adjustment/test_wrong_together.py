@@ -23,9 +23,10 @@ def chain() -> Chain:
                                known={"full": 12}, ties={"new_points": 300}))  # fmt: skip
 
 
-def _adjusted(chain: Chain, block: Block) -> tuple[Solution, Told]:
+def _adjusted(chain: Chain, block: Block, **more: object) -> tuple[Solution, Told]:
     told, initial = Told(), replace(chain.strip_block, suspects=Suspects.empty())
-    return bundle(block, chain.refined, initial, options=OPTIONS, context=told), told
+    options = OPTIONS.model_copy(update=more)
+    return bundle(block, chain.refined, initial, options=options, context=told), told
 
 
 def _off(block: Block, rows: np.ndarray, by_m: list[float]) -> Block:
@@ -46,6 +47,52 @@ def test_positions_of_a_whole_strip_that_are_off_are_named_with_their_shift(chai
     s = solution.suspects
     assert set(s.row[staying_out(s)].tolist()) == set(rows.tolist())
     assert set(s.kind[staying_out(s)].tolist()) == {"position"}
+    assert solution.sigma0 < 1.1
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.29])
+def test_a_principal_distance_that_is_wrong_is_named_with_the_right_one_and_no_ray_goes_for_it(
+    chain: Chain, factor: float
+) -> None:
+    cameras = chain.block.cameras
+    right = float(cameras.principal_distance_mm[0])
+    block = replace(chain.block, cameras=replace(cameras, principal_distance_mm=factor * cameras.principal_distance_mm))
+    solution, told = _adjusted(chain, block, max_sigma0=1e9)
+    (line,) = [text for text in told.warnings if "ask for a principal distance of" in text]
+    value, sigma = line.split("distance of ")[1].split(" mm")[0].rstrip(")").split(" (+- ")
+    assert abs(float(value) - right) < 4 * float(sigma)
+    assert line.startswith("the result contradicts its own tests")
+    assert solution.contradictions == 1
+    assert not staying_out(solution.suspects).any()
+
+
+def test_image_points_near_each_other_that_are_moved_together_are_all_left_out(chain: Chain) -> None:
+    m = chain.refined.measurements
+    rays, image = np.bincount(m.point[m.active]), 7
+    mine = np.flatnonzero((m.image == image) & m.active & (rays[m.point] > 2))
+    apart = np.linalg.norm(m.xy_mm[mine] - m.xy_mm[mine[0]], axis=1)
+    rows = mine[np.argsort(apart)[:8]]
+    xy = m.xy_mm.copy()
+    xy[rows] += 12 * m.sigma_mm[rows] * [0.6, -0.8]
+    told, initial = Told(), replace(chain.strip_block, suspects=Suspects.empty())
+    points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
+    solution = bundle(chain.block, points, initial, options=OPTIONS, context=told)
+    (line,) = [text for text in told.warnings if text.startswith("neighbourhood of")]
+    assert f"in image {chain.block.images.id[image]}" in line
+    s = solution.suspects
+    assert set(rows.tolist()) <= set(s.row[(s.kind == "image_point") & staying_out(s)].tolist())
+    assert staying_out(s).sum() <= len(rows) + 3
+
+
+def test_images_with_each_other_s_position_are_named_and_nothing_else_goes(chain: Chain) -> None:
+    e, order = chain.block.exterior, np.arange(len(chain.block.exterior))
+    order[[3, 9]] = order[[9, 3]]
+    block = replace(chain.block, exterior=replace(e, position_m=e.position_m[order]))
+    solution, told = _adjusted(chain, block)
+    (line,) = [text for text in told.warnings if "fit if their numbers are exchanged" in text]
+    assert all(chain.block.images.id[e.image[row]] in line for row in (3, 9))
+    s = solution.suspects
+    assert set(s.row[staying_out(s)].tolist()) == {3, 9}
     assert solution.sigma0 < 1.1
 
 

@@ -34,15 +34,22 @@ def name_of(number: int) -> str:
     return f"group {number + 1}"
 
 
-def without_groups(given: BundleInput, done: BundleInput) -> BundleInput:
-    """The block as it was given, with the start, the rejections and the standard deviations of one with groups."""
+def without_groups(given: BundleInput, groups: Sequence[Group], done: BundleInput) -> BundleInput:
+    """The block as it was given, with the start, the rejections and the scales of the one with groups."""
     observed = []
-    for o, d in zip(given.observed, done.observed, strict=True):
+    for o, c, d in zip(given.observed, with_groups(given, groups).observed, done.observed, strict=True):
         whole = o.again()
-        whole = replace(whole, records=replace(whole.records, whitener=d.again().records.whitener),
+        whitener = whole.records.whitener * _scale(c.again().records, d.again().records)
+        whole = replace(whole, records=replace(whole.records, whitener=whitener),
                         start={name: d.start.get(name, value) for name, value in o.start.items()})  # fmt: skip
         observed.append(whole if d.rejected is None else whole.without(d.rejected))
     return replace(done, observed=tuple(observed), parameters=given.parameters)
+
+
+def _scale(carried: Records, done: Records) -> Float:
+    """By what the search has changed the whiteners."""
+    one = np.ones_like(carried.whitener)
+    return np.divide(done.whitener, carried.whitener, out=one, where=carried.whitener != 0)
 
 
 def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
@@ -61,7 +68,10 @@ def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
     more = ParameterRows(name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False,
                          other, -H)  # fmt: skip
     parameters = (*given.parameters, more)
-    rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
+    sigma_mm = given.rays.sigma_mm.copy()
+    sigma_mm[group.rows] *= group.factor  # points of another principal distance are scaled with their errors
+    as_if = replace(given.rays, sigma_mm=sigma_mm)
+    rays = observed_image_points(as_if, parameters, o.names, o.group)[0]
     rays = replace(rays, start={**rays.start, **o.start})
     observed[group.place] = rays if o.rejected is None else rays.without(o.rejected)
     return replace(given, observed=tuple(observed), parameters=parameters)

@@ -15,7 +15,7 @@ no shift of the strip.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -74,6 +74,8 @@ class Group:
         What changes so.
     or_else : tuple of (str, str, str)
         Unit's kind, unit and cause of others that explain as much.
+    undecided : (j,) int
+        Rows of other units of the same kind that explain as much.
     c_mm : float, mm
         Principal distance of its image points.
     removable : bool
@@ -95,6 +97,7 @@ class Group:
     change_m: float = 0.0
     moved: str = ""
     or_else: tuple[tuple[str, str, str], ...] = ()
+    undecided: Int = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     c_mm: float = float("nan")
     removable: bool = False
 
@@ -103,6 +106,11 @@ class Group:
         """Of what explains as much the least is taken: cameras of a strip are rare; a camera; the fewest parameters."""
         of_image = self.kind == IMAGE_POINT
         return of_image and self.per == "strip", of_image, len(self.value)
+
+    @property
+    def factor(self) -> float:
+        """Principal distance of the block over the one that is asked for: the correction is of measured coordinates."""
+        return 1.0 - float(self.value[0]) / self.c_mm if self.cause == "principal distance" else 1.0
 
     @property
     def key(self) -> Key:
@@ -163,18 +171,29 @@ def wrong_groups(
             before, after, scale = _fitted(adjusted, result, group)
             surely = chi2.logsf(best.gain / scale**2, best.joint.rank) < np.log(best.alarm)
             if surely and (not single or _beyond_single_ones(best.joint, before, after, single)):
-                others = [t for t in as_good if _unit_of(t)[:2] != _unit_of(best)[:2]]
-                found.append(replace(group, or_else=tuple(dict.fromkeys(map(_called, others)))))
+                group = _without_strangers(group, before, after) if best.effects.tests else group
+                found.append(_with_alternatives(group, [t for t in as_good if t is not best]))
         wrong = [t for t in wrong if t is not best]
     return found
 
 
-def _unit_of(t: _Tested) -> tuple[int, str, str]:
-    return t.effects.place, t.effects.per, str(t.effects.units[t.unit])
+def _without_strangers(group: Group, before: Float, after: Float) -> Group:
+    """Without the rows that fit much worse with it: a neighbourhood that was tried may hold some that did not move."""
+    mine = (after**2).sum(axis=1) < (before**2).sum(axis=1) + SEPARABLE
+    return replace(group, rows=group.rows[mine], H=group.H[mine])
 
 
-def _called(t: _Tested) -> tuple[str, str, str]:
-    return t.effects.per, str(t.effects.units[t.unit]), t.cause.name
+def _with_alternatives(group: Group, others: list[_Tested]) -> Group:
+    """What else explains as much: other causes, and other units of the same kind, of each set of rows the best."""
+    rows, named = group.rows, list[tuple[str, str, str]]()
+    for t in sorted(others, key=lambda t: -t.gain):
+        mine = t.effects.rows[t.effects.unit == t.unit]
+        same = (t.effects.place, t.effects.per) == (group.place, group.per)
+        if same and len(np.intersect1d(mine, rows)):
+            continue
+        named.append((t.effects.per, str(t.effects.units[t.unit]), t.cause.name))
+        rows = np.union1d(rows, mine) if same else rows
+    return replace(group, or_else=tuple(dict.fromkeys(named)), undecided=np.setdiff1d(rows, group.rows))
 
 
 def _tested(adjusted: Adjusted, result: BundleResult, effects: Effects, alarm: float) -> Iterator[_Tested]:

@@ -138,7 +138,7 @@ def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
 def _tests(result: BundleResult) -> Float:
     """|w| of all observations in use, that have one."""
     tests = np.concatenate([np.zeros(1), *(tests_of(o, result.adjusted.state)[o.used] for o in result.observations)])
-    return tests[np.isfinite(tests)]
+    return np.asarray(tests[np.isfinite(tests)])
 
 
 def _misfit(result: BundleResult, limit: float) -> float:
@@ -151,7 +151,7 @@ def _as_given(
     given: BundleInput, done: Round, groups: list[Group], adjust: Adjust, rule: Rule
 ) -> tuple[Round, tuple[FoundGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
-    plain = without_groups(given, done.given)
+    plain = without_groups(given, groups, done.given)
     left_out = rule.method != "none"
     far = [g for g in groups if left_out and g.removable and _beyond(g, given, rule.limit)]
     for out in (far, []):
@@ -185,6 +185,6 @@ def _without(given: BundleInput, groups: list[Group]) -> BundleInput:
     for g in groups:
         o = observed[g.place]
         rejected = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected.copy()
-        rejected[g.rows] = True
+        rejected[np.concatenate([g.rows, g.undecided])] = True  # where nothing tells which it is, all go
         observed[g.place] = o.again().without(rejected)
     return replace(given, observed=tuple(observed))

@@ -46,13 +46,13 @@ def _note(found: FoundGroup) -> Note:
     if g.or_else:
         parts.append(f"{' or '.join(_other(*one) for one in g.or_else[:3])} would explain as much")
     what_of_it = "left out" if found.left_out else "kept, and nothing is rejected in their stead"
-    parts.append(f"all {len(g.rows)} are {what_of_it}")
+    parts.append(f"all {len(g.rows) + len(g.undecided) * found.left_out} are {what_of_it}")
     head = f"{CONTRADICTION}: " if contradicts(found) else ""
     return Note("warning", f"{head}{'; '.join(parts)}; {remedy}")
 
 
 def _other(per: str, unit: str, cause: str) -> str:
-    of = "" if per == ALL else f" of {per} {unit}"
+    of = "" if per == ALL else f" of {per} {'of ' if per == 'neighbourhood' else ''}{unit}"
     return f"{cause}{of}"
 
 
@@ -112,8 +112,7 @@ def _boresight(g: Group) -> tuple[str, str]:
 
 
 def _principal_distance(g: Group) -> tuple[str, str]:
-    factor = 1.0 / (1.0 - float(g.value[0]) / g.c_mm)  # the correction is of measured, not of ideal coordinates
-    c, sigma = f"{g.c_mm * factor:.3f}", f"{float(g.sigma[0]) * factor**2:.2g}"
+    c, sigma = f"{g.c_mm / g.factor:.3f}", f"{float(g.sigma[0]) / g.factor**2:.2g}"
     return f"{_ask(g)} a principal distance of {c} (+- {sigma}) mm instead of {g.c_mm:.3f} mm", _lens(g)
 
 
@@ -150,7 +149,7 @@ def _camera(g: Group) -> tuple[str, str]:
 
 def _neighbourhood(g: Group) -> tuple[str, str]:
     values = ", ".join(f"{1e3 * v:.3g} (+- {1e3 * s:.2g})" for v, s in zip(g.value, g.sigma))
-    text = f"neighbourhood of {g.unit}: its image points are moved together by {values} um in x, y"
+    text = f"neighbourhood of {g.unit}: {len(g.rows)} image points are moved together by {values} um in x, y"
     return text, "a repetitive texture, or another object: measure them again"
 
 
