@@ -143,7 +143,7 @@ def through(cell: Cell, block: Block, way: str, ear: Ear) -> dict[str, Artifact]
 
 def judged(scene: Scene, network: Network, block: Block, solution: Solution, warnings: tuple[str, ...]) -> End:
     """What speaks against a result."""
-    if not len(network.images):
+    if not len(network.images) and not len(network_of(scene, taken_in=True).images):
         return End("OPEN", "a result of a block whose datum is open", warnings)
     lost, good = lost_of(scene, block, solution)
     decidable = network.size > FOUND or not (len(scene.wrong_control) + len(scene.wrong_positions))

@@ -8,7 +8,7 @@ fiducials leave open.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,8 +55,11 @@ class Network:
     weak: bool
 
 
-def network_of(scene: Scene) -> Network:
-    """Determine what the block determines."""
+def network_of(scene: Scene, *, taken_in: bool = False) -> Network:
+    """What the right observations determine; or what they do with wrong control or a wrong position `taken_in`."""
+    if taken_in:
+        nothing = np.zeros(0, np.int64)
+        scene = replace(scene, wrong_control=nothing, wrong_positions=nothing)
     n, points = len(scene.R), len(scene.xyz_m)
     rows = np.setdiff1d(np.arange(len(scene.xy_mm)), scene.wrong_rays)
     rows = _seen_twice(scene, rows[scene.true_rays.point[rows] != scene.far_point])
