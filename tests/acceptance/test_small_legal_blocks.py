@@ -70,6 +70,18 @@ def unseen_control(small: Small) -> None:
     small.control["far"] = "XYZ"
 
 
+def thin_strip(small: Small) -> None:
+    """The third strip shares no point with the others, and few within: its orientations are observed."""
+    third = [image for image in small.strip if image.startswith("3")]
+    for image in third:
+        own = [p for p in small.seen_by(image)
+               if all((other, p) not in small.rays for other in set(small.strip) - set(third))
+               and sum((other, p) in small.rays for other in third) > 1]  # fmt: skip
+        for point in set(small.seen_by(image)) - set(own[:5]):
+            del small.rays[image, point]
+    small.attitudes = list(small.strip)
+
+
 SECOND = ["B101", "B102", "B103", "B201", "B202", "B203"]
 
 BLOCKS: dict[str, tuple[Small, tuple[str, ...], list[str], str]] = {
@@ -92,6 +104,7 @@ BLOCKS: dict[str, tuple[Small, tuple[str, ...], list[str], str]] = {
     "a shuffled image in the middle": (changed(flown(3, 4), shuffled("202")), BOTH, ["202"], "202"),
     "a point at infinity": (changed(flown(2, 4), star), BOTH, [], "star"),
     "a speck of dust": (changed(flown(2, 4), dust), BOTH, [], "dust"),
+    "a strip on its observed orientations": (changed(flown(3, 4), thin_strip), ("graph",), [], ""),
     "a camera without images": (changed(flown(2, 4), unused_camera), BOTH, [], "no image of camera b"),
     "control that nothing shows": (changed(flown(2, 4), unseen_control), BOTH, [], "far: seen in no image"),
 }  # fmt: skip

@@ -2,7 +2,8 @@
 
 Points without coordinates are intersected from the oriented images; images without orientation get one from the known
 points they see, by what is offered (a position, an orientation) or a closed three-point start, and a resection, if the
-points agree with it more than by chance (`resection.start`). Both are repeated while they find anything new.
+points agree with it more than by chance (`resection.start`). Both are repeated while they find anything new. Images
+that see too few known points start from an orientation that is offered, if their rays meet those of other images there.
 """
 
 from __future__ import annotations
@@ -10,13 +11,17 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.arrays import Bool, Float
+from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
-from aatri.orientation.resection.adjustment import resect_images
+from aatri.orientation.resection.adjustment import MIN_POINTS, resect_images
 from aatri.orientation.resection.linear import FEWEST, linear_orientation
-from aatri.orientation.resection.start import start_orientation
+from aatri.orientation.resection.start import LEAST_SHARE, WIDE_RAD, start_orientation
+
+MOST_PARTNERS = 8
+"""Rays of a point with which each of them is tried."""
 
 
 def complete_start(
@@ -39,9 +44,42 @@ def complete_start(
     while True:
         xyz_m = _intersected(rays, poses, xyz_m)
         completed = _resected(rays, poses, xyz_m, linear, offered or poses)
+        if (_oriented(completed) == _oriented(poses)).all() and offered is not None:
+            completed = _as_offered(rays, poses, offered)
         if (_oriented(completed) == _oriented(poses)).all():
             return completed, xyz_m
         poses = completed
+
+
+def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
+    """With images as they are offered, if most of their rays meet one of another image at least."""
+    tried, n = ~_oriented(poses) & _oriented(offered), len(poses.position_m)
+    if not tried.any():
+        return poses
+    poses_tried = _with(poses, tried, offered)
+    use = np.flatnonzero(rays.active & _oriented(poses_tried)[rays.image])
+    use = use[np.argsort(rays.point[use], kind="stable")]
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    for step in range(1, MOST_PARTNERS + 1):
+        rows = np.flatnonzero(rays.point[use[step:]] == rays.point[use[:-step]])
+        pairs.append(np.column_stack([use[rows], use[rows + step]]))
+    both = np.concatenate(pairs)
+    both = both[tried[rays.image[both]].any(axis=1)].ravel()
+    number = np.repeat(np.arange(len(both) // 2), 2)
+    R, X0 = poses_tried.ground_from_image[rays.image[both]], poses_tried.position_m[rays.image[both]]
+    direction = np.einsum("nij,nj->ni", R, np.column_stack([rays.xy_mm[both], -rays.c_mm[both]]))
+    met = intersect_rays(X0, direction, number, len(both) // 2)[number]
+    u = in_image_axes(X0, R, met)
+    ahead = u[:, 2] < 0
+    far = np.linalg.norm(project(np.where(ahead[:, None], u, -1.0), rays.c_mm[both]) - rays.xy_mm[both], axis=1)
+    fits = (ahead & (far <= WIDE_RAD * rays.c_mm[both])).reshape(-1, 2).all(axis=1).repeat(2)
+    of_all, count = (np.bincount(rays.image[np.unique(some)], minlength=n) for some in (both, both[fits]))
+    return _with(poses, tried & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * of_all), offered)
+
+
+def _with(poses: Poses, some: Bool, others: Poses) -> Poses:
+    return Poses(np.where(some[:, None], others.position_m, poses.position_m),
+                 np.where(some[:, None, None], others.ground_from_image, poses.ground_from_image))  # fmt: skip
 
 
 def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
