@@ -43,7 +43,15 @@ from aatri.orientation.free_block.deformed_normals import (
 )
 from aatri.orientation.free_block.determined_degrees import kept_coefficients
 from aatri.orientation.free_block.strip_polynomials import StripPolynomials
-from aatri.orientation.free_block.summed_deformation import AXIS, COMPONENT, COMPONENTS, HELD, SUMMED
+from aatri.orientation.free_block.summed_deformation import (
+    AXIS,
+    COMPONENT,
+    COMPONENTS,
+    COMPONENTS_TOGETHER,
+    HELD,
+    SUMMED,
+    TOGETHER,
+)
 from aatri.orientation.free_block.tie_records import (
     GivenPoints,
     given_whitener,
@@ -134,16 +142,18 @@ def _deformed_covariances(
     S = N[np.ix_(z, z)] - N[np.ix_(z, c)] @ A
     left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)
     z, A, S = z[left], A[:, left], S[np.ix_(left, left)]
-    component = COMPONENT[used][z % free.shape[1] - K]
     g = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residual_m, n_strips)).ravel()[z]
-    found = deformation_components(
-        S, g, component, tied.weighted_sigma0**2 * redundancy, redundancy,
-        float(values.mean() / (values.mean() + tied.tau_m**2)),
-    )  # fmt: skip
-    present = np.unique(component).tolist()
-    sigma = {COMPONENTS[k]: float(np.sqrt(found.variance[k])) for k in present}
-    of_component = {COMPONENTS[k]: float(found.redundancy[k]) for k in present}
-    few = [f"{name} ({r:.1f})" for name, r in of_component.items() if r < ESTIMABLE]
+    squares = tied.weighted_sigma0**2 * redundancy
+    least = float(values.mean() / (values.mean() + tied.tau_m**2))
+    for names, of in ((COMPONENTS, np.arange(len(COMPONENTS))), (COMPONENTS_TOGETHER, np.array(TOGETHER))):
+        component = of[COMPONENT[used][z % free.shape[1] - K]]
+        found = deformation_components(S, g, component, squares, redundancy, least)
+        present = np.unique(component).tolist()
+        few = [f"{names[k]} ({found.redundancy[k]:.1f})" for k in present if found.redundancy[k] < ESTIMABLE]
+        if not few:
+            break
+    sigma = {names[k]: float(np.sqrt(found.variance[k])) for k in present}
+    of_component = {names[k]: float(found.redundancy[k]) for k in present}
     if few or not present:
         why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
         why = f"the deformation of the strips is not estimable ({why})"

@@ -31,10 +31,17 @@ from aatri.arrays import Float, Int
 HIGHEST = 4
 """Highest degree along the strip."""
 
-PLAN, HEIGHT, HELD_PLAN, HELD_HEIGHT = range(4)
-"""Variance components: of joints in plan (scale, azimuth) and height (tilts); of similarities that are held."""
+SCALE, AZIMUTH, PITCH, ROLL, HELD_PLAN, HELD_HEIGHT = range(6)
+"""Variance components: of the joints' scale, azimuth and two tilts, which relative orientation determines differently
+well; of similarities that are held."""
 
-COMPONENTS = ("joints, in plan", "joints, in height", "held similarities, in plan", "held similarities, in height")
+COMPONENTS = ("joints, scale", "joints, azimuth", "joints, tilt along", "joints, tilt across",
+              "held similarities, in plan", "held similarities, in height")  # fmt: skip
+
+TOGETHER = (SCALE, SCALE, PITCH, PITCH, HELD_PLAN, HELD_HEIGHT)
+"""Plan and height alone, where a block tells not more."""
+
+COMPONENTS_TOGETHER = ("joints, in plan", "", "joints, in height", "", *COMPONENTS[HELD_PLAN:])
 
 HELD = COMPONENTS[HELD_PLAN:]
 
@@ -42,8 +49,8 @@ _COUNT = HIGHEST - 1
 AXIS: Int = np.repeat([0, 1, 2, 0, 1, 2, 0, 1, 2], [_COUNT] * 6 + [3] * 3)
 """Direction of every cause, U, V or W: h, then w; the last nine are those of a similarity: 1, u, v."""
 
-COMPONENT: Int = np.array([PLAN, PLAN, HEIGHT])[AXIS]
-COMPONENT[-9:] += HELD_PLAN
+_OF_AXES = np.array([[SCALE, AZIMUTH, PITCH], [AZIMUTH, SCALE, ROLL], [HELD_PLAN, HELD_PLAN, HELD_HEIGHT]])
+COMPONENT: Int = _OF_AXES[np.repeat(range(3), 9), AXIS]
 
 SUMMED: Int = np.flatnonzero(COMPONENT < HELD_PLAN)
 """Causes that are joints."""
