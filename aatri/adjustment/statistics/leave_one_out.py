@@ -22,6 +22,10 @@ CONTROLLED = 1e-9
 """Directions of a record with a smaller redundancy are explained by nothing."""
 
 
+AS_GOOD = 0.02
+"""Share of a gain by which another may fall short of it and still explain the same: the model is linear so far only."""
+
+
 def gains_of_leaving_out(v: Float, H: Float) -> Float:
     """What the sum of squares falls by without each record alone, (n,).
 
@@ -49,4 +53,5 @@ def as_good(gain: Float, unit: float = 1.0) -> Bool:
         The scale of the residuals, where their standard deviations are wrong by a known factor.
     """
     known = np.where(np.isfinite(gain), gain, -np.inf)
-    return np.asarray(known >= known.max(initial=0.0) - SEPARABLE * unit**2)
+    most = float(known.max(initial=0.0))
+    return np.asarray(known >= most - max(SEPARABLE * unit**2, AS_GOOD * most))

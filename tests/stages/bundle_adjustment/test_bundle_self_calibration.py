@@ -9,6 +9,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects
 from aatri.camera.parameters.catalogue import parameter_set
 from aatri.camera.parameters.error_field import outside_span
 from aatri.camera.parameters.parameter_set import scale_of_format
@@ -183,3 +184,27 @@ def test_collocation_takes_off_what_a_set_leaves_over() -> None:
     assert second.sigma0 < first.sigma0 - 0.5 * (first.sigma0 - 1)
     again = collocation(strong.block, compensated, second)
     assert again.corrections.name.tolist()[-1] == "collocation 2"
+
+
+@pytest.mark.parametrize("method", ["robust_snooping", "data_snooping"])
+def test_verdicts_stay_with_their_observations_while_parameters_go(method: str) -> None:
+    """With positions the idle parameters' weights leave the list of kinds; gross errors before and behind them stay."""
+    chain = run_chain(simulated(**SMALL), FILM)
+    m, e = chain.refined.measurements, chain.block.exterior
+    xy, position = m.xy_mm.copy(), e.position_m.copy()
+    rays = np.bincount(m.point[m.active], minlength=len(chain.block.points))[m.point]
+    ray = int(np.flatnonzero(m.active & (rays > 4))[7])
+    xy[ray] += [0.3, 0.2]
+    position[5, 2] += 5.0
+    block = replace(chain.block, exterior=replace(e, position_m=position))
+    points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
+    wanted = {"set": "ebner12", "remove": True, "sigma_um": 5.0}
+    options = BundleOptions(interior_unknowns=True, self_calibration=wanted, blunders=method)
+    told = Told()
+    s = bundle(
+        block, points, replace(chain.strip_block, suspects=Suspects.empty()), options=options, context=told
+    ).suspects
+    assert any(" left out, " in line for line in told.lines)
+    assert sorted(zip(s.kind.tolist(), s.row.tolist(), s.verdict.tolist())) == [
+        ("image_point", ray, "rejected"), ("position", 5, "rejected"),
+    ]  # fmt: skip

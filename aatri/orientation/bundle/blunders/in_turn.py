@@ -58,18 +58,19 @@ class InTurn:
     notes: tuple[Note, ...]
 
 
-def tried_in_turn(tried: Tried, use: Bool, records: AllRecords, adjust: Adjust) -> InTurn:
+def tried_in_turn(tried: Tried, undecided: Bool, records: AllRecords, adjust: Adjust) -> InTurn:
     """Try what is out against the others of its kind.
 
     Parameters
     ----------
     tried : Tried
         The end of a search.
-    use : (n,) bool
+    undecided : (n,) bool
+        Left out by it though only some of them are wrong.
     records : AllRecords
     adjust : callable
     """
-    state = _InTurn(tried, use, records, adjust)
+    state = _InTurn(tried, undecided, records, adjust)
     for kind in dict.fromkeys(o.kind for o in records.observed):
         places = [i for i, o in enumerate(records.observed) if o.kind == kind and not is_ray(o)]
         if places:
@@ -78,9 +79,9 @@ def tried_in_turn(tried: Tried, use: Bool, records: AllRecords, adjust: Adjust) 
 
 
 class _InTurn:
-    def __init__(self, tried: Tried, use: Bool, records: AllRecords, adjust: Adjust) -> None:
-        self.tried, self.records, self.adjust = tried, records, adjust
-        self.undecided, self.kept = np.zeros_like(use), np.zeros_like(use)
+    def __init__(self, tried: Tried, doubted: Bool, records: AllRecords, adjust: Adjust) -> None:
+        self.tried, self.doubted, self.records, self.adjust = tried, doubted, records, adjust
+        self.undecided, self.kept = np.zeros_like(doubted), np.zeros_like(doubted)
         self.notes: list[Note] = []
 
     def try_kind(self, places: list[int]) -> None:
@@ -95,8 +96,8 @@ class _InTurn:
         """Whether some other of the kind is left all but untested without this one."""
         i, k = self._place(places, row)
         mine = self.tried.result.observations[i]
-        if mine.observed.holds is not None and self.records.observed[i].holds is not None:
-            return bool(np.isfinite(mine.covariance[k]).all())
+        if self.records.observed[i].holds is not None:
+            return True
         if not np.isfinite(mine.covariance[k]).all():
             return False
         w = whitened_residuals(mine.observed.records, self.tried.result.adjusted.state, np.array([k]))
@@ -109,7 +110,8 @@ class _InTurn:
         return False
 
     def _try(self, places: list[int], rows: Int, row: int) -> None:
-        use = self.tried.active.copy()
+        use = self.tried.active | self._at_points_of([row]) | (self.doubted & self._at_points_of(rows.tolist()))
+        use[rows] = self.tried.active[rows]
         use[row] = True
         try:
             back = self._adjusted(use, {p: self._soft(*self._place(places, row)) for p in places})
@@ -126,13 +128,20 @@ class _InTurn:
             self.tried = without
             self.undecided[best] = len(best) > 1
             return
-        self.tried = self._adjusted(use, {})
+        self.tried = self._adjusted(use | self._at_points_of(best.tolist()), {})
         self.kept[best] = True
         names = [labels(o, part) for o, part in zip(self.records.observed, self.records.split(self.kept)) if part.any()]
         kind = self.records.observed[places[0]].kind
         text = f"{kind}: one of these is wrong, and nothing tells which; without them the block is not determined, so "
-        text += "all of them are used: measure another, or leave out the wrong one (`use: false`)"
+        text += "all of them are used: measure another, or take the wrong one out of its table"
         self.notes.append(Note("warning", text, tuple(name for some in names for name in some)))
+
+    def _at_points_of(self, rows: list[int]) -> Bool:
+        """Some records, and those at their points: a ray that went with its control point is no witness against it."""
+        points = self.records.point[rows]
+        found = self.records.native & self.records.at_points & np.isin(self.records.point, points[points >= 0])
+        found[rows] = True
+        return np.asarray(found)
 
     def _without(self, less: Bool, back: Tried, best: Int) -> Tried | None:
         """Adjusted without some records; None where that leaves open what only they determine."""
@@ -165,8 +174,11 @@ class _InTurn:
         found = self.tried.result.observations[place]
         if self.records.observed[place].holds is None:
             return 0.0
-        variance = np.diag(found.covariance[k])[self.records.observed[place].holds.scalar[k]]  # type: ignore[union-attr]
-        return SOFT * NEARLY_EXACT * float(np.sqrt(variance.min(initial=np.inf))) if len(variance) else 0.0
+        exact = found.observed.again().demanded()[k]
+        variance = np.diag(found.covariance[k])[exact] * NEARLY_EXACT**2
+        if not np.isfinite(variance).all():  # its point is lost with it: as good as the others
+            variance = np.nanmedian(np.diagonal(self.tried.result.point_covariance_m2, axis1=1, axis2=2), axis=0)
+        return SOFT * float(np.sqrt(variance.min(initial=np.inf))) if exact.any() else 0.0
 
 
 def _gains(tried: Tried, place: int, records: AllRecords) -> Float:

@@ -15,6 +15,9 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Key, keys_of
 
+DATUM = 7.0
+"""Coordinates that place a block."""
+
 
 @dataclass(frozen=True)
 class AllRecords:
@@ -87,9 +90,10 @@ class AllRecords:
         for i, o in enumerate(() if result is None else result.observations):
             rows = np.flatnonzero(o.used & self.native[self.parts[i]])
             m = o.observed.records.observed_components()[rows].sum(axis=1)
-            exact = o.observed.demanded()[rows].sum(axis=1)  # all of what they say is tested by the others
+            exact = o.observed.demanded()[rows].sum(axis=1).astype(np.float64)
+            left = max(0.0, 1.0 - DATUM / max(exact.sum(), 1.0))  # seven of them may be all that gives the datum
             r = m - np.einsum("nii->n", o.covariance[rows])
-            redundancy[i] = redundancy_in_records(r + exact, m + exact)
+            redundancy[i] = redundancy_in_records(r + left * exact, m + exact)
         return redundancy, count
 
     def smallest(self, number: Sequence[Int], factor: Float) -> Float | float:

@@ -103,15 +103,17 @@ class _Search(Hearings):
         elif start is None and failure is not None:
             raise failure
         tried, use, swapped = self._searched(start, active)
-        turn = tried_in_turn(tried, use, self.all, self.adjust)
+        turn = tried_in_turn(tried, self.undecided & ~use, self.all, self.adjust)
         tried, use = turn.tried, turn.tried.active
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | turn.undecided | self._lost(tried.result, gone))
         asked = (tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
         renumbered = tuple(other_numbers(*asked, swapped))
-        doubtful = turn.kept | (self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)])
+        doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
         above = use & (((tried.plain if tried.small else tried.test) > self.rule.limit) | turn.kept)
-        told = Found(use, undecided, above, doubtful, swapped, renumbered, tried.small, tried.plain, self.whole)
+        told = Found(
+            use, undecided, above & ~turn.kept, doubtful, swapped, renumbered, tried.small, tried.plain, self.whole
+        )
         notes = (*self.scaling.notes(self._final), *findings(tried.given, self.all, told, self.rule), *turn.notes)
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return Round(*self._with_final_sigmas(tried), notes, self.all.keys(undecided), self.all.keys(above),
