@@ -13,6 +13,7 @@ import json
 import numpy as np
 
 from aatri.tables.schema import Artifact, Table, attributes_of, columns_of, tables_of
+from aatri.tables.utf8 import lengths_and_bytes
 
 
 def content_digest(artifact: Artifact, *, without: frozenset[str] = frozenset()) -> str:
@@ -44,8 +45,8 @@ def table_digest(rows: Table) -> bytes:
         values = getattr(rows, name)
         digest.update(f"{name}\0{declared.dtype}\0{values.shape}\0".encode())
         if declared.dtype == "str":
-            encoded = [str(text).encode() for text in values.ravel()]
-            digest.update(np.array([len(e) for e in encoded], "<i8").tobytes() + b"".join(encoded))
+            length, data = lengths_and_bytes(values)
+            digest.update(length.astype("<i8").tobytes() + data)
         else:
             little = values.astype(values.dtype.newbyteorder("<"), copy=False)
             if declared.dtype == "f8":

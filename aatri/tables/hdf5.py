@@ -35,6 +35,7 @@ from aatri.tables.schema import (
     may_be_absent,
     tables_of,
 )
+from aatri.tables.utf8 import decoded, encoded
 
 A = TypeVar("A", bound=Artifact)
 
@@ -184,7 +185,7 @@ def _write_table(group: h5py.Group, rows: Table) -> None:
     group.attrs["description"] = _fixed((type(rows).__doc__ or "").strip().splitlines()[0])
     for name, declared in columns_of(type(rows)).items():
         values = getattr(rows, name)
-        data = _encoded(values) if declared.dtype == "str" else values
+        data = _of_fixed_width(encoded(values)) if declared.dtype == "str" else values
         chunked = {"fletcher32": True, "chunks": True} if data.size else {}
         dataset = group.create_dataset(name, data=data, **chunked)
         dataset.attrs["units"] = _fixed(declared.unit)
@@ -203,10 +204,9 @@ def _encodable(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
-def _encoded(texts: Text) -> npt.NDArray[Any]:
-    data = np.char.encode(texts, "utf-8") if texts.size else np.zeros(texts.shape, "S1")
-    width = max(1, data.dtype.itemsize)
-    return data.astype(h5py.string_dtype("utf-8", width))
+def _of_fixed_width(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    width = data.dtype.itemsize
+    return data.view(h5py.string_dtype("utf-8", width)) if width else data.astype(h5py.string_dtype("utf-8", 1))
 
 
 def _read(file: h5py.File, cls: type[A], path: str) -> A:
@@ -257,7 +257,7 @@ def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDA
         text = h5py.check_string_dtype(dataset.dtype)
         if text is None:
             raise ArtifactError(f"holds {dataset.dtype}, not text", where=where)
-        return np.char.decode(np.asarray(values, dtype=np.bytes_), "utf-8")
+        return decoded(np.asarray(values, dtype=np.bytes_))
     if values.dtype != np.dtype(DTYPES[declared.dtype]):
         raise ArtifactError(f"holds {values.dtype}, not {declared.dtype}", where=where)
     return np.asarray(values)
