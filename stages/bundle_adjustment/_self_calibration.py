@@ -28,7 +28,7 @@ from aatri.adapters.bundle.set_parts import UNITS, SetPart, names_of_parts, part
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
-from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, parameter_set, with_interior
+from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, named, parameter_set, with_interior
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
@@ -61,6 +61,10 @@ class SelfCalibration(Options):
     remove: bool = Field(
         False, description="leave out what is not determined, not separable or not significant, and adjust again"
     )
+    balance_radius_mm: float | None = Field(
+        None, gt=0, description="r0 of aicon and bauer3, mm, where the radial terms vanish; null: 2/3 of half the "
+        "diagonal (aicon), or orthogonal to c over the format (bauer3)",
+    )  # fmt: skip
     user: CodePath | None = Field(
         None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user; needs --local-plugins"
     )
@@ -117,13 +121,13 @@ def chosen_set(
     if isinstance(wanted.per, str):
         interior = wanted.interior if wanted.interior is not None else observed_positions and not has_it
     else:
-        named = {name for names in wanted.per.values() for name in names}
-        interior = not has_it and bool(named & set(INTERIOR.parameters))
+        in_parts = {name for names in wanted.per.values() for name in names}
+        interior = not has_it and bool(in_parts & set(INTERIOR.parameters))
     full = with_interior(chosen) if interior else chosen
     parts = parts_of_set(full, wanted.per)
-    named = {name for part in parts for name in part.parameters.parameters}
-    unnamed = tuple(name for name in full.parameters if name not in named)
-    return ChosenSet(wanted.set, interior, _sigma_mm(wanted), parts, unnamed=unnamed)
+    in_parts = {name for part in parts for name in part.parameters.parameters}
+    unnamed = tuple(name for name in full.parameters if name not in in_parts)
+    return ChosenSet(named(wanted.set, wanted.balance_radius_mm), interior, _sigma_mm(wanted), parts, unnamed=unnamed)
 
 
 def _sigma_mm(wanted: SelfCalibration) -> float | None:
@@ -135,7 +139,8 @@ def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> Cho
     chosen = with_interior(chosen) if calibration.interior else chosen
     parts = parts_of_set(chosen, calibration.per)
     if wanted is not None:
-        mine = names_of_parts(parts_of_set(chosen, wanted.per)) if wanted.set == calibration.set else ""
+        same = named(wanted.set, wanted.balance_radius_mm) == calibration.set
+        mine = names_of_parts(parts_of_set(chosen, wanted.per)) if same else ""
         if mine != names_of_parts(parts):
             per = mine or (f"per {wanted.per}" if isinstance(wanted.per, str) else str(wanted.per))
             raise SpecError(
@@ -150,7 +155,9 @@ def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> Cho
 
 def _set_by_name(name: str, wanted: SelfCalibration | None) -> ParameterSet:
     if name != "user":
-        return parameter_set(name)
+        return parameter_set(
+            name, balance_radius_mm=wanted.balance_radius_mm if wanted and wanted.set == name else None
+        )
     if wanted is None or wanted.user is None:
         raise SpecError("self_calibration with set: user needs a file", remedy="user: my_parameters.py")
     return user_set("\n".join(read_lines(wanted.user)), str(wanted.user))
@@ -210,6 +217,8 @@ def told_parameters(block: Block, result: BundleResult, chosen: ChosenSet | None
         adjusted = [p for p in result.parameters if p.given.group in parts]
         calibration = calibration_tables(block, adjusted, chosen.parts, chosen.name, chosen.interior)
     notes = (*notes, *_units_without_names(block, chosen), *_left_out_by_name(chosen))
+    if chosen is not None and not parts.keys() & {p.given.group for p in result.parameters}:
+        notes = (Note("warning", "self_calibration: there are no image points, so nothing is estimated"), *notes)
     return ToldParameters(tables, covariances, calibration, notes)
 
 

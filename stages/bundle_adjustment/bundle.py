@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Self
 
 from pydantic import field_validator, model_validator
@@ -78,6 +79,7 @@ from aatri.orientation.bundle.weak_datum import weak_datum_notes
 from aatri.plugin import SILENT, Context, Field, Need, Options, stage
 
 from ._blunders import GONE, Blunders
+from ._ideal_coordinates import at_ideal_coordinates
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, told_parameters, units_named
 from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
@@ -211,15 +213,13 @@ def bundle(
     given = bundle_input(block, image_points, initial, options, parameters)
     tell([*options_without_data(block, options), *given.notes], context)
     tell([note for o in given.observed for note in o.notes], context)
-    if options.self_calibration is not None and image_points is None:
-        context.warn("self_calibration: there are no image points, so nothing is estimated")
     tell([*convention_notes(given), *of_start(block, given, check=initial is None)], context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)
+    adjust = partial(_adjusted, options=options, context=context, how=How())
     done, groups = _in_rounds(given, options, context)
-    done, components = with_variance_components(
-        block, done, lambda block: _adjusted(block, options, context, How()), options.variance_components
-    )
+    done = at_ideal_coordinates(block, image_points, chosen, done, adjust)
+    done, components = with_variance_components(block, done, adjust, options.variance_components)
     given, suspects = done.given, after(suspects, done)
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)

@@ -28,7 +28,7 @@ from aatri.artifacts.solution import (
 )
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.parameters.brown import interior_orientation
-from aatri.camera.parameters.catalogue import INTERIOR
+from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
@@ -58,7 +58,7 @@ def bundle_solution(
             block, result.poses.position_m, result.poses.ground_from_image, per_image, result.pose_covariance
         ),
         points=assemble.ground_points(block, result.xyz_m, per_point, result.point_covariance_m2),
-        cameras=_cameras(block, parameters),
+        cameras=_cameras(block, parameters, calibration),
         transformations=StripTransformations.empty(),
         parameters=assemble.stacked([Parameters.empty(), *parameters, *_own_unknowns(given, result)]),
         residuals=assemble.stacked([Residuals.empty(), *(residual_table(o, state) for o in result.observations)]),
@@ -84,13 +84,16 @@ def _tests(result: BundleResult) -> Tests:
     return assemble.stacked([Tests.empty(), *tables])
 
 
-def _cameras(block: Block, parameters: Sequence[Parameters]) -> SolvedCameras:
+def _cameras(block: Block, parameters: Sequence[Parameters], calibration: CalibrationTables | None) -> SolvedCameras:
     """Interior orientations as adjusted: of camera models, or by c, x0, y0 of a set that each camera has one of."""
+    sets = [] if calibration is None else calibration.sets.set.tolist()
+    ideal = any(is_ideal(name) for name in sets)
     cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *parameters])
     given = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
     by_set = _by_camera(block, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(given), 3)))
-    moved = np.array([interior_orientation(c0, change)[0] for c0, change in zip(given[:, 0], by_set)]).reshape(-1, 3)
-    values = moved + np.column_stack([np.zeros(len(given)), given[:, 1:]])
+    values = given + by_set
+    for k, c0 in enumerate(given[:, 0] if not ideal else ()):
+        values[k] = interior_orientation(c0, by_set[k])[0] + [0.0, *given[k, 1:]]
     values = _by_camera(block, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), values)
     return replace(cameras, principal_distance_mm=values[:, 0], principal_point_mm=values[:, 1:])
 

@@ -7,9 +7,9 @@ negative:
     ex = x dc/c0 + dx0 + x q + B1 (r^2 + 2 x^2) + 2 B2 x y + C1 x + C2 y
     ey = y dc/c0 + dy0 + y q + B2 (r^2 + 2 y^2) + 2 B1 x y
 
-The radial error vanishes at r0, two thirds of half the diagonal, so that it is small all over the format and hardly
-correlated with c; the unbalanced terms of `brown_conrady` span the same space. x, y are measured coordinates, as in all
-sets; programs that put C1, C2 at the ideal ones differ by C times the distortion (1e-4 times 0.2 mm: 0.02 um).
+The radial error vanishes at r0, two thirds of half the diagonal unless it is given, so that it is small all over the
+format and hardly correlated with c; the unbalanced terms of `brown_conrady` span the same space. x, y and r are ideal
+coordinates, as in programs of that community: those of the projection, which is where the error is added.
 
 Source: Luhmann, Robson, Kyle, Harley, Close Range Photogrammetry, interior orientation; r0 as advised there.
 """
@@ -27,20 +27,30 @@ BALANCE = 2.0 / 3.0
 _DEGREE = np.array([0.0, 0, 0, 3, 5, 7, 2, 2, 1, 1])
 
 
-def _basis(xy_mm: Float, scale: SetScale) -> Float:
-    x, y = (xy_mm / scale.radius_mm).T
-    r2, zero, one = x**2 + y**2, np.zeros_like(x), np.ones_like(x)
-    c = scale.radius_mm / scale.principal_distance_mm
-    radial = [r2**i - BALANCE ** (2 * i) for i in (1, 2, 3)]
-    ex = [x * c, one, zero, *(x * q for q in radial), r2 + 2 * x**2, 2 * x * y, x, y]
-    ey = [y * c, zero, one, *(y * q for q in radial), 2 * x * y, r2 + 2 * y**2, zero, zero]
-    return -np.stack([np.stack(ex, axis=1), np.stack(ey, axis=1)], axis=1)
+def aicon(balance_radius_mm: float | None = None) -> ParameterSet:
+    """The set.
 
+    Parameters
+    ----------
+    balance_radius_mm : float, mm, optional
+        r0, where the radial error vanishes.
+    """
 
-AICON = ParameterSet(
-    name="aicon",
-    parameters=("c", "x0", "y0", "A1", "A2", "A3", "B1", "B2", "C1", "C2"),
-    units=("mm", "mm", "mm", "mm^-2", "mm^-4", "mm^-6", "mm^-1", "mm^-1", "1", "1"),
-    basis=_basis,
-    classical_factors=lambda scale: np.asarray(scale.radius_mm**-_DEGREE),
-)
+    def basis(xy_mm: Float, scale: SetScale) -> Float:
+        x, y = (xy_mm / scale.radius_mm).T
+        r2, zero, one = x**2 + y**2, np.zeros_like(x), np.ones_like(x)
+        c = scale.radius_mm / scale.principal_distance_mm
+        r0 = BALANCE if balance_radius_mm is None else balance_radius_mm / scale.radius_mm
+        radial = [r2**i - r0 ** (2 * i) for i in (1, 2, 3)]
+        ex = [x * c, one, zero, *(x * q for q in radial), r2 + 2 * x**2, 2 * x * y, x, y]
+        ey = [y * c, zero, one, *(y * q for q in radial), 2 * x * y, r2 + 2 * y**2, zero, zero]
+        return -np.stack([np.stack(ex, axis=1), np.stack(ey, axis=1)], axis=1)
+
+    return ParameterSet(
+        name="aicon",
+        parameters=("c", "x0", "y0", "A1", "A2", "A3", "B1", "B2", "C1", "C2"),
+        units=("mm", "mm", "mm", "mm^-2", "mm^-4", "mm^-6", "mm^-1", "mm^-1", "1", "1"),
+        basis=basis,
+        classical_factors=lambda scale: np.asarray(scale.radius_mm**-_DEGREE),
+        ideal=True,
+    )

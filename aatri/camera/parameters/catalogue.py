@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from aatri.camera.parameters.aicon import AICON
+from aatri.camera.parameters.aicon import aicon
 from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY
 from aatri.camera.parameters.ebner import EBNER12, bauer3
 from aatri.camera.parameters.exterior_effects import format_grid, share_in_span
@@ -17,7 +19,10 @@ from aatri.ids import did_you_mean
 SETS = ("brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre")
 """Names of the built-in sets."""
 
-_FIXED = {s.name: s for s in (BROWN_CONRADY, AICON, BROWN21, EBNER12, GRUEN44)}
+_FIXED = {s.name: s for s in (BROWN_CONRADY, BROWN21, EBNER12, GRUEN44)}
+_BALANCED = {"aicon": aicon, "bauer3": bauer3}
+RADIUS = " r0="
+"""Between the name of a balanced set and its radius, mm, where a Solution tells the set by name."""
 _DEFAULT_ORDERS = {"fourier": (1, 1), "legendre": (4, 4)}
 
 
@@ -29,31 +34,43 @@ def parameter_set(
     Parameters
     ----------
     name : str
-        One of `SETS`.
+        One of `SETS`; of balanced ones also with their radius, as `named` writes it.
     orders : (int, int), optional
         Orders or degrees in x and y of `fourier` (1, 1 unless given) and `legendre` (4, 4).
     balance_radius_mm : float, mm, optional
-        Of `bauer3`.
+        Of `aicon` and `bauer3`.
 
     Raises
     ------
     SpecError
         If the set is unknown or has no such option.
     """
+    name, _, told = name.partition(RADIUS)
+    balance_radius_mm = float(told) if told else balance_radius_mm
     if name not in SETS:
         raise SpecError(
             f"parameter set {name!r} is unknown{did_you_mean(name, SETS)}", remedy=f"one of {', '.join(SETS)}"
         )
     if orders is not None and name not in _DEFAULT_ORDERS:
         raise SpecError(f"{name} has no orders", remedy="orders belong to fourier and legendre")
-    if balance_radius_mm is not None and name != "bauer3":
-        raise SpecError(f"{name} has no balance radius", remedy="it belongs to bauer3")
-    if name == "bauer3":
-        return bauer3(balance_radius_mm)
+    if balance_radius_mm is not None and name not in _BALANCED:
+        raise SpecError(f"{name} has no balance radius", remedy=f"it belongs to {' and '.join(_BALANCED)}")
+    if name in _BALANCED:
+        return _BALANCED[name](balance_radius_mm)
     if name in _FIXED:
         return _FIXED[name]
     m, n = orders or _DEFAULT_ORDERS[name]
     return fourier(m, n) if name == "fourier" else legendre(m, n)
+
+
+def named(name: str, balance_radius_mm: float | None) -> str:
+    """How a Solution tells a set, so that `parameter_set` gives it back."""
+    return name if balance_radius_mm is None else f"{name}{RADIUS}{balance_radius_mm!r}"
+
+
+def is_ideal(name: str) -> bool:
+    """Whether the terms of a set that a Solution tells are functions of the ideal coordinates."""
+    return name.partition(RADIUS)[0] == "aicon"
 
 
 INTERIOR = chosen(BROWN_CONRADY, ("c", "x0", "y0"))
@@ -72,10 +89,12 @@ def with_interior(parameters: ParameterSet) -> ParameterSet:
     Sets that are free of the exterior orientation leave to Z0, X0, Y0 what a lens error has in common with them. Where
     observed projection centres hold these, c, x0 and y0 must take it up.
     """
-    return ParameterSet(
-        parameters.name,
-        INTERIOR.parameters + parameters.parameters,
-        INTERIOR.units + parameters.units,
-        lambda xy, scale: np.concatenate([INTERIOR.basis(xy, scale), parameters.basis(xy, scale)], axis=2),
-        lambda scale: np.concatenate([INTERIOR.classical_factors(scale), parameters.classical_factors(scale)]),
+    return replace(
+        parameters,
+        parameters=INTERIOR.parameters + parameters.parameters,
+        units=INTERIOR.units + parameters.units,
+        basis=lambda xy, scale: np.concatenate([INTERIOR.basis(xy, scale), parameters.basis(xy, scale)], axis=2),
+        classical_factors=lambda scale: np.concatenate(
+            [INTERIOR.classical_factors(scale), parameters.classical_factors(scale)]
+        ),
     )

@@ -2,9 +2,9 @@
 
     (x, y) + K(x, y) p = projection with the nominal principal distance        p (s,) in mm, K (2, s) without unit
 
-x, y are the measured coordinates from the nominal principal point, so K is a constant matrix of each image point and
-the derivative of the residual (projection minus corrected measurement) with respect to p is -K. Programs and notes that
-write `x = projection + dx` have parameters of the other sign.
+x, y are the measured coordinates from the nominal principal point, of a set that is `ideal` the corrected ones. So K is
+a constant matrix of each image point, and the derivative of the residual (projection minus corrected measurement) with
+respect to p is -K. Programs and notes that write `x = projection + dx` have parameters of the other sign.
 
 Every term is scaled so that its parameter is a length in mm: about the correction it makes near the border of the
 format. Parameters are then of comparable size, one standard deviation a priori serves all, and the normal matrix is
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Float
-from aatri.errors import SpecError
+from aatri.errors import ConvergenceError, SpecError
 from aatri.ids import did_you_mean
 
 
@@ -48,6 +48,9 @@ class SetScale:
         return float(np.hypot(*self.half_format_mm))
 
 
+MOST_ROUNDS = 50
+"""Of solving for ideal coordinates; each leaves some per cent of the error."""
+
 Basis = Callable[[Float, SetScale], Float]
 Factors = Callable[[SetScale], Float]
 
@@ -71,6 +74,8 @@ class ParameterSet:
         (xy_mm (n, 2) from the nominal principal point, SetScale) -> K (n, 2, s).
     classical_factors : callable
         SetScale -> (s,): classical value = factor times parameter.
+    ideal : bool
+        K is that of the ideal coordinates, (x, y) + K p themselves: an adjustment forms it anew as p becomes known.
     """
 
     name: str
@@ -78,6 +83,7 @@ class ParameterSet:
     units: tuple[str, ...]
     basis: Basis
     classical_factors: Factors
+    ideal: bool = False
 
     def __len__(self) -> int:
         return len(self.parameters)
@@ -144,8 +150,25 @@ def correction(parameter_set: ParameterSet, scale: SetScale, values_mm: Float, x
     Returns
     -------
     (n, 2) float64, mm
+
+    Raises
+    ------
+    ConvergenceError
+        If the terms are of ideal coordinates, and too steep to be solved for them.
     """
-    return np.asarray(parameter_set.basis(xy_mm, scale) @ values_mm)
+    change = np.asarray(parameter_set.basis(xy_mm, scale) @ values_mm)
+    for _ in range(MOST_ROUNDS if parameter_set.ideal else 0):
+        before, change = change, np.asarray(parameter_set.basis(xy_mm + change, scale) @ values_mm)
+        if np.nanmax(np.abs(change - before), initial=0.0) <= 1e-13 * scale.radius_mm:
+            return change
+        if not np.nanmax(np.abs(change), initial=0.0) < 1e3 * scale.radius_mm:
+            break
+    if parameter_set.ideal:
+        raise ConvergenceError(
+            f"the correction of {parameter_set.name} cannot be solved for ideal coordinates inside the image",
+            remedy="check the parameters: they are mm near the border of the format",
+        )
+    return change
 
 
 def classical(

@@ -13,6 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.camera.parameters.brown import interior_orientation
+from aatri.camera.parameters.catalogue import is_ideal
 from aatri.observations.poses import ADDITIONAL, CAMERA
 
 NAMES = {CAMERA: ("principal_distance", "principal_point.x", "principal_point.y"), ADDITIONAL: ("c", "x0", "y0")}
@@ -60,7 +61,10 @@ def interior_covariances(solution: Solution) -> Float:
 def _of_changed_distance(solution: Solution, covariance: Float, place: Mapping[tuple[str, str], int]) -> Float:
     """With the derivatives of c, x0, y0 by the parameters of a set, which are linear in the nominal camera."""
     sets = solution.calibrated_sets
-    nominal = {} if sets is None else dict(zip(sets.object.tolist(), sets.principal_distance_mm.tolist()))
+    nominal = {} if sets is None else {
+        name: c0 for name, c0, of in zip(sets.object.tolist(), sets.principal_distance_mm.tolist(), sets.set.tolist())
+        if not is_ideal(of)
+    }  # fmt: skip
     for k, camera in enumerate(solution.cameras.id.tolist()):
         rows = [place.get((camera, name), -1) for name in NAMES[ADDITIONAL]]
         if camera in nominal and min(rows) >= 0:

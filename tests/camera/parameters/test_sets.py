@@ -9,7 +9,7 @@ import pytest
 
 from aatri.camera.models.brown import brown_correction
 from aatri.camera.parameters.brown import BROWN21, BROWN_CONRADY, interior_orientation
-from aatri.camera.parameters.catalogue import SETS, parameter_set
+from aatri.camera.parameters.catalogue import SETS, named, parameter_set
 from aatri.camera.parameters.ebner import EBNER12, bauer3
 from aatri.camera.parameters.error_field import image_error_field, outside_span
 from aatri.camera.parameters.exterior_effects import (
@@ -95,8 +95,20 @@ def test_aicon_by_hand() -> None:
     ex = x * 0.3 / 24 + 0.02 + x * radial + v[6] * (225 + 2 * 144) + 2 * v[7] * x * y + v[8] * x + v[9] * y
     ey = y * 0.3 / 24 - 0.03 + y * radial + v[7] * (225 + 2 * 81) + 2 * v[6] * x * y
     in_mm = v / s.classical_factors(scale)
-    found = correction(s, scale, in_mm, np.array([[x, y]]))
-    np.testing.assert_allclose(found, [[-ex, -ey]], rtol=1e-13)
+    found = correction(s, scale, in_mm, np.array([[x + ex, y + ey]]))  # measured: the projection with its error
+    np.testing.assert_allclose(found, [[-ex, -ey]], rtol=1e-11)
+
+
+def test_the_radius_of_balanced_sets_is_an_option_and_part_of_their_name() -> None:
+    at_r0 = np.array([[6.0, -8.0]])
+    for name in ("aicon", "bauer3"):
+        chosen = parameter_set(name, balance_radius_mm=10.0)
+        radial = chosen.parameters.index("A1" if name == "aicon" else "a1")
+        assert np.abs(chosen.basis(at_r0, FILM)[0, :, radial]).max() < 1e-15
+        again = parameter_set(named(name, 10.0))
+        np.testing.assert_array_equal(again.basis(POINTS, FILM), chosen.basis(POINTS, FILM))
+    with pytest.raises(SpecError, match="no balance radius"):
+        parameter_set("brown21", balance_radius_mm=10.0)
 
 
 def test_aicon_spans_what_brown_conrady_spans_and_separates_c_from_the_first_radial_term() -> None:
