@@ -4,7 +4,9 @@
 
 over control and check points, r the plan distance from their middle. Images that look straight down carry an
 uncorrected radial distortion, a wrong principal distance or refraction into such a bend, which control at the edges
-does not show.
+does not show. A bend is told where Student's test of b finds it (0.1 %), and where it is beyond what the standard
+deviations of the heights allow: where they are large, in the middle of a block with control at its edges, errors of
+neighbouring points are alike, and bend without any distortion.
 
 Source: James and Robson 2014 (systematic errors of vertical blocks: doming).
 """
@@ -21,7 +23,7 @@ from aatri.ids import rows_of
 from aatri.notes import Note
 
 FEWEST = 6
-SIGNIFICANT = 3.0
+LEVEL = 0.001
 FAR_SIGMAS = 6.0
 """Check points farther off than this, in standard deviations of the difference, are named."""
 
@@ -39,12 +41,17 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
     solution : Solution
         That was evaluated.
     """
+    from scipy.special import ndtri, stdtrit  # inverse of the normal distribution, and of Student's
+
     d = evaluation.differences
     given = np.isin(d.kind, ("control", "check"))
     xy = solution.points.xyz_m[rows_of(d.point[given], block.points.id), :2]
     bent = doming(xy, d.difference_m[given, 2])
     notes = _far(evaluation)
-    if bent is not None and abs(bent[0]) > max(SIGNIFICANT * bent[1], NOTHING_M):
+    known = np.isfinite(d.difference_m[given, 2])
+    by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(known.sum() - 2, 1 - LEVEL / 2))
+    allowed = float(np.nan_to_num(d.sigma_m[given, 2]).max(initial=0.0)) * float(ndtri(1 - LEVEL / 2))
+    if bent is not None and abs(bent[0]) > max(by_chance, allowed, NOTHING_M):
         notes.append(Note("warning", f"heights bend by {bent[0]:.3f} m (+- {bent[1]:.3f} m) from the middle of control "
                           "and check points to their edge: a distortion not corrected, or little height control "
                           "inside; oblique images, observed positions or control inside hold them"))  # fmt: skip

@@ -13,8 +13,9 @@ from aatri.notes import Note
 from aatri.orientation.free_block.polynomial_ties import in_axes
 from aatri.orientation.free_block.strip_polynomials import StripPolynomials, textbook_counts
 
-BEYOND = 0.1
-"""Share of the half range of a strip by which points may lie beyond its control and ties."""
+BEYOND = 2**0.5 - 1
+"""Share of the half range of a strip by which points may lie beyond its control and ties: there a polynomial of the
+second degree, 2 u^2 - 1 in the worst case, has three times the error that it has within."""
 
 BEYOND_ALL = 0.5
 """Of the same, beyond all control of the block."""
