@@ -181,9 +181,7 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
 
 
 def _needs(options: BundleOptions) -> tuple[Need, ...]:
-    if options.datum != "given":
-        return ()
-    return datum_needed(positions=options.positions.use)  # type: ignore[attr-defined]
+    return datum_needed(positions=options.positions.use) if options.datum == "given" else ()  # type: ignore[attr-defined]
 
 
 @stage(version=7, uses=_uses, needs=_needs)

@@ -21,6 +21,7 @@ from aatri.formats.tables.geodetic import geodetic_tables
 from aatri.formats.tables.geographic import with_metric_frame
 from aatri.formats.tables.ground import ground_point_tables, read_ground_points
 from aatri.formats.tables.images import fiducial_point_table, image_point_table, image_tables, read_image_points
+from aatri.formats.tables.portable import with_bodies, without_bodies
 from aatri.formats.tables.relative_control import relative_control_tables
 from aatri.formats.tables.rigs import rig_member_table
 from aatri.formats.tables.settings.block import Settings
@@ -85,11 +86,12 @@ def _block(source: Source) -> Block:
     image_points = image_point_table(source, measured, images, camera.cameras, points)
     fiducial_points = fiducial_point_table(source, images, camera.cameras, camera.fiducials)
     covariances = read_covariances(source)
+    given, bodies = without_bodies(source, given)
     ground = ground_point_tables(source, given, points, covariances)
     exterior = exterior_table(source, images)
-    geodetic = geodetic_tables(source, images.row, ids, covariances)
+    geodetic = with_bodies(geodetic_tables(source, images.row, ids, covariances), bodies)
     try:
-        relative, members = relative_control_tables(source, images.row, ids)
+        relative, members = relative_control_tables(source, images.row, ids, bodies.planes)
     except AatriError as error:
         raise_all([*source.problems, error])
         raise

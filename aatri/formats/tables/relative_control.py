@@ -67,12 +67,13 @@ class Condition(NamedTuple):
     line: int
 
 
-def relative_control_tables(source: Source, images: Iterable[str],
-                            points: Iterable[str]) -> tuple[RelativeControl, RelativeControlMembers]:  # fmt: skip
-    """Read relative_control.yaml, if it is there."""
+def relative_control_tables(
+    source: Source, images: Iterable[str], points: Iterable[str], more: tuple[Condition, ...] = ()
+) -> tuple[RelativeControl, RelativeControlMembers]:
+    """Read relative_control.yaml, if it is there; `more` conditions come from elsewhere."""
     path = source.folder / FILE
     if not os.path.lexists(path):
-        return RelativeControl.empty(), RelativeControlMembers.empty()
+        return tables_of_conditions(sorted(more, key=_order), FILES.index(FILE))
     document = load(path, InputError)
     if not isinstance(document.value, list):
         raise InputError("is no list of conditions", where=document.where(), remedy="begin each one with `- {type: `")
@@ -83,7 +84,8 @@ def relative_control_tables(source: Source, images: Iterable[str],
         if c is not None and first.setdefault(_order(c), c.line) != c.line:
             what = f"{c.type} is equal to that of line {first[_order(c)]} in every digit: they count once"
             source.reporter.warn(f"{path}:{c.line}: {what}")
-    conditions = sorted((c for c in found if c is not None and first[_order(c)] == c.line), key=_order)
+    own = [c for c in found if c is not None and first[_order(c)] == c.line]
+    conditions = sorted([*own, *more], key=_order)
     return tables_of_conditions(conditions, FILES.index(FILE))
 
 

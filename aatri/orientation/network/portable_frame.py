@@ -8,6 +8,9 @@ with six unknowns of place and direction and its marks observed with C_X: those 
 coordinates no more than 3n - 6 are left without them. With a common scale of the distances it is a body of seven
 parameters.
 
+Marks in one plane: no distance sees what leaves it. 2n - 3 distances hold them within, and that they lie in a plane is
+an observation of its own, with the standard deviation of the marks across it. Three marks are a triangle, two a bar.
+
 Chosen are those that are known best independently of each other: by a QR decomposition with column pivoting of (J L)',
 C_X = L L', of all distances. Source: Mikhail & Ackermann, Observations and Least Squares, 4 (propagation).
 """
@@ -33,15 +36,18 @@ class BodyDistances:
 
     Attributes
     ----------
-    pairs : (3n - 6, 2) int
-        Marks of each.
-    length_m : (3n - 6,) float64, m
-    covariance_m2 : (3n - 6, 3n - 6) float64, m^2
+    pairs : (k, 2) int
+        Marks of each; k = 3n - 6, of marks in a plane 2n - 3.
+    length_m : (k,) float64, m
+    covariance_m2 : (k, k) float64, m^2
+    plane_sigma_m : float, m
+        Standard deviation of a mark across the plane that four or more of them lie in; NaN where they lie in none.
     """
 
     pairs: Int
     length_m: Float
     covariance_m2: Float
+    plane_sigma_m: float = float("nan")
 
 
 def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
@@ -50,18 +56,18 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     Parameters
     ----------
     xyz_m : (n, 3) float64, m
-        Marks, n at least 4, in axes of their own.
+        Marks, n at least 2, in axes of their own.
     covariance_m2 : (3 n, 3 n) float64, m^2
         Of all their coordinates, positive definite.
 
     Raises
     ------
     GeometryError
-        If there are too few marks, or they lie in a plane: then distances do not hold them.
+        If there are too few marks, two at one place, or all on a line.
     """
     n = len(xyz_m)
-    if n < 4:
-        raise GeometryError(f"{n} marks are no body", remedy="give 4 or more, not all in one plane")
+    if n < 2:
+        raise GeometryError(f"{n} marks are no body", remedy="give two or more")
     pairs = np.array(list(combinations(range(n), 2)), dtype=np.int64)
     away = xyz_m[pairs[:, 1]] - xyz_m[pairs[:, 0]]
     length = np.linalg.norm(away, axis=1)
@@ -71,14 +77,24 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     by_mark = np.zeros((len(pairs), n, 3))
     by_mark[np.arange(len(pairs)), pairs[:, 0]], by_mark[np.arange(len(pairs)), pairs[:, 1]] = -u, u
     J = by_mark.reshape(len(pairs), 3 * n)
-    count = 3 * n - 6
     _, R, order = qr((J @ np.linalg.cholesky(covariance_m2)).T, mode="economic", pivoting=True)
     pivot = np.abs(np.diagonal(R))
-    if len(pivot) < count or not pivot[count - 1] > FLAT * pivot[0]:
+    count, plane_sigma = 3 * n - 6, float("nan")
+    if n < 4 or len(pivot) < count or not pivot[count - 1] > FLAT * pivot[0]:
+        count, plane_sigma = 2 * n - 3, _across(xyz_m, covariance_m2) if n > 3 else plane_sigma
+    if not pivot[count - 1] > FLAT * pivot[0]:
         raise GeometryError(
-            "the marks lie in a plane, or nearly: distances do not hold what leaves it",
-            remedy="give marks outside it, or the distances within the plane and a `plane` of relative control",
+            "the marks lie on a line, or nearly: distances do not hold what leaves it",
+            remedy="give marks beside it, or their distances and a `line` of relative control",
         )
     chosen = np.sort(order[:count])
     some = J[chosen]
-    return BodyDistances(pairs[chosen], length[chosen], some @ covariance_m2 @ some.T)
+    return BodyDistances(pairs[chosen], length[chosen], some @ covariance_m2 @ some.T, plane_sigma)
+
+
+def _across(xyz_m: Float, covariance_m2: Float) -> float:
+    """How far marks lie off their plane, with what they are uncertain across it, RMS."""
+    normal = np.linalg.svd(xyz_m - xyz_m.mean(axis=0))[2][2]
+    off = (xyz_m - xyz_m.mean(axis=0)) @ normal
+    own = np.einsum("ninj->nij", covariance_m2.reshape(len(xyz_m), 3, len(xyz_m), 3))
+    return float(np.sqrt((off**2 + np.einsum("i,nij,j->n", normal, own, normal)).mean()))

@@ -87,12 +87,29 @@ def test_two_set_ups_of_a_frame_have_the_coordinates_and_covariances_of_the_body
         np.testing.assert_allclose(of_scale, -dense.x[-1], atol=5e-3 * np.sqrt(Q[-1, -1]))
 
 
-def test_marks_in_a_plane_and_too_few_marks_are_refused() -> None:
+def test_marks_in_a_plane_are_distances_within_it_and_the_plane() -> None:
+    """Across it they are known to 0.2 mm, within to 0.1 mm; three of them are a triangle, two a bar."""
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 2, 0]], dtype=float)
-    with pytest.raises(GeometryError, match="lie in a plane"):
-        body_distances(flat, 1e-8 * np.eye(15))
-    with pytest.raises(GeometryError, match="3 marks are no body"):
-        body_distances(flat[:3], 1e-8 * np.eye(9))
+    turned = set_up(flat, *PLACES[0])
+    turn = np.kron(np.eye(5), Rotation.from_rotvec(PLACES[0][0]).as_matrix())
+    C = turn @ np.diag(np.tile([1e-8, 1e-8, 4e-8], 5)) @ turn.T
+    found = body_distances(turned, C)
+    assert found.pairs.shape == (7, 2)
+    assert found.plane_sigma_m == pytest.approx(2e-4, rel=1e-9)
+    assert np.linalg.cond(found.covariance_m2) < 1e6
+    assert len(body_distances(turned[:3], C[:9, :9]).pairs) == 3
+    bar = body_distances(turned[:2], C[:6, :6])
+    assert bar.length_m == pytest.approx([1.0])
+    assert bar.covariance_m2 == pytest.approx(np.array([[2e-8]]))
+    assert np.isnan(bar.plane_sigma_m)
+
+
+def test_marks_on_a_line_or_at_one_place_are_refused() -> None:
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 2, 0]], dtype=float)
+    with pytest.raises(GeometryError, match="on a line"):
+        body_distances(np.outer(np.arange(4.0), [1.0, 2.0, 0.5]), 1e-8 * np.eye(12))
+    with pytest.raises(GeometryError, match="1 marks are no body"):
+        body_distances(flat[:1], 1e-8 * np.eye(3))
     with pytest.raises(GeometryError, match="same place"):
         body_distances(np.vstack([flat[:4], flat[:1]]), 1e-8 * np.eye(15))
 

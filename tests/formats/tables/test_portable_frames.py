@@ -1,0 +1,104 @@
+"""Portable frames: points in further local frames are bodies, read as distances and planes, and used."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from aatri.errors import AatriError
+from aatri.formats.tables.reader import read_block
+from aatri.formats.tables.writer import write_block
+from aatri.tables.digest import content_digest
+from tests.small_blocks import Small, adjusted_by, flown, measure
+
+SOLID, FLAT = [f"a{k}" for k in range(5)], [f"b{k}" for k in range(4)]
+BODIES = {"cube": SOLID, "board": FLAT}
+
+
+def made() -> Small:
+    """Two strips over a solid frame of five marks and a flat one of four, 80 m across."""
+    small, rng = flown(2, 4), np.random.default_rng(8)
+    solid = rng.uniform(-40, 40, (5, 3)) + np.array([300.0, 200.0, 40.0])
+    flat = np.column_stack([rng.uniform(-40, 40, (4, 2)), np.zeros(4)])
+    flat = flat @ Rotation.from_euler("XYZ", [0.2, -0.1, 0.5]).as_matrix().T + [500.0, 250.0, 30.0]
+    small.xyz_m |= dict(zip(SOLID, solid)) | dict(zip(FLAT, flat))
+    measure(small, rng)
+    return small
+
+
+def written(small: Small, folder: Path, sigma_m: float = 0.005, **cells: Any) -> Path:
+    """The block with the marks in axes of their own."""
+    small.write(folder)
+    head = yaml.safe_load((folder / "block.yaml").read_text())
+    head["frames"] |= {name: {"axes": ["x", "y", "z"], "crs": "local"} for name in BODIES}
+    (folder / "block.yaml").write_text(yaml.safe_dump(head, sort_keys=False))
+    path = folder / "ground_points.csv"
+    old = path.read_text().splitlines() if path.exists() else ["point,X,Y,Z"]
+    lines = [old[0] + ",sX,sY,sZ,role,frame", *(row + ",,,,," for row in old[1:])]
+    for k, (name, marks) in enumerate(BODIES.items()):
+        R = Rotation.from_rotvec([0.3 + k, -0.5, 1.0]).as_matrix()
+        for p in marks:
+            x = (small.xyz_m[p] - small.xyz_m[marks[0]]) @ R.T
+            lines.append(f"{p}," + ",".join(map(repr, x.tolist())) + f",{sigma_m},{sigma_m},{sigma_m},"
+                         f"{cells.get('role', '')},{name}")  # fmt: skip
+    path.write_text("\n".join([*lines, ""]))
+    return folder
+
+
+def test_frames_are_read_as_distances_with_covariances_and_a_plane_and_written_as_such(tmp_path: Path) -> None:
+    small = made()
+    block = read_block(written(small, tmp_path / "block"))
+    g = block.geodetic
+    assert len(g) == (3 * 5 - 6) + (2 * 4 - 3)
+    true = [np.linalg.norm(small.xyz_m[b] - small.xyz_m[a]) for a, b in zip(g.start.tolist(), g.end.tolist())]
+    np.testing.assert_allclose(g.value, true, rtol=1e-12)
+    np.testing.assert_allclose(g.sigma, 0.005 * np.sqrt(2), rtol=1e-9)
+    c = block.geodetic_covariances
+    for a, b, value in zip(c.row_a.tolist(), c.row_b.tolist(), c.value.tolist()):
+        ends = {g.start[a], g.end[a]}, {g.start[b], g.end[b]}
+        shared = ends[0] & ends[1]
+        if shared:  # u_a'u_b sigma^2 at the mark they share
+            (p,) = shared
+            u = [small.xyz_m[(e - {p}).pop()] - small.xyz_m[p] for e in ends]
+            expected = 0.005**2 * (u[0] @ u[1]) / np.linalg.norm(u[0]) / np.linalg.norm(u[1])
+            assert value == pytest.approx(expected, abs=1e-12)
+        else:
+            assert value == pytest.approx(0.0, abs=1e-12)
+    assert block.relative_control.type.tolist() == ["plane"]
+    assert block.relative_control.sigma == pytest.approx([0.005])
+    assert block.relative_control_members.id.tolist() == FLAT
+    assert not np.isin(block.points.id[block.ground_points.point], [*SOLID, *FLAT]).any()
+    write_block(block, tmp_path / "copy")
+    again = read_block(tmp_path / "copy")
+    assert content_digest(replace(again, name=block.name)) == content_digest(block)
+
+
+def test_they_give_the_scale_of_a_block_and_fit(tmp_path: Path) -> None:
+    small = made()
+    small.control, small.observed = {}, {}
+    done = adjusted_by("graph", written(small, tmp_path / "block"), datum="free")
+    assert done.bundle.images.oriented.all()
+    places = dict(zip(done.bundle.points.id.tolist(), done.bundle.points.xyz_m))
+    for a, b in (("C1", "C4"), ("C2", "C3")):
+        found, true = (np.linalg.norm(x[a] - x[b]) for x in (places, small.xyz_m))
+        assert found / true == pytest.approx(1.0, abs=5e-4)  # 5 mm over 50 m, and the images
+    assert {"distance", "plane"} <= set(done.bundle.residuals.kind.tolist())
+    assert 0.8 < done.bundle.sigma0 < 1.2
+
+
+def test_what_is_wrong_with_a_frame_is_an_error_with_its_line(tmp_path: Path) -> None:
+    small = made()
+    with pytest.raises(AatriError, match=r"frame cube, which is local: its points are marks of a body"):
+        read_block(written(small, tmp_path / "role", role="check"))
+    with pytest.raises(AatriError, match="no standard deviation above 0"):
+        read_block(written(small, tmp_path / "sigma", sigma_m=0.0))
+    for k, p in enumerate(FLAT):
+        small.xyz_m[p] = np.array([10.0 * k, 20.0 * k, 0.0])
+    with pytest.raises(AatriError, match=r"ground_points.csv:11.*frame board, a body of 4 marks: .* on a line"):
+        read_block(written(small, tmp_path / "line"))
