@@ -118,7 +118,7 @@ def search(
         Estimate the added standard deviation; else it is zero.
     """
     if found is None:
-        found = partial(_clearest, rule, pool)
+        found = partial(clearest_controlled, rule, pool)
     use, readmitted = active.copy(), np.zeros(len(active), dtype=bool)
     tau, robust, rounds, settled = 0.0, True, 1, False
     solved, steps = solve(None, use, tau), Steps()
@@ -149,7 +149,8 @@ def _negligible(rule: Snooping, test: Float, use: Bool) -> bool:
     return float(above @ above) <= 2 * SETTLED * int(use.sum())
 
 
-def _clearest(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:
+def clearest_controlled(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:
+    """The clearest gross errors of an adjustment, none of records whose errors would be known badly."""
     rows = np.flatnonzero(use & (solved.test > rule.limit))
     controlled = np.zeros(len(use), dtype=bool)
     controlled[rows] = solved.controlled(rows)

@@ -8,14 +8,15 @@ where they fit (adjustment.statistics.search).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
 
-from aatri.adjustment.statistics.rejection import Snooping, pool_of
-from aatri.adjustment.statistics.search import Searched, search
+from aatri.adjustment.statistics.rejection import Pool, Snooping, pool_of, room_left
+from aatri.adjustment.statistics.room import room_of
+from aatri.adjustment.statistics.search import Searched, clearest_controlled, search
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.free_block.tie_records import (
     POINT,
@@ -36,6 +37,9 @@ from aatri.orientation.free_block.uncontrolled_ties import uncontrolled_observat
 from aatri.orientation.free_block.weighted_means import weighted_means
 
 S = TypeVar("S")
+
+SIMILARITY = 7
+"""Coordinates that bring a body to the ground."""
 
 
 @dataclass(frozen=True)
@@ -150,8 +154,43 @@ def adjust_indexed(
     def solve(before: TiedSolution[S] | None, use: Bool, tau_m: float) -> TiedSolution[S]:
         return solve_tied(problem, start if before is None else before.state, use, tau_m, before)
 
-    found = search(solve, np.ones(n, dtype=bool) if active is None else active, rule, pool, added=deformed)
+    begin = np.ones(n, dtype=bool) if active is None else active
+    found = _searched(solve, begin, rule, pool, deformed)
     return _result(problem, found, points)
+
+
+def _searched(
+    solve: Callable[[TiedSolution[S] | None, Bool, float], TiedSolution[S]], begin: Bool, rule: Snooping, pool: Pool,
+    deformed: bool,
+) -> Searched[TiedSolution[S]]:  # fmt: skip
+    """Search; where more of what is given of a kind contradicts the rest than there is room for, all of it is kept."""
+    room: list[Int] = []
+
+    def wrong(solved: TiedSolution[S], use: Bool) -> Bool:
+        if not room:
+            room.append(_room(solved, rule, pool))
+        return clearest_controlled(rule, replace(pool, room=room[0]), solved, use)
+
+    found = search(solve, begin, rule, pool, wrong, added=deformed)
+    full = replace(pool, room=room[0]) if room else pool
+    crowded = np.unique(pool.source[found.above & ~pool.carrier])
+    crowded = crowded[room_left(rule, full, found.active)[crowded] <= 0] if room else crowded[:0]
+    rejected = np.isin(pool.source, crowded) & begin & ~found.active
+    if not rejected.any():
+        return found
+    room[0][crowded] = 0
+    return search(solve, begin, rule, pool, wrong, added=deformed)
+
+
+def _room(solved: TiedSolution[S], rule: Snooping, pool: Pool) -> Int:
+    """How many may be rejected: of a strip the share of the rule; of what is given also what the others answer for."""
+    none = np.ones(len(pool.source), dtype=bool)
+    room, sources = room_left(rule, pool, none), int(pool.source.max()) + 1
+    weights = np.where(pool.counted & ~pool.carrier, solved.answered, 0.0)
+    answered: Float = np.bincount(pool.source, weights, sources).astype(np.float64)
+    # Whatever goes, seven coordinates and one to test them are left of all that is given.
+    spare = max(sum(int(g.given.sum()) for g in solved.problem.given) - SIMILARITY - 1, 0) // 3
+    return np.maximum(room, np.minimum(room_of(answered, np.bincount(pool.source, minlength=sources)), spare))
 
 
 def _result(problem: TiedProblem[S], found: Searched[TiedSolution[S]], points: bool) -> TiedResult[S]:

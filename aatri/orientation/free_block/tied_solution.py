@@ -130,6 +130,24 @@ class TiedSolution(Generic[S]):
         return np.concatenate([np.einsum("nii->n", self.tests[r.name].redundancy) for r in self.problem.records])
 
     @cached_property
+    def answered(self) -> Float:
+        """How well the others know each observation, (n,): 1 where as well as a single point of a strip does.
+
+        The redundancy number does not tell it: precise control beside rough strips has one near zero, and its gross
+        errors show in the strips all the same (see `uncontrolled_ties`).
+        """
+        s2, found, first = self.variance_with_strip_m2 / 3, list[Float](), 0
+        given = [np.full(len(self.problem.ties.strip), 3), *(g.given.sum(axis=1) for g in self.problem.given)]
+        for record, T, components in zip(self.problem.records, self.whiteners, given):
+            R = self.tests[record.name].redundancy
+            own = np.einsum("nii->n", R)
+            if T.shape[1:] == (3, 3) and record.touches[-1][0] == POINT:
+                own = s2[first : first + len(R)] * np.einsum("nji,njk,nki->n", T, R, T)
+            found.append(np.clip(own / np.maximum(components, 1), 0.0, 1.0))
+            first += len(R)
+        return np.concatenate(found)
+
+    @cached_property
     def size_m(self) -> Float:
         """Estimated gross errors, (n, 3), m."""
         return self._sizes_m(np.arange(len(self.use)))
