@@ -143,7 +143,7 @@ class TiedSolution(Generic[S]):
             own = np.einsum("nii->n", R)
             if T.shape[1:] == (3, 3) and record.touches[-1][0] == POINT:
                 own = s2[first : first + len(R)] * np.einsum("nji,njk,nki->n", T, R, T)
-            found.append(np.clip(own / np.maximum(components, 1), 0.0, 1.0))
+            found.append(np.clip(np.nan_to_num(own / np.maximum(components, 1)), 0.0, 1.0))
             first += len(R)
         return np.concatenate(found)
 

@@ -185,8 +185,7 @@ def _suspected(made, kind, row, image="", point=""):
     from dataclasses import replace
 
     strips = made.strips()
-    one = replace(
-        Suspects.empty(), kind=[kind], row=[row], image=[image], point=[point], stage=["strip_formation"], size=[1.0],
+    one = Suspects(kind=[kind], row=[row], image=[image], point=[point], stage=["strip_formation"], size=[1.0],
         unit=["m"], sigma=[0.1], test=[10.0], verdict=["rejected"],
     )  # fmt: skip
     return replace(strips, suspects=one)

@@ -168,6 +168,18 @@ def test_ties_of_right_control_are_not_rejected_for_one_that_is_wrong():
     assert all(any(point in text for text in heard.warnings if "not rejected" in text) for point in kept)
 
 
+@pytest.mark.parametrize("n", [6, 13])
+def test_several_wrong_control_points_of_few_are_all_found(n):
+    made = MadeBlock(3, 6, noise_m=0.005)
+    made.control(np.linspace(0, len(made.truth) - 1, n).astype(int), sigma_m=0.01)
+    wrong = sorted(made.given)[1 : 1 + (2 if n == 6 else 3)]
+    made.control(wrong, sigma_m=0.01, error_m=(0.6, -0.5, 0.9)).positions(range(len(made.truth_X0)), sigma_m=0.05)
+    _, solution, _ = _adjusted(made)
+    out = (solution.suspects.verdict == "rejected") & (solution.suspects.kind == "control")
+    assert sorted(solution.suspects.point[out].tolist()) == [f"p{k:03d}" for k in wrong]
+    assert _rms(made, solution) < 0.05
+
+
 def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_else_ties_it():
     made = MadeBlock(3, 5, noise_m=0.005)
     made.control(range(0, len(made.truth), 4), sigma_m=0.01)
@@ -178,8 +190,7 @@ def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_els
     single = np.flatnonzero(np.bincount(strips.strip_points.point) == 1)
     point = int(single[np.isin(single, block.ground_points.point)][0])
     row = int(np.flatnonzero(strips.strip_points.point == point)[0])
-    suspects = replace(
-        Suspects.empty(), kind=["strip_tie"], row=[-1], image=strips.strips.id[strips.strip_points.strip[[row]]],
+    suspects = Suspects(kind=["strip_tie"], row=[-1], image=strips.strips.id[strips.strip_points.strip[[row]]],
         point=block.points.id[[point]], stage=["absolute_orientation"], size=[0.0], unit=["m"], sigma=[np.nan],
         test=[np.nan], verdict=["rejected"],
     )  # fmt: skip
