@@ -90,6 +90,11 @@ class ResourceError(AatriError, OSError):
     exit_code = 8
 
 
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error says that there is no memory: Python says it of threads in words only."""
+    return isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and "start new thread" in str(error))
+
+
 class PluginError(AatriError):
     """A stage is missing, defined twice or breaks its contract."""
 

@@ -45,6 +45,11 @@ def read_regular(path: Path) -> bytes:
         return file.read()
 
 
+def is_of_the_machine(error: OSError) -> bool:
+    """Whether the disk, the network or the system failed, and not what somebody wrote."""
+    return error.errno in (errno.EIO, errno.ESTALE, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
+
+
 def not_regular(mode: int) -> str:
     """What a thing of this mode is, in words; empty if it is a regular file."""
     return "" if stat.S_ISREG(mode) else _KINDS.get(stat.S_IFMT(mode), "a link")

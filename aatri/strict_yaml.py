@@ -17,9 +17,9 @@ from typing import Any, NoReturn
 
 import yaml
 
-from aatri.errors import AatriError, SpecError
+from aatri.errors import AatriError, ResourceError, SpecError
 from aatri.ids import clipped, did_you_mean
-from aatri.regular_file import leads_nowhere, open_regular
+from aatri.regular_file import is_of_the_machine, leads_nowhere, open_regular
 from aatri.units import LARGEST
 
 MAX_BYTES = 1 << 20
@@ -100,6 +100,8 @@ def load(path: Path, error: type[AatriError] = SpecError) -> Document:
             raise error(f"is a link to {target}, which is not there", where=name, remedy="mend the link") from missing
         raise error("no such file", where=name, remedy=_nearest(path)) from missing
     except (OSError, ValueError) as failure:
+        if isinstance(failure, OSError) and is_of_the_machine(failure):
+            raise ResourceError(f"cannot be read: {failure.strerror}", where=name, remedy="check the disk") from failure
         raise error(f"cannot be read: {getattr(failure, 'strerror', None) or failure}", where=name) from failure
     if len(data) > MAX_BYTES:
         raise error(f"larger than {MAX_BYTES} bytes", where=name, remedy="put large data into tables")

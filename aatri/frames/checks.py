@@ -9,6 +9,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float
 from aatri.frames.conversion import Frame
+from aatri.frames.crs_text import crs_from
 from aatri.frames.heights import is_tangent_frame
 
 OUTSIDE_DEG = 5.0
@@ -31,7 +32,7 @@ def fault_of_frame(frame: Frame) -> tuple[str, str, str] | None:
     import pyproj
 
     try:
-        system = pyproj.CRS.from_user_input(frame.crs)
+        system = crs_from(frame.crs)
     except pyproj.exceptions.CRSError as error:
         return (
             "crs",
@@ -40,7 +41,7 @@ def fault_of_frame(frame: Frame) -> tuple[str, str, str] | None:
         )
     if frame.vertical:
         try:
-            vertical = pyproj.CRS.from_user_input(frame.vertical)
+            vertical = crs_from(frame.vertical)
         except pyproj.exceptions.CRSError as error:
             return "vertical", f"vertical {frame.vertical!r} is not known: {_short(error)}", "write it as EPSG:5773"
         if not vertical.is_vertical:
@@ -93,7 +94,7 @@ def place_outside(frame: Frame, xyz: Float) -> str:
     """
     import pyproj
 
-    system = pyproj.CRS.from_user_input(frame.crs)
+    system = crs_from(frame.crs)
     flat = system.sub_crs_list[0] if system.is_compound else system.to_2d()
     area = system.area_of_use or flat.area_of_use
     plan = xyz[np.isfinite(xyz[:, :2]).all(axis=1), :2]

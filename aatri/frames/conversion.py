@@ -16,6 +16,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.frames.axes import in_right_handed_order
+from aatri.frames.crs_text import crs_from
 from aatri.frames.ellipsoid import Ellipsoid, geocentric
 
 _DEGREE_M = 111_000.0
@@ -119,9 +120,9 @@ def crs_of(frame: Frame) -> Any:
         what = f"frame {frame.name} is local: nothing can be converted from or to it"
         raise InputError(what, where=frame.name, remedy="give its crs in block.yaml")
     try:
-        system = pyproj.CRS.from_user_input(frame.crs)
+        system = crs_from(frame.crs)
         if frame.vertical:
-            vertical = pyproj.CRS.from_user_input(frame.vertical)
+            vertical = crs_from(frame.vertical)
             horizontal = system.to_2d()
             return pyproj.crs.CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
         return system if system.is_geocentric or system.is_compound else system.to_3d()

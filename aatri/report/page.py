@@ -16,6 +16,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.errors import ArtifactError
 from aatri.pipeline.run.command import command_of
 from aatri.pipeline.spec.gates import verdicts_in
 from aatri.pipeline.store import inside
@@ -29,6 +30,9 @@ from aatri.report.sections.parts import Picture, Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable, accuracy_table
 from aatri.report.verdict import external_lights, internal_lights
+
+OURS, OURS_WITHIN = b"aatri report</title>", 4000
+"""What a page of ours has within its first bytes."""
 
 
 def write_report(run: Path) -> Path:
@@ -47,11 +51,15 @@ def write_report(run: Path) -> Path:
     Raises
     ------
     ArtifactError
-        If the folder is no run.
+        If the folder is no run, or has a page of this name that is another's.
     ResourceError
         If the page cannot be written.
     """
     text = render(view(run))
+    if inside.kind(run, "report.html") == "file" and OURS not in inside.read(run, "report.html")[:OURS_WITHIN]:
+        remedy = "move it, or give the run a folder of its own (`run:` in pipeline.yaml)"
+        where = str(run / "report.html")
+        raise ArtifactError("is not a report of aatri's, and is not overwritten", where=where, remedy=remedy)
     with on_disk(run / "report.html"):
         return inside.write(text.encode(), run, "report.html")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -154,12 +155,21 @@ def test_an_undulation_stands_for_the_geoid() -> None:
     assert abs(plain.from_block(xyz) - raised.from_block(xyz)).max() > 1e-3
 
 
-def test_a_geoid_grid_is_used_point_by_point(tmp_path: Path) -> None:
+@pytest.fixture
+def grids(tmp_path: Path) -> Iterator[Path]:
+    """A folder in which PROJ looks for grids."""
+    before = pyproj.datadir.get_data_dir()
+    pyproj.datadir.append_data_dir(str(tmp_path))
+    yield tmp_path
+    pyproj.datadir.set_data_dir(before)
+
+
+def test_a_geoid_grid_is_used_point_by_point(grids: Path) -> None:
     """A grid of constant slope: 5 m at 116 degrees of longitude, 1 m more per degree."""
     grid = np.repeat(5.0 + np.arange(-1, 3)[None] * 1.0, 4, axis=0).astype(">f4")
     head = np.array([38.0, 115.0, 1.0, 1.0], dtype=">f8").tobytes() + np.array([4, 4], dtype=">i4").tobytes()
-    (tmp_path / "slope.gtx").write_bytes(head + grid.tobytes())
-    crs = f"+proj=utm +zone=50 +datum=WGS84 +geoidgrids={tmp_path / 'slope.gtx'} +vunits=m +type=crs"
+    (grids / "slope.gtx").write_bytes(head + grid.tobytes())
+    crs = "+proj=utm +zone=50 +datum=WGS84 +geoidgrids=slope.gtx +vunits=m +type=crs"
     frame = tangent_frame(Frame("map", AXES, crs), CENTRE)
     xyz = CENTRE + places(20, (20_000.0, 20_000.0, 500.0))
     X = frame.from_block(xyz)

@@ -147,8 +147,10 @@ def open_run(
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
 
     That a run was made with --local-plugins does not permit to execute code of the project again: a run folder may
-    come from anyone. `set_` and `use` are added to what was asked for then.
+    come from anyone. For the same reason the pipeline it names is only opened where it is that of its project. `set_`
+    and `use` are added to what was asked for then.
     """
+    from aatri.pipeline.store.known_runs import is_of_this_run
     from aatri.pipeline.store.run_folder import read_overview
 
     path = in_folder(given or DEFAULT)
@@ -168,6 +170,9 @@ def open_run(
     if kept.get("local_plugins") and not local_plugins:
         raise SpecError("was run with --local-plugins: planning it executes code of the project", where=str(path),
                         remedy="--local-plugins, if you trust the project")  # fmt: skip
+    if not is_of_this_run(path, Path(kept["pipeline"])):
+        what = "its run.json names a pipeline outside of its project; you have not made this run here: not opened"
+        raise ArtifactError(what, where=str(path), remedy="give the pipeline file, and --into for the run")
     into = "" if kept["variant"] else str(path)
     request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use),
                       kept["variant"], local_plugins)  # fmt: skip

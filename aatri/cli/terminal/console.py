@@ -16,7 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import typer
 
-from aatri.errors import AatriError, Errors, ResourceError, SpecError
+from aatri.errors import AatriError, Errors, ResourceError, SpecError, lacks_memory
 from aatri.ids import clipped
 
 P = ParamSpec("P")
@@ -50,7 +50,7 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
         except Exception as error:
             if kwargs.get("debug"):
                 narrate(traceback.format_exc())
-            if isinstance(error, MemoryError):
+            if lacks_memory(error):
                 report_error(ResourceError("out of memory", remedy="a machine with more memory, or a smaller block"))
                 raise typer.Exit(ResourceError.exit_code) from None
             if isinstance(error, OSError) and error.errno in (errno.ENAMETOOLONG, errno.EINVAL):

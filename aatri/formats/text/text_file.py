@@ -11,10 +11,10 @@ import re
 from collections.abc import Collection
 from pathlib import Path
 
-from aatri.errors import InputError
+from aatri.errors import InputError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.progress import SILENT, Reporter
-from aatri.regular_file import leads_nowhere, read_regular
+from aatri.regular_file import is_of_the_machine, leads_nowhere, read_regular
 
 _BINARY = {
     b"PK\x03\x04": "an Excel workbook or zip archive, not text",
@@ -28,6 +28,10 @@ _BINARY = {
 MOST_NAMES = 10
 """Most names of a folder listed in a message."""
 
+_COMMON = {sign for high in (*range(0xA1, 0xAA), *range(0xB0, 0xD8)) for low in range(0xA1, 0xFF)
+           for sign in bytes([high, low]).decode("gb2312", errors="ignore")}  # fmt: skip
+"""Signs and the 3755 common characters of GB 2312."""
+_WITHIN_A_WORD = re.compile("[a-zA-Z][\u3400-\u9fff]{1,2}[a-z]")
 _CHINESE_OR_ASCII = re.compile("[\t\n\r\x20-\x7e\u2000-\u206f\u3000-\u303f\u3400-\u9fff\uff00-\uffef]*")
 
 
@@ -80,6 +84,10 @@ def read_bytes(path: Path) -> bytes:
     except (FileNotFoundError, NotADirectoryError) as error:
         raise missing(path) from error
     except OSError as error:
+        if is_of_the_machine(error):
+            raise ResourceError(
+                f"cannot be read: {error.strerror}", where=str(path), remedy="check the disk"
+            ) from error
         remedy = "name the file in it" if path.is_dir() else "check what it is, and its permissions"
         raise InputError(f"cannot be read: {error.strerror}", where=str(path), remedy=remedy) from error
 
@@ -108,8 +116,19 @@ def _chinese(data: bytes, first_bad: int, path: Path, reporter: Reporter) -> str
         text = data.decode("gb18030")
     except UnicodeDecodeError:
         text = "\x00"
-    if not _CHINESE_OR_ASCII.fullmatch(text):
+    if not _CHINESE_OR_ASCII.fullmatch(text) or not _is_likely(text):
         line = 1 + data.count(b"\n", 0, first_bad)
-        raise InputError("neither UTF-8 nor GB18030", where=f"{path}:{line}", remedy="save the file as UTF-8")
+        remedy = "save the file as UTF-8; it may be Windows-1252 (Western) or another code page of 8 bits"
+        raise InputError("neither UTF-8 nor GB18030 (Chinese)", where=f"{path}:{line}", remedy=remedy)
     reporter.warn(f"{path}: not UTF-8; read as GB18030 (Chinese)")
     return text
+
+
+def _is_likely(text: str) -> bool:
+    """Whether Chinese characters are common ones, and not letters with accents within Western words.
+
+    A letter with an accent and the letter after it make up one rare character of GB18030.
+    """
+    foreign = [sign for sign in text if not sign.isascii()]
+    common = sum(sign in _COMMON for sign in foreign)
+    return 2 * common > len(foreign) and not _WITHIN_A_WORD.search(text)

@@ -15,12 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from aatri.errors import AatriError, ArtifactError, raise_all
+from aatri.errors import AatriError, ArtifactError, ResourceError, raise_all
 from aatri.pipeline.plan.graph import Node
 from aatri.pipeline.plan.plan import Decision, Plan, Selection, State, decide, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
-from aatri.pipeline.run.overview import DONE, GATE_FAILED, is_settled, overview_of, plain_warnings
+from aatri.pipeline.run.finished import cannot_be_written, finished
+from aatri.pipeline.run.overview import DONE, GATE_FAILED, overview_of, plain_warnings
 from aatri.pipeline.run.task import Outcome, Source, task_of
 from aatri.pipeline.run.workers import Pool, pool
 from aatri.pipeline.spec.gates import Verdict, judge
@@ -29,6 +30,7 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.events import Events
+from aatri.pipeline.store.known_runs import remember
 from aatri.pipeline.store.lock import locked
 from aatri.pipeline.store.provenance import now
 from aatri.pipeline.store.records import is_stage_name
@@ -87,19 +89,28 @@ def run_pipeline(
         The errors of the stages that failed. What was made before stays.
     """
     how = how or How()
+    try:
+        return _run(spec, nodes, listener, how)
+    except ResourceError as error:
+        if not cannot_be_written(error):
+            raise
+        view = StoreView(spec.run, verify=how.verify)
+        if (done := finished(spec, nodes, listener.warned, how.selection, view)) is None:
+            raise
+        return done
+
+
+def _run(spec: Spec, nodes: tuple[Node, ...], listener: Listener, how: How) -> list[dict[str, Any]]:
+    """Bring all selected stages up to date, as the one writer of the folder."""
     store.claim(spec.run, spec.variant)
+    remember(spec.run, str(how.request.get("pipeline", "")))
     with locked(spec.run, how.command, enabled=how.lock):
         view = StoreView(spec.run, verify=how.verify)
         planned = plan(nodes, view, spec.seed, how.selection)
         check_inputs(nodes, planned)
         view.save()
-        if not planned.stale:
-            known = [d.record for d in planned.decisions if d.record is not None]
-            found = unused(nodes, known, spec.ignore)
-            if not found.errors and is_settled(spec, nodes, planned, found, how.selection):
-                for stage, message in found.warnings:
-                    listener.warned(stage, message)
-                return [dict(record) for record in known]
+        if (done := finished(spec, nodes, listener.warned, how.selection, view, planned)) is not None:
+            return done
         run = _Run(spec, nodes, planned, view, listener, how)
         try:
             return run.carry_out()

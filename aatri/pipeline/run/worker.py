@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.errors import AatriError, PluginError, ResourceError
+from aatri.errors import AatriError, PluginError, ResourceError, lacks_memory
 from aatri.pipeline.run.context import LoggedContext, Tell, drop_checkpoints
 from aatri.pipeline.run.task import Outcome, Task, failed
 from aatri.pipeline.store import inside
@@ -82,7 +82,8 @@ def _failed(task: Task, error: AatriError, started: str) -> Outcome:
     try:
         folder = store.fail(task.run, task.stage, _diagnostics(error, task, started))
         inside.remove(task.run, "running", f"{task.stage}.json")
-        if isinstance(error.__cause__, Exception) and not isinstance(error.__cause__, OSError | MemoryError):
+        cause = error.__cause__
+        if isinstance(cause, Exception) and not isinstance(cause, OSError) and not lacks_memory(cause):
             error.remedy = error.remedy or f"the log with the traceback is {folder / 'stage.log'}"
     except (AatriError, OSError):
         pass
@@ -161,7 +162,7 @@ def _options(task: Task, model: type[Options]) -> Options:
 
 def _as_reported(error: Exception, stage: str) -> AatriError:
     """What the system lacks as ResourceError; anything else is a bug."""
-    if isinstance(error, MemoryError):
+    if lacks_memory(error):
         return ResourceError(f"{stage} ran out of memory", remedy="a machine with more memory, or a smaller block")
     if isinstance(error, OSError) and error.errno in _DISK:
         return ResourceError(f"{stage}: {error.strerror}", where=str(error.filename or ""))

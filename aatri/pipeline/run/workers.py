@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _KERNELS = "NUMBA_NUM_THREADS"
 
-LEAST_BYTES = 450_000_000
-"""Address space below which OpenBLAS or LLVM cannot start: they end the process, or try for ever."""
+LEAST_BYTES = 600_000_000
+"""Address space below which OpenBLAS, LLVM or a thread cannot start: they end the process, or try for ever. Loaded are
+some 500 MB (of 2026, 64 bits); OpenBLAS takes its buffer when it is first called."""
 
 MOST_KEPT_BYTES = 500_000_000
 """Artifacts that stay in memory though the next stage does not need them: to read them back takes a second a GB."""
@@ -65,6 +66,14 @@ def share_cores(jobs: int) -> None:
     os.environ.setdefault(_KERNELS, str(max(1, (os.cpu_count() or 1) // jobs)))
 
 
+def _take_buffers() -> None:
+    """Let OpenBLAS take its buffer while there is memory: later, without any, it would try for ever."""
+    if _memory_limit() < float("inf"):
+        import numpy as np
+
+        np.linalg.solve(np.eye(64) * 2.0, np.eye(64) @ np.eye(64))
+
+
 def _memory_limit() -> float:
     """Bytes of address space that this process may have."""
     try:
@@ -79,6 +88,7 @@ def _memory_limit() -> float:
 def pool(jobs: int, tell: Tell) -> Iterator[Pool]:
     """A pool for so many stages at once; `tell` takes stage, event and what belongs to it."""
     share_cores(jobs)
+    _take_buffers()
     if jobs == 1:
         yield _Here(tell)
         return

@@ -22,6 +22,9 @@ from typing import Any
 from aatri.pipeline.store.inside import temporary_name
 from aatri.regular_file import open_regular, read_regular
 
+KEPT_DAYS, MOST_FILES = 60, 200
+"""Age and number of the caches that are kept; one is at most 1 MB or so."""
+
 _GRAIN_NS = 2_000_000_000
 """File times may be this coarse, as on FAT and some network file systems."""
 
@@ -68,6 +71,7 @@ class Cache:
         if self._path is None or not self._changed:
             return
         kept = dict(list(self._values.items())[-most:])
+        _remove_old(self._path.parent)
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             temporary = temporary_name(self._path)
@@ -77,6 +81,15 @@ class Cache:
             finally:
                 temporary.unlink(missing_ok=True)
         self._changed = False
+
+
+def _remove_old(folder: Path) -> None:
+    """Remove the caches that nobody has written for long, and the oldest of many: there is one for every run."""
+    with contextlib.suppress(OSError):
+        written = sorted(((one.stat().st_mtime, one) for one in folder.glob("*.json")), reverse=True)
+        for k, (when, one) in enumerate(written):
+            if k >= MOST_FILES or time.time() - when > KEPT_DAYS * 86_400:
+                one.unlink(missing_ok=True)
 
 
 def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,11 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.inside import VARIANTS
 from aatri.pipeline.store.objects import OBJECTS, RECORD, base_of
-from aatri.pipeline.store.records import read_record
+from aatri.pipeline.store.records import ARTIFACT, read_record
+
+_KEY = re.compile("[0-9a-f]{12}")
+OURS = (ARTIFACT, RECORD, "stage.log")
+"""Files of a result: a folder with others is somebody's, and stays."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
         if inside.kind(base, OBJECTS, stage) != "folder":
             continue  # nothing of aatri's: let be
         keys = [key for key in inside.names_in(base, OBJECTS, stage) if (stage, key) not in kept]
-        others = [_garbage(base, stage, k) for k in keys if inside.kind(base, OBJECTS, stage, k) == "folder"]
+        others = [_garbage(base, stage, k) for k in keys if _is_ours(base, stage, k)]
         for one in sorted(others, key=lambda g: (g.ended, g.key), reverse=True)[keep:]:
             if older_days is None or _age_days(one, now) > older_days:
                 found.append(one)
@@ -83,6 +88,20 @@ def _referred(base: Path) -> Iterator[tuple[str, str]]:
                         continue
                 raise ArtifactError("cannot be read, so it is not known what it refers to",
                                     where=str(run / folder / name), remedy="aatri run writes it again")  # fmt: skip
+
+
+def _is_ours(base: Path, stage: str, key: str) -> bool:
+    """Whether a folder is that of a result: named by its record, or half-made; and holds nothing else."""
+    at = (OBJECTS, stage, key)
+    if inside.kind(base, *at) != "folder" or not _KEY.fullmatch(key):
+        return False
+    names = inside.names_in(base, *at)
+    if any(name not in OURS and not name.startswith(".tmp-") for name in names):
+        return False
+    with contextlib.suppress(ArtifactError):
+        record = read_record(base, *at, RECORD)
+        return record is None or (record["stage"], record["key"]) == (stage, key)
+    return True
 
 
 def _garbage(base: Path, stage: str, key: str) -> Garbage:

@@ -1,0 +1,30 @@
+"""Texts of 8 bits are not taken for Chinese, and Chinese is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aatri.errors import InputError
+from aatri.formats.text.text_file import read_lines
+
+WESTERN = ["Größe", "Übersicht,über,Öl", "45°30'N", "µm", "Straße;GRÖßE", "café,naïve", "São Paulo,Ñandú", "Ærø,Åse",
+           "x²,£5", "Müller,Jürgen"]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", WESTERN)
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1"])
+def test_western_text_is_refused_as_what_it_is(tmp_path: Path, text: str, encoding: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_bytes(f"point,x\n{text},1\n".encode(encoding))
+    with pytest.raises(InputError, match="Windows-1252") as caught:
+        read_lines(path)
+    assert caught.value.where.endswith("t.csv:2")
+
+
+@pytest.mark.parametrize("text", ["点号", "控制点1,外业检查点", "像片，比例尺", "武汉大学", "GCP点1", "航线 1"])
+def test_chinese_text_is_read(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_bytes(f"{text}\n".encode("gbk"))
+    assert read_lines(path) == [text]
