@@ -55,9 +55,7 @@ def _files(text: str) -> Iterator[str]:
             yield from _of_json(json.loads(text))
         except (ValueError, RecursionError):
             yield "/"  # no JSON: pyproj is not asked
-    elif (
-        not re.search(r'[+\["=]', text) and re.search(r"[/\\~].*:|^[./~\\]", text) and not _URI.fullmatch(text.strip())
-    ):
+    elif _LIKE_A_PATH.search(text) and not re.search(r'[+\["=]', text) and not _URI.fullmatch(text.strip()):
         yield text
 
 

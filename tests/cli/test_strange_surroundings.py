@@ -146,7 +146,8 @@ def test_little_memory_ends_with_a_message(tmp_path: Path, mebibytes: int) -> No
     pipeline = tmp_path / "p" / "pipeline.yaml"
     pipeline.parent.mkdir()
     pipeline.write_text("run: out\nseed: 1\nstages:\n  block: {use: block/simulate, with: {preset: sample}}\n")
-    command = f"ulimit -v {1024 * mebibytes}; exec {sys.executable} -c 'from aatri.cli.main import main; main()' run {pipeline}"
+    program = "from aatri.cli.main import main; main()"
+    command = f"ulimit -v {1024 * mebibytes}; exec {sys.executable} -c '{program}' run {pipeline}"
     ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=120, check=False)
     assert ended.returncode == 8, ended.stderr
     assert "memory" in ended.stderr
