@@ -34,8 +34,11 @@ class ScaleTransferOptions(Options):
     min_connection_points: int = Field(
         2, ge=1, description="models with fewer usable common points are not joined: the strip is split there"
     )
-    snooping_limit: float = Field(
-        4.0, gt=0, description="a connection point is rejected if its scale is wrong by more standard deviations"
+    snooping_limit: float | None = Field(
+        None,
+        gt=0,
+        description="a connection point is rejected if its scale is wrong by more standard deviations; null: by the "
+        "number of points, 4 at least",
     )
     estimator: Literal["robust", "weighted", "mean"] = Field(
         "robust",

@@ -17,6 +17,7 @@ from aatri.adapters.strips.model_chains import (
 )
 from aatri.adapters.strips.strip_uncontrolled import uncontrolled_in_strips
 from aatri.adapters.uncontrolled_before import notes_of
+from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
@@ -42,7 +43,8 @@ class JointRules:
     ----------
     min_connection_points : int
         With fewer usable common points models are not joined.
-    snooping_limit : float
+    snooping_limit : float or None
+        None: by the number of points tested.
         A connection point whose scale is wrong by more standard deviations is rejected.
     scale_jump : float
         A scale factor above this, or below its inverse, is reported.
@@ -52,7 +54,7 @@ class JointRules:
     """
 
     min_connection_points: int
-    snooping_limit: float
+    snooping_limit: float | None
     scale_jump: float
     method: str = "robust"
 
@@ -72,11 +74,13 @@ def joined_models(block: Block, models: Models, rules: JointRules) -> tuple[Stri
             remedy="see the reasons in the table `unformed` of the relative orientation; check strip and sequence",
         )
     table = model_table(models)
+    tests = int(models.model_points.active.sum())
+    snooping = limit_of_tests(tests) if rules.snooping_limit is None else rules.snooping_limit
     first = np.array([model for run in runs for model in run.models[:-1]], dtype=np.int64)
     second = np.array([model for run in runs for model in run.models[1:]], dtype=np.int64)
-    limit = rules.snooping_limit if rules.method in ("robust", "similarity") else NO_REJECTION
+    limit = snooping if rules.method in ("robust", "similarity") else NO_REJECTION
     joints = by_method(models, table, scale_transfers(table, first, second, snooping_limit=limit), rules.method)
-    chains, breaks, notes = _joined(block, models, runs, joints, rules)
+    chains, breaks, notes = _joined(block, models, runs, joints, rules, snooping)
     gaps += breaks
     gaps += images_left_alone(block, chains)
     strips = strips_of(block, models, table, joints, chains, gaps)
@@ -90,13 +94,13 @@ def joined_models(block: Block, models: Models, rules: JointRules) -> tuple[Stri
 
 
 def _joined(
-    block: Block, models: Models, runs: list[Chain], joints: JointTable, rules: JointRules
+    block: Block, models: Models, runs: list[Chain], joints: JointTable, rules: JointRules, limit: float
 ) -> tuple[list[Chain], list[Gap], list[Note]]:
     """Join runs of neighbouring models, splitting them where the connection is too weak; joints in the runs' order."""
     chains: list[Chain] = []
     gaps: list[Gap] = []
     notes: list[Note] = []
-    used, warnings = joints.used().tolist(), _warnings(joints, rules)
+    used, warnings = joints.used().tolist(), _warnings(joints, rules, limit)
     joint = -1
     for run in runs:
         chain = Chain(run.strip, run.images[:2], run.models[:1])
@@ -127,11 +131,11 @@ def _joined(
     return chains, gaps, notes
 
 
-def _warnings(joints: JointTable, rules: JointRules) -> dict[int, list[str]]:
+def _warnings(joints: JointTable, rules: JointRules, limit: float) -> dict[int, list[str]]:
     """What is to be said of joints that are made, by joint."""
     used, worst = joints.used(), joints.largest_test()
     jumps = ~((joints.scale >= 1 / rules.scale_jump) & (joints.scale <= rules.scale_jump))
-    few, disagree = used < CHECKED_POINTS, worst > rules.snooping_limit
+    few, disagree = used < CHECKED_POINTS, worst > limit
     unstable = ~few & (joints.spread < UNSTABLE_SPREAD)
     texts: dict[int, list[str]] = {}
     for k in np.flatnonzero(jumps | few | disagree | unstable).tolist():
