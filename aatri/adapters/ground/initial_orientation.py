@@ -14,6 +14,7 @@ from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_tests import (
     attitude_notes,
     contradiction_note,
+    contradicts,
     deformation_notes,
     two_that_differ,
     without_one,
@@ -232,8 +233,9 @@ def _oriented(
             alone = by(others)
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
-        if alone.tied.tau_m == 0:  # they fit, and do so no more with what is left out
-            made = replace(part(others, alone), left=left)
+        made = replace(part(others, alone), left=left)
+        # they fit, and do so no more with what is left out
+        if alone.tied.tau_m == 0 and contradicts(block, ground, left, made.component, limit):
             return made, [contradiction_note(block, ground, left, made.component, kind, what)]
     return part(known, result), deformation_notes(result, precision(component, rays), what)
 

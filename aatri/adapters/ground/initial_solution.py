@@ -39,11 +39,12 @@ def initial_solution(
     tables, moves = [Residuals.empty()], [StripTransformations.empty()]
     found = [suspects]
     kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
-    free = parts[0].free
+    free, member = parts[0].free, np.zeros(n, dtype=np.int64)
     origin = np.zeros(3) if free else ground.origin_m
     for number, part in enumerate(parts, 1):
         c = part.component
         new, points = c.images & ~finite_rows(position), finite_rows(c.xyz) & ~finite_rows(xyz)
+        member[new] = number
         position[new], rotation[new] = c.poses.position_m[new] + origin, c.poses.ground_from_image[new]
         xyz[points] = c.xyz[points] + origin
         kept |= c.kept & new[rays.image] & points[rays.point]
@@ -63,7 +64,8 @@ def initial_solution(
     kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
     found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
     spread = max(part.component.spread for part in parts)
-    found.append(_trimmed(block, rays, poses, xyz, contradicting(rays, poses, xyz, spread), "undecidable"))
+    apart = _of_one(rays, contradicting(rays, poses, xyz, spread), member)
+    found.append(_trimmed(block, rays, poses, xyz, apart, "undecidable"))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
     solution = pieces.solution_of(
         block, image_points, pieces.Placed(position, rotation, xyz), method=method,
@@ -75,6 +77,15 @@ def initial_solution(
     if free:
         return replace(solution, datum=DatumCarriers(kind=np.array(["held"]), id=np.array([""])))
     return solution
+
+
+def _of_one(rays: ImagePointRows, rows: Int, member: Int) -> Int:
+    """The rays of points that images of one component see: between components that nothing joined none is to blame."""
+    n = int(rays.point.max(initial=0)) + 1
+    least, most = np.full(n, len(member) + 1), np.full(n, -1)
+    np.minimum.at(least, rays.point[rows], member[rays.image[rows]])
+    np.maximum.at(most, rays.point[rows], member[rays.image[rows]])
+    return rows[(least == most)[rays.point[rows]]]
 
 
 def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int, verdict: str) -> Suspects:

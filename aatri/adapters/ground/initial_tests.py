@@ -161,6 +161,19 @@ def without_one(known: Known) -> Iterator[tuple[str, Known, Known]]:
         yield "control", replace(known, control=none), replace(nothing, control=known.control)
 
 
+def contradicts(block: Block, ground: Ground, left: Known, component: Component, limit: float) -> bool:
+    """Whether what is left out is off as a whole by more than `limit` times what one of it is uncertain.
+
+    Weakly tied strips bend by less, and fit whatever is left.
+    """
+    for table in held_against(block, ground, left, component, attitudes=False):
+        for v, sigma in zip(table.residual.T, table.sigma.T):
+            known = np.isfinite(v) & np.isfinite(sigma)
+            if known.any() and abs(float(np.median(v[known]))) > limit * float(np.median(sigma[known])):
+                return True
+    return False
+
+
 def contradiction_note(block: Block, ground: Ground, left: Known, component: Component, kind: str, what: str) -> Note:
     """What is left out as it contradicts all else; the component is on the ground without it."""
     tables = list(held_against(block, ground, left, component, attitudes=False))
