@@ -233,7 +233,7 @@ def _offers(block: Block) -> Iterator[Offer | None]:
         else:
             words += f" beside earth_curvature: {block.earth_curvature}, which has no use for it"
             yield Offer("undulation:without_effect", "reduction", words, "", "Solution")
-    if np.isfinite(block.terrain_height_m):
+    if np.isfinite(block.terrain_height_m) and block.earth_curvature == "correct":
         words = "terrain_height (block.yaml), of which refraction and earth curvature are reckoned"
         yield Offer("terrain_height", "reduction", words, "", "ImagePoints")
 

@@ -98,6 +98,9 @@ def _block(source: Source) -> Block:
     raise_all(source.problems)
     settings = source.settings
     height = settings.terrain_height
+    if height is not None:
+        source.reporter.log("terrain_height is for refraction and earth curvature (image_refinement), and for what is "
+                            "said of positions; an adjustment alone has no use for it")  # fmt: skip
     return Block(
         name=settings.name or source.folder.resolve().name,
         rotation=settings.rotation or "omega-phi-kappa",

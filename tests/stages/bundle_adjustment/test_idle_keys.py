@@ -66,7 +66,9 @@ def test_times_that_are_equal_or_permuted_under_drift_are_told(
 
 
 def test_undulation_and_terrain_height_without_effect_are_offered_as_such(of: Hand, tmp_path: Path) -> None:
-    block, _ = read(tmp_path, of, ground=ground_rows(of, [0, 5]), more={"undulation": 12.0, "terrain_height": 6.0})
+    frames = {"map": {"axes": ["east", "north", "up"], "crs": "EPSG:32650"}}
+    more = {"undulation": 12.0, "terrain_height": 6.0, "frames": frames, "earth_curvature": "correct"}
+    block, _ = read(tmp_path, of, ground=ground_rows(of, [0, 5]), more=more)
     offers = {o.name: o for o in block.offers()}
     assert offers["undulation:without_effect"].nature == "reduction"
     assert offers["terrain_height"].bears_on == "ImagePoints"
@@ -92,7 +94,7 @@ def test_a_lens_that_is_known_rejects_no_good_point_of_a_relative_orientation(of
 def test_ignore_of_nothing_is_told() -> None:
     def node(name: str, inputs: dict[str, str], kind: str) -> Any:
         method = SimpleNamespace(kind=kind, name=name)
-        return SimpleNamespace(name=name, inputs=inputs, uses=("images.strip",), method=method)
+        return SimpleNamespace(name=name, inputs=inputs, uses=("images.strip",), needs=(), method=method)
 
     nodes = (node("block", {}, "Block"), node("bundle", {"block": "block"}, "Solution"))
     record = {"stage": "block", "offers": [], "output": {"kind": "Block"}}
