@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.adjustment.settings import Settings
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
@@ -32,6 +32,12 @@ HUBER = 2.0
 
 FEWEST_POINTS = 6
 """Images with fewer points that fit are not oriented."""
+
+MEDIAN_OF_TWO = 1.1774
+"""Median of the length of two standard normal components: sqrt(2 ln 2)."""
+
+LEAST_REDUNDANCY = 0.1
+"""Share of the errors that residuals show at least: with fewer, what is left out says more of them."""
 
 LEAST_SHARE = 0.4
 """Images of which a smaller share of the points fits in the end are not oriented."""
@@ -107,8 +113,7 @@ def refined(
         tolerance = FINALLY if number == len(limits_mm) else TOLERANCE
         poses, xyz = _bundled(replace(rays, active=kept), poses, xyz, image_ids, point_ids, tolerance, reporter)
         rows = np.flatnonzero(kept & finite_rows(poses.position_m)[rays.image] & finite_rows(xyz)[rays.point])
-        off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
-        spread = float(np.median(off)) / 1.1774  # of the length of two normal components
+        spread = _spread(rays, rows, poses, xyz)
     limit = LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
     adjusted = xyz
     xyz, kept = intersected(rays, poses, limit, adjusted)
@@ -118,6 +123,14 @@ def refined(
         xyz[np.bincount(rays.point[kept], minlength=len(xyz)) < 2] = np.nan
         kept &= finite_rows(xyz)[rays.point]
     return Component(poses, xyz, kept, spread)
+
+
+def _spread(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> float:
+    """Standard deviations over those given: the median residual, whose share of the errors is the redundancy's."""
+    off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
+    unknowns = 6 * len(np.unique(rays.image[rows])) + 3 * len(np.unique(rays.point[rows])) - 7
+    share = max(1.0 - unknowns / max(2 * len(rows), 1), LEAST_REDUNDANCY)
+    return float(np.median(off) / MEDIAN_OF_TWO / np.sqrt(share)) if len(rows) else 1.0
 
 
 def _fitting(rays: ImagePointRows, poses: Poses, xyz: Float, kept: Bool) -> tuple[Poses, int]:
