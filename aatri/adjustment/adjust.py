@@ -24,7 +24,6 @@ from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.forecast import within_limit
 from aatri.adjustment.iteration import (
     IterationState,
-    Veto,
     advice_after,
     following,
     refuse_unusable,
@@ -35,7 +34,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.settings import Settings
 from aatri.adjustment.stepping.linearity import LINEAR, after_step
 from aatri.adjustment.stepping.robust import down_weighted, settled, with_curvature
-from aatri.adjustment.stepping.runaways import steadied
+from aatri.adjustment.stepping.runaways import Veto, steadied
 from aatri.adjustment.stiff import stiffened
 from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts

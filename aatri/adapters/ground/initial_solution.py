@@ -64,8 +64,8 @@ def initial_solution(
     kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
     found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
     spread = max(part.component.spread for part in parts)
-    apart = _of_one(rays, contradicting(rays, poses, xyz, spread), member)
-    found.append(_trimmed(block, rays, poses, xyz, apart, "undecidable"))
+    contrary = _of_one(rays, contradicting(rays, poses, xyz, spread), member)
+    found.append(_trimmed(block, rays, poses, xyz, contrary, "undecidable"))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
     solution = pieces.solution_of(
         block, image_points, pieces.Placed(position, rotation, xyz), method=method,
@@ -85,7 +85,7 @@ def _of_one(rays: ImagePointRows, rows: Int, member: Int) -> Int:
     least, most = np.full(n, len(member) + 1), np.full(n, -1)
     np.minimum.at(least, rays.point[rows], member[rays.image[rows]])
     np.maximum.at(most, rays.point[rows], member[rays.image[rows]])
-    return rows[(least == most)[rays.point[rows]]]
+    return np.asarray(rows[(least == most)[rays.point[rows]]])
 
 
 def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows: Int, verdict: str) -> Suspects:

@@ -169,10 +169,10 @@ def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tup
         place = np.searchsorted(blocks, observed)
         mine = np.flatnonzero(np.isin(observed, blocks) & records.active[rows])
         v, (own,) = whitened(records, state, rows[mine])
-        at, own = place[mine], own * problem.block_free[observed[mine]][:, None, :]
-        np.add.at(cost, at, (v**2).sum(axis=1) + _excess(records, v))
-        np.add.at(D, at, np.einsum("nki,nkj->nij", own, own))
-        np.add.at(h, at, np.einsum("nki,nk->ni", own, v))
+        to, own = place[mine], own * problem.block_free[observed[mine]][:, None, :]
+        np.add.at(cost, to, (v**2).sum(axis=1) + _excess(records, v))
+        np.add.at(D, to, np.einsum("nki,nkj->nij", own, own))
+        np.add.at(h, to, np.einsum("nki,nk->ni", own, v))
     return cost, D, h
 
 
