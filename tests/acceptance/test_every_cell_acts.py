@@ -18,10 +18,7 @@ from aatri.errors import AatriError
 from aatri.formats.tables import exterior, geodetic, ground, images
 from tests.acceptance.rich_blocks import Folder, equations, made
 
-OWN = {
-    "aatri_block", "name",  # what the block is called
-    "heading",  # has a case of its own
-}  # fmt: skip
+OWN = {"aatri_block", "name"}
 """Keys that are no values."""
 
 WORDS: dict[str, Any] = {
@@ -33,7 +30,8 @@ WORDS: dict[str, Any] = {
 """What stands in stead of a text."""
 
 TURNED = {"yes": "no", "no": "yes", "projection_centre": "antenna", "antenna": "projection_centre", "dX": "dY",
-          "image": "point", "point": "image", "ground_points": "geodetic", "geodetic": "ground_points"}  # fmt: skip
+          "image": "point", "point": "image", "ground_points": "geodetic", "geodetic": "ground_points",
+          "true": "grid"}  # fmt: skip
 
 ROWS = {"image_points": (0, 1, 7, 8, 11, 12), "fiducials": (0, 1, 2, 5)}
 """Rows of the long tables that are looked at, of each kind one; of the others all."""
@@ -71,7 +69,7 @@ def cells(folder: Folder) -> Iterator[Change]:
         )
     for keys, value in _leaves(folder.settings):
         if keys[0] not in OWN:
-            yield "block.yaml", keys, changed(value, str(keys[-1]))
+            yield "block.yaml", keys, TURNED.get(str(value)) or changed(value, str(keys[-1]))
 
 
 def _leaves(value: Any, before: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:
