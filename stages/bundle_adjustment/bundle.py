@@ -75,6 +75,7 @@ from aatri.orientation.bundle.rank_advice import rank_advice
 from aatri.orientation.bundle.result import BundleResult, without_covariances
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
+from aatri.orientation.bundle.terrain_test import terrain_notes
 from aatri.orientation.bundle.weak_datum import weak_datum_notes
 from aatri.plugin import SILENT, Context, Field, Need, Options, stage
 
@@ -225,7 +226,7 @@ def bundle(
     tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
     notes += [] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)
-    notes += weak_datum_notes(given, result)
+    notes += [*weak_datum_notes(given, result), *terrain_notes(given, result)]
     notes += distortion_notes(given, result, tests=options.reliability)
     notes += [*parameter_notes(given, result), *correlation_notes(result, column_kinds(given))]
     tell(notes, context)

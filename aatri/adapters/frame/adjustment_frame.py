@@ -32,6 +32,12 @@ if TYPE_CHECKING:  # readers of files import this, and need no method
 TOLD_M = 1e-4
 """An effect of the earth's figure that stays below this is not worth a word."""
 
+GEOID_SLOPE = 5e-5
+"""Slope of a geoid against the ellipsoid, the deflection of the vertical: some 10 seconds of arc, in mountains more.
+
+A block whose heights lean by it leans as a whole: what is observed high above ground moves in plan.
+Source: Torge, Geodesy."""
+
 WARNED_M = 1e-3
 """Systematic errors of heights beyond this are a warning."""
 
@@ -174,13 +180,13 @@ def frame_notes(block: Block, frame: TangentFrame | None, position_m: Float, xyz
         Projection centres and points in the frame of the block.
     """
     centres, points = position_m[finite_rows(position_m)], xyz_m[finite_rows(xyz_m)]
+    height = float(np.median(centres[:, 2]) - np.median(points[:, 2])) if len(centres) and len(points) else 0.0
     if frame is not None:
-        return _of_tangent_frame(block, frame)
+        return _of_tangent_frame(block, frame, points, height)
     if not len(points) or str(block.frames.crs[0]).startswith("+proj=topocentric"):
         return ()
     half = 0.5 * float(np.linalg.norm(np.ptp(points[:, :2], axis=0)))
     bend = half**2 / (2 * EARTH_RADIUS_M)
-    height = float(np.median(centres[:, 2]) - np.median(points[:, 2])) if len(centres) else 0.0
     if str(block.frames.crs[0]) == "local":
         if bend < TOLD_M or block.earth_curvature != "ignore":
             return ()
@@ -190,14 +196,19 @@ def frame_notes(block: Block, frame: TangentFrame | None, position_m: Float, xyz
     return _of_map(block, points.mean(axis=0), height, bend)
 
 
-def _of_tangent_frame(block: Block, frame: TangentFrame) -> tuple[Note, ...]:
+def _of_tangent_frame(block: Block, frame: TangentFrame, points: Float, height_m: float) -> tuple[Note, ...]:
     where = frame.to_block(np.zeros((1, 3)))[0]
     notes = [Note("note", f"adjusted in the tangent frame of {block.frames.crs[0]} at "
                   f"{where[0]:.0f}, {where[1]:.0f}; results are in frame {block.frames.id[0]}")]  # fmt: skip
     vertical = str(block.frames.vertical[0])
     if frame.undulation_m:
         what = f"undulation {frame.undulation_m:g} m stands for the geoid grid of {vertical or 'the heights'}"
-        notes.append(Note("note", f"{what}: its slope, some 5 cm in 1 km at the worst, is neglected"))
+        extent = float(np.linalg.norm(np.ptp(points[:, :2], axis=0))) if len(points) else 0.0
+        text = (f"{what}: its slope, some {1e5 * GEOID_SLOPE:.0f} cm in 1 km at the worst, is neglected: "
+                f"{GEOID_SLOPE * extent:.2g} m of height over the {extent / 1e3:.2g} km of the block, and "
+                f"{GEOID_SLOPE * abs(height_m):.2g} m in plan between ground and images {abs(height_m):.3g} m above "
+                "it, where both are observed")  # fmt: skip
+        notes.append(Note("note", text))
     elif np.isfinite(block.undulation_m) and vertical and block.undulation_m != 0:
         notes.append(Note("warning", f"undulation is not used: the geoid grid of {vertical} is there"))
     return tuple(notes)

@@ -43,6 +43,15 @@ def test_an_adjustment_in_the_map_is_off_by_its_scale_and_says_so() -> None:
     assert any("scale here is 0.99959" in text and "1.2" in text for text in heard.warnings)
 
 
+def test_the_slope_that_an_undulation_neglects_is_told_with_what_it_does_in_height_and_in_plan() -> None:
+    block, heard = replace(made(1, 3000.0), undulation_m=-12.0), Told()
+    bundle(block, calibrated(block), options=BundleOptions(blunders="none"), context=heard)
+    (text,) = [text for text in heard.lines if "stands for the geoid grid" in text]
+    extent_km = float(text.split("height over the ")[1].split(" km")[0])
+    assert float(text.split("neglected: ")[1].split(" m")[0]) == pytest.approx(5e-5 * 1e3 * extent_km, rel=0.05)
+    assert "0.15 m in plan between ground and images 3.01e+03 m above it" in text
+
+
 @pytest.mark.slow
 def test_20_km_with_four_control_points_are_as_good_as_theory_says_through_the_whole_chain() -> None:
     flight = {"strips": 4, "images_per_strip": 6, "scale_number": 110_000.0, "position_sigma_m": (5.0, 5.0, 3.0),

@@ -1,0 +1,141 @@
+"""Ground points against the terrain around them: what two rays alone determine, no test of rays can judge.
+
+A gross error along the base of two rays only moves their point, mostly in height. The terrain around each point is a
+plane through its nearest neighbours in plan, by least absolute deviations (weights 1 / |r|, repeated),
+
+    Z = a + b (X - X_i) + c (Y - Y_i),      t = |Z_i - a| / sqrt(s^2 (1 + q) + sigma_Z^2)
+
+q the cofactor of a; s the roughness of the terrain, 1.4826 times the median |Z_j - a_j| of points with three rays and
+more, or of the neighbours where that is larger; where these are farther away than usual it grows with the square of
+their distance, as a plane departs from a curved surface. A point that its neighbours do not surround, q > `SURROUNDED`,
+is not tested. A point of two rays is doubtful where t exceeds the limit of a normal
+deviate at `ALARM` over the number of points, and `LONGER` times the largest t of the points with three rays: breaklines
+and houses have longer tails than a normal distribution, and those points, which their rays have tested, show how long.
+A point with more rays is doubtful only where it also lies off by `FAR` of the flying height, as no terrain does.
+
+Source: Kraus, Photogrammetry, on filtering points against a local surface; docs/methods/gross_errors.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.vectors import finite_rows
+from aatri.notes import Note
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+
+ALARM = 1e-3
+"""Probability that a block without errors is told a doubtful point, where terrain deviates normally from planes."""
+
+LONGER, FAR = 1.5, 0.2
+
+NEIGHBOURS, FEWEST, ITERATIONS = 12, 30, 5
+"""Neighbours of a point; points with three rays below which there is no terrain; rounds until the plane has settled."""
+
+SURROUNDED = 0.5
+"""Cofactor of the height of a plane above which a point lies outside of its neighbours; of 12 around it it is 0.08."""
+
+MOST = 50_000
+"""Points of three rays and more, evenly taken, from which the roughness is found."""
+
+
+@dataclass(frozen=True)
+class OffTerrain:
+    """Points against the terrain around them.
+
+    Attributes
+    ----------
+    row : (k,) int
+        Points that are doubtful.
+    height_m : (k,) float64, m
+        Above the terrain.
+    test : (k,) float64
+        In standard deviations.
+    limit : float
+    """
+
+    row: Int
+    height_m: Float
+    test: Float
+    limit: float
+
+
+def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float) -> OffTerrain:
+    """Find points that lie off the terrain around them.
+
+    Parameters
+    ----------
+    xyz_m : (n, 3) float64, m
+        NaN not known.
+    sigma_m : (n,) float64, m
+        Of the heights; NaN not known.
+    rays : (n,) int
+        Of each point.
+    flying_height_m : float, m
+    """
+    from scipy.spatial import cKDTree
+
+    ground = np.flatnonzero(finite_rows(xyz_m) & (rays >= 2))
+    firm, weak = ground[rays[ground] > 2], ground[rays[ground] == 2]
+    if len(firm) < FEWEST:
+        return OffTerrain(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.inf)
+    tree = cKDTree(xyz_m[ground, :2])
+    tried = np.concatenate([firm[:: max(1, len(firm) // MOST)], weak])
+    away, near = tree.query(xyz_m[tried, :2], k=NEIGHBOURS + 1)
+    above, q, roughness = _above(xyz_m, tried, ground[near[:, 1:]])
+    is_firm = rays[tried] > 2
+    apart = np.maximum(np.median(away[:, 1:], axis=1), 1e-9)
+    spread = np.maximum(1.0, (apart / np.median(apart[is_firm])) ** 2)
+    rough = 1.4826 * float(np.median((np.abs(above) / np.sqrt(1 + q))[is_firm]))
+    s2 = (np.maximum(roughness, rough) * spread) ** 2 * (1 + q) + np.nan_to_num(sigma_m[tried]) ** 2
+    test = np.where((s2 > 0) & (q <= SURROUNDED), np.abs(above) / np.sqrt(np.where(s2 > 0, s2, 1.0)), 0.0)
+    limit = limit_of_tests(len(tried), ALARM)
+    far = is_firm & (test > limit) & (np.abs(above) > FAR * abs(flying_height_m))
+    limit = max(limit, LONGER * float(test[is_firm & ~far].max(initial=0.0)))
+    doubtful = far | (~is_firm & (test > limit))
+    return OffTerrain(tried[doubtful], above[doubtful], test[doubtful], limit)
+
+
+def _above(xyz_m: Float, points: Int, near: Int) -> tuple[Float, Float, Float]:
+    """Heights above the planes of the neighbours, cofactors of the planes there, roughness of the neighbours, (n,)."""
+    d = xyz_m[near] - xyz_m[points][:, None]
+    scale = np.maximum(np.abs(d[:, :, :2]).max(axis=(1, 2)), 1e-9)
+    A = np.concatenate([np.ones((*near.shape, 1)), d[:, :, :2] / scale[:, None, None]], axis=2)
+    z, weight = d[:, :, 2], np.ones(near.shape)
+    least = 1e-6 * scale[:, None]
+    ridge = 1e-6 * np.eye(3)  # neighbours on a line carry a plane through it
+    for _ in range(ITERATIONS):
+        N = np.einsum("nki,nk,nkj->nij", A, weight, A)
+        N += ridge * np.einsum("nii->n", N)[:, None, None]
+        plane = np.linalg.solve(N, np.einsum("nki,nk,nk->ni", A, weight, z)[:, :, None])[:, :, 0]
+        r = z - np.einsum("nki,ni->nk", A, plane)
+        weight = 1.0 / np.maximum(np.abs(r), least + 0.1 * np.median(np.abs(r), axis=1, keepdims=True))
+    G = np.einsum("nki,nkj->nij", A, A)
+    G += ridge * np.einsum("nii->n", G)[:, None, None]
+    return -plane[:, 0], np.linalg.inv(G)[:, 0, 0], 1.4826 * np.median(np.abs(r), axis=1)
+
+
+def terrain_notes(given: BundleInput, result: BundleResult) -> list[Note]:
+    """A warning of the points that lie off the terrain around them."""
+    if given.rays is None or not result.image_adjusted.any():
+        return []
+    used: Bool = result.ray_used
+    rays = np.bincount(given.rays.point[used], minlength=len(given.point_ids))
+    sigma2 = result.point_covariance_m2[:, 2, 2]
+    xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
+    height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
+    found = off_terrain(xyz, np.sqrt(np.maximum(np.nan_to_num(sigma2), 0.0)), rays, height)
+    if not len(found.row):
+        return []
+    order = np.argsort(-found.test)
+    ids = tuple(f"{given.point_ids[found.row[k]]} ({found.height_m[k]:+.3g} m)" for k in order.tolist())
+    text = (
+        f"{len(ids)} points lie off the terrain around them by more than {found.limit:.3g} times its roughness and are "
+        "doubtful: two rays do not test an error along their base; measure them in a third image, or leave them out"
+    )
+    return [Note("warning", text, ids)]

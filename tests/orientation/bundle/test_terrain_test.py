@@ -1,0 +1,57 @@
+"""Points of two rays against the terrain around them: hills, rough ground, houses; what is told, and what never."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.orientation.bundle.terrain_test import off_terrain
+
+GROUND = ("hills", "rough", "houses")
+
+
+def _terrain(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """400 points of a square kilometre, and their rays: a third has two."""
+    n = 400
+    xy = rng.uniform(0, 1000, (n, 2))
+    z = 10 * np.sin(xy[:, 0] / 150) * np.cos(xy[:, 1] / 200)
+    z += rng.normal(0, 2, n) if kind == "rough" else 0.0
+    z += np.where(rng.random(n) < 0.1, rng.uniform(3, 15, n), 0) if kind == "houses" else 0.0
+    return np.column_stack([xy, z]), np.where(rng.random(n) < 0.3, 2, 4)
+
+
+@pytest.mark.parametrize("kind", GROUND)
+def test_terrain_as_it_is_is_never_told(kind: str) -> None:
+    for seed in range(20):
+        xyz, rays = _terrain(kind, np.random.default_rng(seed))
+        assert not len(off_terrain(xyz, np.full(len(xyz), 0.05), rays, 1000.0).row)
+
+
+@pytest.mark.parametrize(("kind", "off_m"), [("hills", 30.0), ("rough", 40.0), ("houses", -90.0)])
+def test_a_point_of_two_rays_far_off_is_told_with_its_height(kind: str, off_m: float) -> None:
+    found = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        xyz, rays = _terrain(kind, rng)
+        wrong = int(rng.choice(np.flatnonzero(rays == 2)))
+        xyz[wrong, 2] += off_m
+        told = off_terrain(xyz, np.full(len(xyz), 0.05), rays, 1000.0)
+        assert set(told.row.tolist()) <= {wrong}
+        found += len(told.row)
+        assert np.allclose(told.height_m, off_m, atol=16.0)
+    assert found >= 18
+
+
+def test_a_point_of_more_rays_is_told_only_where_no_terrain_is() -> None:
+    xyz, rays = _terrain("hills", np.random.default_rng(1))
+    rays[:] = 4
+    for off_m, told in ((40.0, False), (-300.0, True)):
+        moved = xyz.copy()
+        moved[7, 2] += off_m
+        assert (7 in off_terrain(moved, np.full(len(xyz), 0.05), rays, 1000.0).row) == told
+
+
+def test_without_enough_tested_points_there_is_no_terrain() -> None:
+    xyz, rays = _terrain("hills", np.random.default_rng(1))
+    xyz[5, 2] += 500.0
+    assert not len(off_terrain(xyz, np.full(len(xyz), 0.05), np.full(len(rays), 2), 1000.0).row)
