@@ -210,8 +210,7 @@ def bundle(
         parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
     )
     given = bundle_input(block, image_points, initial, options, parameters)
-    tell([*options_without_data(block, options), *given.notes], context)
-    tell([note for o in given.observed for note in o.notes], context)
+    tell([*options_without_data(block, options), *given.notes, *(n for o in given.observed for n in o.notes)], context)
     tell([*convention_notes(given), *of_start(block, given, check=initial is None)], context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)
@@ -239,8 +238,8 @@ def bundle(
                            tests=options.reliability)  # fmt: skip
     uncontrolled, of_them = uncontrolled_of(done.result)
     tell(of_them, context)
-    made = replace(made, contradictions=sum(map(contradicts, groups)))
     made = replace(made, variance_components=components, uncontrolled=uncontrolled,
+                   contradictions=sum(map(contradicts, groups)),
                    proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None)  # fmt: skip
     return with_datum(block, made, options.datum, options.datum_over)
 
@@ -261,8 +260,8 @@ def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> 
     if rule.method == "robust":
         done = robustly(given, adjust, rule)
     else:
-        begin = given if rule.method == "none" else without_exchanged_images(given)
-        done, groups = search_in_groups(begin, adjust, single, effects_of, rule)
+        given = given if rule.method == "none" else without_exchanged_images(given)
+        done, groups = search_in_groups(given, adjust, single, effects_of, rule)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
     return done, groups

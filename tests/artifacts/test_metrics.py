@@ -109,7 +109,7 @@ def test_of_a_solution() -> None:
     made = made_solution(block).metrics()
     assert made == {
         "images": 10, "points": 20, "image_points": 200, "observations": 400, "unknowns": 100, "redundancy": 300,
-        "sigma0": 1.01, "sigma0_um": 5.05, "iterations": 4, "suspects": 0,
+        "sigma0": 1.01, "sigma0_um": 5.05, "iterations": 4, "suspects": 0, "contradictions": 0,
     }  # fmt: skip
 
 
