@@ -26,3 +26,22 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip(f"real data not present: {SHARED_DATA}")
     return SHARED_DATA
+
+
+def _leaves_out_slow_tests(config: pytest.Config) -> bool:
+    """Unless a mark is asked for, or tests by name."""
+    return not config.option.markexpr and not any("::" in argument for argument in config.args)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """What takes seconds is run by `-m slow`."""
+    if _leaves_out_slow_tests(config):
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say what was left out."""
+    if _leaves_out_slow_tests(config):
+        terminalreporter.write_line("slow tests are left out; they are run by: pytest -n 2 -m slow")
