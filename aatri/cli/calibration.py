@@ -24,8 +24,12 @@ def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
     from aatri.artifacts.solution import Solution
     from aatri.errors import AatriError
     from aatri.pipeline.store import run_folder as store
+    from aatri.tables.hdf5 import read_header
 
     try:
+        header = read_header(store.artifact_path(run, solutions[-1]))
+        if not header["tables"].get("parameters", {}).get("rows"):
+            return
         solution = store.load(run, solutions[-1], Solution)
     except AatriError as error:
         narrate(f"warning: {error}")

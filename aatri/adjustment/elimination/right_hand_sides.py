@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
@@ -23,6 +24,7 @@ from aatri.adjustment.kernels.eliminate import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.threads import thread_control
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
@@ -80,26 +82,27 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
         inverse = inverse_factors(factored.block_factor[right.block])
         of_block = inverse @ of_block
         _subtract_blocks(problem, state, right.block, inverse.swapaxes(1, 2) @ of_block, x)
-    for k, node in enumerate(problem.tree.nodes):
-        front = x[node.columns]
-        some = np.flatnonzero(front[: node.panel].any(axis=0))
-        if not len(some):
-            continue
-        part = np.asfortranarray(front[:, some])
-        lapack.forward_columns(factored.factor.panel(k), part)
-        x[np.ix_(node.columns, some)] = part
+    with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
+        for k, node in enumerate(problem.tree.nodes):
+            some = np.flatnonzero(x[node.columns[: node.panel]].any(axis=0))
+            if not len(some):
+                continue
+            part = np.asfortranarray(x[np.ix_(node.columns, some)])
+            lapack.forward_columns(factored.factor.panel(k), part)
+            x[np.ix_(node.columns, some)] = part
     return Sides(x, right.block, of_block)
 
 
 def backward(problem: IndexedProblem, factored: Factored, state: State, u: Sides) -> dict[str, Float]:
     """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars."""
     x = u.kept.copy()
-    for k in range(len(problem.tree.nodes) - 1, -1, -1):
-        node = problem.tree.nodes[k]
-        if node.panel and x.shape[1]:
-            front = np.asfortranarray(x[node.columns])
-            lapack.backward_columns(factored.factor.panel(k), front)
-            x[node.columns[: node.panel]] = front[: node.panel]
+    with thread_control().limit(limits=1, user_api="blas"):
+        for k in range(len(problem.tree.nodes) - 1, -1, -1):
+            node = problem.tree.nodes[k]
+            if node.panel and x.shape[1]:
+                front = np.asfortranarray(x[node.columns])
+                lapack.backward_columns(factored.factor.panel(k), front)
+                x[node.columns[: node.panel]] = front[: node.panel]
     x[problem.layout.held] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])
     found: dict[str, Float] = {}
@@ -129,9 +132,13 @@ def _subtract_blocks(problem: IndexedProblem, state: State, block: Int, w: Float
     touches = [group for group, _ in rays.records.touches]
     B = jacobians[touches.index(problem.layout.eliminated)] * problem.block_free[block[place]][:, None, :]
     A = np.concatenate([J for g, J in zip(touches, jacobians) if g != problem.layout.eliminated], axis=2)
-    columns = part_columns(rays.parts, problem.layout)[ray]
-    value = A.swapaxes(1, 2) @ (B @ w[place])
-    np.subtract.at(x, columns[columns >= 0], value[columns >= 0])
+    columns = part_columns(rays.parts, problem.layout, ray)
+    row = np.broadcast_to(columns[:, :, None], (*columns.shape, 3))
+    column = np.broadcast_to(3 * place[:, None, None] + np.arange(3), row.shape)
+    free = row >= 0
+    shape = len(x), 3 * len(block)
+    E = csr_array(((A.swapaxes(1, 2) @ B)[free], (row[free], column[free])), shape=shape)
+    x -= (E @ csr_array(w.reshape(-1, w.shape[2]))).toarray()  # a side has few of the blocks
 
 
 def _blocks_back(problem: IndexedProblem, factored: Factored, state: State, u: Sides, x: Float) -> Float:

@@ -118,7 +118,7 @@ def parts_of(records: Records, rows: Int, layout: Layout, size_of: dict[str, int
     )
 
 
-def part_columns(parts: Parts, layout: Layout, some: slice = slice(None)) -> Int:
+def part_columns(parts: Parts, layout: Layout, some: slice | Int = slice(None)) -> Int:
     """Kept column of each column of the Jacobians, (n, columns) int64; -1 where the unknown is held."""
     vertex = parts.vertex[some]
     first = np.where(vertex >= 0, layout.start[np.maximum(vertex, 0)] + parts.shift, -1)
