@@ -228,5 +228,5 @@ def lost_of(scene: Scene, block: Block, solution: Solution) -> tuple[int, int]:
 
 def _left_out(solution: Solution) -> set[tuple[str, str, str]]:
     s = solution.suspects
-    out = staying_out(s)
+    out = staying_out(s) & ~np.isin(s.kind, ("model_tie", "strip_tie"))  # of the stages before, made of image points
     return set(zip(s.kind[out].tolist(), s.image[out].tolist(), s.point[out].tolist()))
