@@ -42,8 +42,9 @@ def adjusted(tmp_path: Path):
     for a in "ABCQ":
         for b in "PQ":
             if a != b:
-                d = np.linalg.norm(np.subtract(places[a], places[b])) + rng.normal(0, 0.003)
-                lines += [f"distance,{a},{b},{d},0.003"] * (2 if a + b != "AP" else 1)
+                d = np.linalg.norm(np.subtract(places[a], places[b]))
+                errors = rng.normal(0, 0.003, 2 if a + b != "AP" else 1)  # rows that are the same count once
+                lines += [f"distance,{a},{b},{d + error},0.003" for error in errors.tolist()]
     wrong = np.linalg.norm(np.subtract(places["B"], places["P"])) + 0.5
     lines.append(f"distance,B,P,{wrong},0.003")
     (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")
