@@ -7,6 +7,7 @@ or seconds of arc for angles in degrees. Source: GNU Gama manual, chapter Input 
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from xml.parsers import expat
@@ -214,7 +215,7 @@ class _Reader:
 
     def _angle(self, e: ElementTree.Element) -> tuple[float, float]:
         text = self._text(e, "val")
-        if "-" not in text.lstrip("-+"):
+        if not re.search("[0-9]-", text):  # 7e-5 is a number
             return self._number(e, "val") * ANGLE_RAD["gon"], CC_RAD
         try:
             return rad_from_dms(text), SECOND_RAD

@@ -62,6 +62,11 @@ def test_seconds_may_be_rounded_up_to_sixty(tmp_path: Path) -> None:
     assert block.geodetic.value[block.geodetic.line == 11][0] == pytest.approx(math.radians(45 + 1 / 60))
 
 
+def test_a_negative_exponent_makes_no_degrees(tmp_path: Path) -> None:
+    block = read(tmp_path, NETWORK.replace('val="350.5"', 'val="7e-5"'))
+    assert block.geodetic.value[block.geodetic.line == 16][0] == pytest.approx(7e-5 * math.pi / 200)
+
+
 @pytest.mark.parametrize(("old", "new", "line", "what"), [
     ("1100.25", "12_043.305", 7, "thousands"), ("1100.25", "١١٠٠", 7, "not ASCII"),
     ("1100.25", "1100,25", 7, "comma"),

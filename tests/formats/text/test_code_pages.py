@@ -1,12 +1,13 @@
-"""Texts of 8 bits are not taken for Chinese, and Chinese is."""
+"""Texts of 8 bits are not taken for Chinese, and Chinese is; texts larger than memory are refused before."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
-from aatri.errors import InputError
+from aatri.errors import InputError, ResourceError
 from aatri.formats.text.text_file import read_lines
 
 WESTERN = ["Größe", "Übersicht,über,Öl", "45°30'N", "µm", "Straße;GRÖßE", "café,naïve", "São Paulo,Ñandú", "Ærø,Åse",
@@ -28,3 +29,11 @@ def test_chinese_text_is_read(tmp_path: Path, text: str) -> None:
     path = tmp_path / "t.csv"
     path.write_bytes(f"{text}\n".encode("gbk"))
     assert read_lines(path) == [text]
+
+
+def test_a_file_that_memory_cannot_hold_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "image_points.csv"
+    path.write_bytes(b"image,point,x,y\n")
+    os.truncate(path, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))  # a hole as large as memory
+    with pytest.raises(ResourceError, match="GB of memory to read, and this machine has less"):
+        read_lines(path)
