@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.records import predicted
-from aatri.adjustment.statistics.class_scales import ClassScales, class_scales
+from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
@@ -176,6 +176,8 @@ class Scaling:
         """With what an adjustment asks for, and the factors that this changes by."""
         moved = self.changed & asked.estimable & (np.abs(np.log(asked.scale)) > np.log(SETTLED))
         by = np.where(moved, asked.scale, asked.differing)
+        right = moved & (np.abs(np.log(self.factor * by)) < np.log(MATTERS))  # after others have been set right
+        by = np.where(right, 1.0 / self.factor, by)
         none = self.factor * by < NO_ERRORS
         if self.without_errors is not None:
             none |= self.without_errors
