@@ -16,7 +16,7 @@ from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.errors import GeometryError
+from aatri.errors import ArtifactError, GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import rays_of
@@ -54,6 +54,8 @@ def bundle_input(
     ------
     GeometryError
         If no image has a starting orientation.
+    ArtifactError
+        If `initial` is of another block.
     """
     frame = frame_of(block, origin)
     poses = poses_into(frame, *_start_poses(block, initial))
@@ -171,4 +173,9 @@ def _start_points(block: Block, initial: Solution | None) -> Float:
     xyz[block.ground_points.point] = np.where(block.ground_points.role == CHECK, np.nan, block.ground_points.xyz_m)
     if initial is None:
         return xyz
+    if not np.array_equal(initial.points.id, block.points.id):
+        raise ArtifactError(
+            f"`initial` belongs to another block than {block.name}: its points differ",
+            remedy="check `from` in pipeline.yaml",
+        )
     return np.where(np.isfinite(initial.points.xyz_m), initial.points.xyz_m, xyz)
