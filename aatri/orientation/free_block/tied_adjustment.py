@@ -186,7 +186,7 @@ def _room(solved: TiedSolution[S], rule: Snooping, pool: Pool) -> Int:
     """How many may be rejected: of a strip the share of the rule; of what is given also what the others answer for."""
     none = np.ones(len(pool.source), dtype=bool)
     room, sources = room_left(rule, pool, none), int(pool.source.max()) + 1
-    weights = np.where(pool.counted & ~pool.carrier, solved.answered, 0.0)
+    weights = np.where(pool.counted, solved.answered, 0.0)
     answered: Float = np.bincount(pool.source, weights, sources).astype(np.float64)
     # Whatever goes, seven coordinates and one to test them are left of all that is given.
     spare = max(sum(int(g.given.sum()) for g in solved.problem.given) - SIMILARITY - 1, 0) // 3

@@ -32,6 +32,7 @@ from aatri.orientation.free_block.tie_records import (
     POINT,
     STRIP,
     Given,
+    GivenPoints,
     Ties,
     tie_records,
     tie_whitener,
@@ -131,19 +132,20 @@ class TiedSolution(Generic[S]):
 
     @cached_property
     def answered(self) -> Float:
-        """How well the others know each observation, (n,): 1 where as well as a single point of a strip does.
+        """How well the others know what is given, (n,): 1 where as well as a single point of a strip; 0 for ties.
 
         The redundancy number does not tell it: precise control beside rough strips has one near zero, and its gross
         errors show in the strips all the same (see `uncontrolled_ties`).
         """
-        s2, found, first = self.variance_with_strip_m2 / 3, list[Float](), 0
-        given = [np.full(len(self.problem.ties.strip), 3), *(g.given.sum(axis=1) for g in self.problem.given)]
-        for record, T, components in zip(self.problem.records, self.whiteners, given):
-            R = self.tests[record.name].redundancy
+        s2, first = self.variance_with_strip_m2 / 3, len(self.problem.ties.strip)
+        found = [np.zeros(first)]
+        for given, T in zip(self.problem.given, self.whiteners[1:]):
+            R = self.tests[given.kind].redundancy
             own = np.einsum("nii->n", R)
-            if T.shape[1:] == (3, 3) and record.touches[-1][0] == POINT:
-                own = s2[first : first + len(R)] * np.einsum("nji,njk,nki->n", T, R, T)
-            found.append(np.clip(np.nan_to_num(own / np.maximum(components, 1)), 0.0, 1.0))
+            if isinstance(given, GivenPoints):
+                own = s2[first : first + len(R)] * (T * (R @ T)).sum(axis=(1, 2))
+            components = np.maximum(given.given.sum(axis=1), 1)
+            found.append(np.clip(np.nan_to_num(own / components), 0.0, 1.0))
             first += len(R)
         return np.concatenate(found)
 
