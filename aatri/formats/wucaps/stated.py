@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -9,18 +10,23 @@ import numpy as np
 from aatri.formats.wucaps.files import Photo, WucapsFiles
 from aatri.progress import Reporter
 
+Place = tuple[float, float]
+
 LARGEST_RATIO = 2.0
 """Stated scale over that of known points; tilt and relief change it by less, a wrong factor by more."""
 
 
 def compare_strips(files: WucapsFiles, reporter: Reporter) -> None:
     """Warn of strips that have another number of photos than they say, or another scale than their known points."""
-    others = []
+    others, seen = [], _known_points(files)
+    by_strip: dict[int, list[Photo]] = {}
+    for photo in files.photos:
+        by_strip.setdefault(photo.strip, []).append(photo)
     for k, strip in enumerate(files.stated):
-        photos = [photo for photo in files.photos if photo.strip == k]
+        photos = by_strip.get(k, [])
         if strip.photos not in (0, len(photos)):
             others.append(f"line {strip.entry.line} says {strip.photos}, {len(photos)} follow")
-        scale = np.median([s for photo in photos for s in _scales(files, photo)] or [np.nan])
+        scale = np.median([s for photo in photos for s in _scales(seen.get(photo.id, []))] or [np.nan])
         stated = strip.scale_times_10 / 10.0
         if stated > 0 and not 1 / LARGEST_RATIO <= np.nan_to_num(stated / scale, nan=1.0) <= LARGEST_RATIO:
             what = f"a scale of 1 : {stated:.0f}, but between known points it is 1 : {scale:.0f}"
@@ -30,13 +36,20 @@ def compare_strips(files: WucapsFiles, reporter: Reporter) -> None:
         reporter.warn(f"{path}: other numbers of photos in strips than stated: {'; '.join(others)}: is it complete?")
 
 
-def _scales(files: WucapsFiles, photo: Photo) -> list[float]:
+def _known_points(files: WucapsFiles) -> dict[str, list[tuple[Place, Place]]]:
+    """Of each photo the places of known points in it, mm, and on the ground, m."""
+    seen: dict[str, list[tuple[Place, Place]]] = {}
+    for m in files.measured:
+        if m.point in files.ground:
+            east, north, _ = files.ground[m.point].xyz_m
+            seen.setdefault(m.photo, []).append((m.xy, (east, north)))
+    return seen
+
+
+def _scales(seen: list[tuple[Place, Place]]) -> list[float]:
     """Ground over photo distances of known points that are neighbours in a photo."""
-    seen = [(m.xy, files.ground[m.point].xyz_m[:2]) for m in files.measured
-            if m.photo == photo.id and m.point in files.ground]  # fmt: skip
     found = []
     for (xy, ground), (other_xy, other_ground) in pairwise(seen):
-        apart = np.hypot(*np.subtract(xy, other_xy))
-        if apart > 0:
-            found.append(float(1000.0 * np.hypot(*np.subtract(ground, other_ground)) / apart))
+        if (apart := math.dist(xy, other_xy)) > 0:
+            found.append(1000.0 * math.dist(ground, other_ground) / apart)
     return found
