@@ -166,11 +166,11 @@ def test_collinear_control_names_the_rotation_about_the_line(project: Path) -> N
     assert current(project) == BEFORE_ABSOLUTE
 
 
-def test_corrections_that_need_a_flying_height_say_so(project: Path) -> None:
+def test_a_block_without_any_datum_is_refused_as_soon_as_it_has_been_read(project: Path) -> None:
     without(EXTERIOR)(project / "block")
     _keep_control(0)(project / "block")
-    _fails(4, "need the flying height", "exterior.csv")
-    assert current(project) == {"block", "interior"}
+    _fails(4, "stage absolute: the block has neither control nor observed positions", "exterior.csv")
+    assert current(project) == {"block"}
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_what_a_stage_needs_and_does_not_get_is_an_error_before_the_next_stage()
     needy = "  s: {use: sum/needy, from: {numbers: a}}\n"
     for _ in range(2):  # read from the cache of methods the second time
         result = run(GIVEN + needy)
-        assert result.exit_code == 3
+        assert result.exit_code == 4
         assert "pipeline.yaml, stage s: neither groups nor words, without which the stage cannot work" in result.stderr
         assert "give groups" in result.stderr
         assert made() == {"a"}

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from aatri.errors import InputError
+from aatri.errors import AatriError, GeometryError, InputError
 from aatri.pipeline.plan.graph import Node, downstream
 from aatri.tables.offers import Offer, covers, offer_from_plain
 
@@ -25,7 +25,7 @@ MILD = ("check", "grouping", "reduction")
 class Unused:
     """What is to be said of the results of some stages."""
 
-    errors: tuple[InputError, ...] = ()
+    errors: tuple[AatriError, ...] = ()
     warnings: tuple[tuple[str, str], ...] = ()
     """Stage and message."""
 
@@ -46,7 +46,8 @@ def unused(
     of : str
         Only of what this stage takes, where it is given.
     """
-    errors, warnings = [], []
+    errors: list[AatriError] = []
+    warnings: list[tuple[str, str]] = []
     for record in records:
         source = str(record["stage"])
         takers = [node for node in nodes if source in node.inputs.values()]
@@ -74,10 +75,10 @@ def unused(
     return Unused(tuple(errors), tuple(warnings))
 
 
-def _missing(takers: list[Node], source: str, offered: set[str]) -> list[InputError]:
+def _missing(takers: list[Node], source: str, offered: set[str]) -> list[GeometryError]:
     """What stages need of a result that does not offer it."""
     return [
-        InputError(
+        GeometryError(
             f"{need.what}, without which the stage cannot work",
             where=f"pipeline.yaml, stage {node.name}",
             remedy=need.remedy,
