@@ -32,7 +32,8 @@ def _dense(block: Block, points: ImagePoints, solution: Solution) -> np.ndarray:
     n, k = len(images), len(ground)
     p = solution.parameters
     value = {str(name): v for name, v in zip(p.name, p.value)}
-    camera = np.array([value[name] for name in TEN])
+    nominal = {f"principal_point.{axis}": x for axis, x in zip("xy", block.cameras.principal_point_mm[0])}
+    camera = np.array([value[name] - nominal.get(name, 0.0) for name in TEN])
     xy = m.xy_mm
     z = np.concatenate([images.position_m[m.image], np.zeros((len(xy), 3)), ground.xyz_m[m.point],
                         np.tile(camera, (len(xy), 1))], axis=1)  # fmt: skip
