@@ -41,7 +41,7 @@ def earth_correction(
     c = block.cameras.principal_distance_mm[block.images.camera[image]]
     what, notes = name.replace("_", " "), list[Note]()
 
-    def closed(rows: Int | Bool, station_m: Float, terrain_m: float) -> Float:
+    def closed(rows: Int | Bool | slice, station_m: Float, terrain_m: float) -> Float:
         if name == "refraction":
             return refraction_correction(xy_mm[rows], constant_of(atmosphere, station_m, terrain_m), c[rows])
         return earth_curvature_correction(xy_mm[rows], station_m - terrain_m, c[rows])
@@ -53,6 +53,10 @@ def earth_correction(
             return np.asarray(refraction_of_rays(xy_mm[rows], c[rows], level, constant), dtype=np.float64)
         return earth_curvature_of_rays(xy_mm[rows], station - stations.terrain_m, c[rows], level)
 
+    if (above[image] > 0).all() and not stations.by_rays.any():  # the usual case
+        every = closed(slice(None), stations.height_m[image], stations.terrain_m)
+        if np.isfinite(every).all():
+            return every, ()
     known, rays = above[image] > 0, stations.by_rays[image]
     correction = np.zeros_like(xy_mm)
     correction[known & ~rays] = closed(known & ~rays, stations.height_m[image[known & ~rays]], stations.terrain_m)
