@@ -28,6 +28,7 @@ from aatri.ids import shown
 from aatri.orientation.free_block.datum import Datum
 from aatri.orientation.free_block.datum_analysis import UNDETERMINED, DatumAnalysis, analyse_datum
 from aatri.orientation.free_block.datum_start import attitude_of, levelled_start, turned_start
+from aatri.orientation.free_block.exchanged_control import exchanged_control
 from aatri.orientation.free_block.similarity_ties import Similarities, similarities_of, similarity_ties
 from aatri.orientation.free_block.tie_records import Given, GivenPoints
 from aatri.orientation.free_block.tied_adjustment import TiedResult, adjust_tied
@@ -112,6 +113,8 @@ def orient_component(
     use: Bool = np.asarray(datum.given.any(1))
     if active is not None:
         use = use & active
+    full = np.flatnonzero(datum.given[: datum.n_control].all(1) & use[: datum.n_control])
+    use[full[exchanged_control(datum.x[full], datum.xyz_m[full])]] = False
     rotation, closed = (levelling(up), None) if two_points else attitude_of(datum, up, use)
     _analysed(datum, use, None, rotation, body, what, weakest)
     if closed is not None:

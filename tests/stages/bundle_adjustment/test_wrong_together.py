@@ -154,3 +154,15 @@ def test_ten_per_cent_of_gross_errors_are_found_without_any_option(chain: Chain)
     out = s.row[(s.kind == "image_point") & staying_out(s)]
     assert np.isin(bad, out).mean() > 0.95
     assert 0.9 < solution.sigma0 < 1.1
+
+
+def test_two_of_six_control_points_exchanged_are_named_by_the_whole_chain_without_positions() -> None:
+    block = simulated(1, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
+                      known={"full": 6}, ties={"new_points": 300},
+                      gnss={"observed": False, "approximate_positions": False})  # fmt: skip
+    g = block.ground_points
+    rows = np.flatnonzero((g.role == 1).all(axis=1))[[2, 3]]
+    xyz = g.xyz_m.copy()
+    xyz[rows] = xyz[rows[::-1]]
+    s = run_chain(replace(block, ground_points=replace(g, xyz_m=xyz))).bundle.suspects
+    assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
