@@ -68,10 +68,7 @@ def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
     more = ParameterRows(name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False,
                          other, -H)  # fmt: skip
     parameters = (*given.parameters, more)
-    sigma_mm = given.rays.sigma_mm.copy()
-    sigma_mm[group.rows] *= group.factor  # points of another principal distance are scaled with their errors
-    as_if = replace(given.rays, sigma_mm=sigma_mm)
-    rays = observed_image_points(as_if, parameters, o.names, o.group)[0]
+    rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
     rays = replace(rays, start={**rays.start, **o.start})
     observed[group.place] = rays if o.rejected is None else rays.without(o.rejected)
     return replace(given, observed=tuple(observed), parameters=parameters)

@@ -177,6 +177,19 @@ def wrong_groups(
     return found
 
 
+def at_result(given: BundleInput, effects_of: EffectsOf, group: Group, result: BundleResult) -> Group:
+    """The group with the derivatives of its residuals at another result; as it is, where that does not offer it."""
+    for e in effects_of(given, result):
+        if (e.place, e.per) != (group.place, group.per):
+            continue
+        for unit in np.flatnonzero(e.units == group.unit):
+            rows = np.flatnonzero(e.unit == unit)
+            columns = next((c.columns for c in e.causes if c.name == group.cause), None)
+            if columns is not None and np.array_equal(e.rows[rows], group.rows):
+                return replace(group, H=e.H[rows][:, :, list(columns)])
+    return group
+
+
 def _without_strangers(group: Group, before: Float, after: Float) -> Group:
     """Without the rows that fit much worse with it: a neighbourhood that was tried may hold some that did not move."""
     mine = (after**2).sum(axis=1) < (before**2).sum(axis=1) + SEPARABLE

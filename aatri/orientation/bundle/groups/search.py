@@ -18,6 +18,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.kinds import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, How
@@ -25,7 +26,7 @@ from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import tests_of
 from aatri.orientation.bundle.groups.carried import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.effects import EffectsOf
-from aatri.orientation.bundle.groups.find import Group, wrong_groups
+from aatri.orientation.bundle.groups.find import Group, at_result, wrong_groups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 
@@ -114,7 +115,7 @@ def _before_single_ones(
         single = float(_tests(result).max())
         if single <= rule.limit:
             break
-        tried = [(g, _squares(with_groups(given, [*groups, g]), adjust))
+        tried = [_tried(given, adjust, effects_of, groups, g)
                  for g in wrong_groups(given, result, effects_of, single, [g.key for g in groups])]  # fmt: skip
         most = SMALLER * _misfit(result, rule.limit)
         fits = [(g, r) for g, r in tried if r is not None and _misfit(r, rule.limit) <= most]
@@ -125,6 +126,17 @@ def _before_single_ones(
         group, result = min(as_good, key=lambda one: one[0].complexity)
         groups.append(group)
     return groups, result
+
+
+def _tried(
+    given: BundleInput, adjust: Adjust, effects_of: EffectsOf, groups: list[Group], group: Group
+) -> tuple[Group, BundleResult | None]:
+    """Least squares with one more group, whose effect is taken where the adjustment with it leads."""
+    result = _squares(with_groups(given, [*groups, group]), adjust)
+    if result is None or group.kind != IMAGE_POINT or group.removable:
+        return group, result
+    group = at_result(given, effects_of, group, result)
+    return group, _squares(with_groups(given, [*groups, group]), adjust)
 
 
 def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
