@@ -19,7 +19,7 @@ from aatri.formats.tables.positions import COORDINATES, SIGMAS, covariance_m2, f
 from aatri.formats.tables.relative_control import Condition
 from aatri.formats.tables.source import Source, no_repeats, texts
 from aatri.formats.text.csv_table import CsvTable
-from aatri.orientation.network.portable_frame import BodyDistances, body_distances
+from aatri.geometry.portable_frame import BodyDistances, body_distances
 
 
 class Bodies(NamedTuple):

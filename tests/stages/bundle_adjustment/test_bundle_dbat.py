@@ -120,10 +120,9 @@ def test_the_calibration_gives_the_report_to_all_printed_digits(shared_data: Pat
     value = dict(zip(solution.parameters.name.tolist(), solution.parameters.value))
     sigma = dict(zip(solution.parameters.name.tolist(), solution.sigma0 * solution.parameters.sigma))
     size, pixel = block.cameras.format[0], block.cameras.pixel_size_mm[0]
-    nominal = block.cameras.principal_point_mm[0]
-    # px of a report counts from the left edge, py from the upper edge; parameters from the nominal principal point
-    value["principal_point.x"] += nominal[0] + size[0] / 2 * pixel[0]
-    value["principal_point.y"] = size[1] / 2 * pixel[1] - (nominal[1] + value["principal_point.y"])
+    # px of a report counts from the left edge, py from the upper edge; parameters from the centre of the image
+    value["principal_point.x"] += size[0] / 2 * pixel[0]
+    value["principal_point.y"] = size[1] / 2 * pixel[1] - value["principal_point.y"]
     names = {"c": "principal_distance", "px": "principal_point.x", "py": "principal_point.y"}
     for short, printed in report.interior.items():
         name = names.get(short, short)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import GeometryError
-from aatri.orientation.network.portable_frame import BodyDistances, body_distances
+from aatri.geometry.portable_frame import BodyDistances, body_distances
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.bundle_adjustment.test_networks import HEAD
