@@ -97,6 +97,11 @@ class _Search(Hearings):
         redundancy, count = self.all.redundancy(None if first is None else first.result)
         self.pool = replace(self.pool, room=room_of(redundancy, count, self.rule.max_share))
         start = None if first is None else self._with_fitting_sigmas(first)
+        if (again := self._rejected_with_smaller_sigmas(active)).any():
+            active = self.began = active | again
+            self.given = replace(self.given, observed=self.all.without(self.given.observed, active))
+            start, failure = self._first(active)
+            start = None if start is None else self._with_fitting_sigmas(start)
         harmful = start is None or (self._harmful(start, active) and not start.small)
         if self.rule.method == "robust_snooping" and harmful:
             active, start = self._from_robust(active, start), None
@@ -135,6 +140,10 @@ class _Search(Hearings):
                 break
             tried = Tried(self.given, self.adjust(self.given, How(coarse=True)), tried.active, self.rule)
         return tried
+
+    def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
+        """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
+        return self.all.native & ~active & (self.all.smallest(self.scaling.classes.number, self.scaling.factor) > 1.0)
 
     def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
         self.scaling = scaling
