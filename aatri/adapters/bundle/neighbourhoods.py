@@ -18,7 +18,7 @@ import numpy as np
 from aatri.adjustment.records import whitened_residuals
 from aatri.arrays import Float, Int
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.effects import Cause, Effects
+from aatri.orientation.bundle.groups.effects import NEIGHBOURHOOD, Cause, Effects
 from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
 
 SIZES = (3, 4, 6, 8, 12, 16, 24, 32)
@@ -70,7 +70,7 @@ def moved_together(
     names = np.array([f"point {given.point_ids[point[some[0]]]} in image {given.image_ids[k]}" for k, some in windows])
     unit = np.repeat(np.arange(len(windows)), count)
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
-    yield Effects(place, "neighbourhood", names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests)
+    yield Effects(place, NEIGHBOURHOOD, names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests)
 
 
 def _elsewhere(image: Int, point: Int, some: Int) -> Iterator[tuple[int, Int]]:

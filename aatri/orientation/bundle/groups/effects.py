@@ -12,6 +12,9 @@ from aatri.orientation.bundle.result import BundleResult
 ALL = "all"
 """The unit of a whole kind."""
 
+NEIGHBOURHOOD = "neighbourhood"
+"""What units of image points near each other are."""
+
 
 @dataclass(frozen=True)
 class Cause:

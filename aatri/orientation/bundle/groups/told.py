@@ -8,7 +8,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.notes import CONTRADICTION, Note
-from aatri.orientation.bundle.groups.effects import ALL
+from aatri.orientation.bundle.groups.effects import ALL, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.find import Group
 from aatri.orientation.bundle.groups.search import FoundGroup
 
@@ -26,8 +26,13 @@ RADIAL = (
 
 
 def contradicts(found: FoundGroup) -> bool:
-    """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas."""
+    """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas.
+
+    Points of a neighbourhood are wrong measurements, like single ones that are kept: no error of the model.
+    """
     g = found.group
+    if g.per == NEIGHBOURHOOD:
+        return False
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
     return g.harm > CONTRADICTED and (of_datum or not found.left_out)
 
@@ -52,7 +57,7 @@ def _note(found: FoundGroup) -> Note:
 
 
 def _other(per: str, unit: str, cause: str) -> str:
-    of = "" if per == ALL else f" of {per} {'of ' if per == 'neighbourhood' else ''}{unit}"
+    of = "" if per == ALL else f" of {per} {'of ' if per == NEIGHBOURHOOD else ''}{unit}"
     return f"{cause}{of}"
 
 
