@@ -159,7 +159,9 @@ DEFECTS = {
     "two control points": Defect(_two_points, ("1 unknown", "rotation about the axis", "on one line")),
     "control points on a line": Defect(_collinear, ("1 ", "rotation about Y of the whole block", "on one line")),
     "one distance and no control": Defect(networks.one_distance_for_a_datum, ("6 unknown", *DATUM, "whole block")),
-    "two blocks that nothing connects": Defect(_disconnected, ("7 unknown", "scale", *DATUM, "part", "image 02")),
+    "two blocks that nothing connects": Defect(
+        _disconnected, ("set aside, its observations do not determine it", "image 02"), refused=False
+    ),
     "a point in one image": Defect(_one_ray, ("too few usable rays (1 of",), refused=False),
     "an image of two points": Defect(_image_of_two_points, ("too few points (1 of 15 images)",), refused=False),
     "a camera of no image": Defect(_unused_camera, ("nothing in use observes them", "spare"), refused=False),
@@ -179,7 +181,11 @@ DEFECTS = {
     "boresight about z without positions": Defect(
         images.boresight_about_z, ("1 combination", "rotation about Z of the whole block with boresight z")
     ),
-    "a free mount seen once": Defect(images.mount_seen_once, ("2 unknown", "mount turn", "0101oblique", "free mount")),
+    "a free mount seen once": Defect(
+        images.mount_seen_once,
+        ("set aside, its observations do not determine it", "0101oblique", "mount R/oblique"),
+        refused=False,
+    ),
     "drift of strips without cross strips": Defect(
         images.drift_of_strips, ("shift Z of 4", "no cross strips"), refused=False
     ),

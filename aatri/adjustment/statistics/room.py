@@ -28,7 +28,7 @@ def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> In
     count : (g,) int
         Its records.
     max_share : float, optional
-        No more than this share of a kind, where the user says so.
+        This share of a kind instead, where the user says so.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> In
     """
     half, whole = np.floor(0.5 * redundancy), np.floor(redundancy + 1e-9)
     room = np.minimum(np.maximum(half, SMALL_ROOM), np.maximum(whole, 0.0)).astype(np.int64)
-    return room if max_share is None else np.minimum(room, np.ceil(max_share * count).astype(np.int64))
+    return room if max_share is None else np.ceil(max_share * count).astype(np.int64)
 
 
 def redundancy_in_records(redundancy: Float, components: Float | Int) -> float:

@@ -24,7 +24,7 @@ def test_few_tests_keep_four() -> None:
 def test_room_is_half_the_redundancy_three_of_a_small_kind_and_never_more_than_there_is() -> None:
     redundancy, count = np.array([10.4, 3.7, 1.67, 0.2, 12_000.0]), np.array([13, 6, 4, 3, 18_000])
     assert room_of(redundancy, count).tolist() == [5, 3, 1, 0, 6000]
-    assert room_of(redundancy, count, 0.05).tolist() == [1, 1, 1, 0, 900]
+    assert room_of(redundancy, count, 0.05).tolist() == [1, 1, 1, 1, 900]  # a share that is stated obeys
 
 
 def test_redundancy_in_records_of_points_given_in_part() -> None:

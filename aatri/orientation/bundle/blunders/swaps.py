@@ -156,13 +156,14 @@ def _of_coordinates(
     records, state = o.observed.records, result.adjusted.state
     rows = np.flatnonzero(out & np.isin(np.arange(len(out)), o.rows))
     rows = rows[np.isfinite(o.covariance[rows]).all(axis=(1, 2))]
-    if len(rows) < 2:
+    of_two = any(group in (POINT, POSE) for group, _ in records.touches[1:])  # differences have no place of their own
+    if len(rows) < 2 or of_two:
         return
     used = records.observed_components()[rows]
     group, block = records.touches[0]
     if group == POSE:
         rows, used = rows[used.all(axis=1)], used[used.all(axis=1)]
-    v, (by_block,) = records.evaluate(state, rows)
+    v, (by_block, *_) = records.evaluate(state, rows)
     seen = state[POINT][block[rows]] if group == POINT else state[POSE].position_m[block[rows]]
     given = seen - (v if group == POINT else np.linalg.solve(by_block[:, :, :3], v[:, :, None])[:, :, 0])
     sigma = np.nan_to_num(records.sigmas()[rows])
