@@ -10,6 +10,7 @@ import json
 import os
 import random
 import sys
+import traceback
 import types
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,6 +35,10 @@ def reached_modules(tree: Path, place: Path, use: str) -> frozenset[str]:
     answer = place / "reached.json"
 
     def look() -> None:
+        import numba
+
+        os.environ["NUMBA_DISABLE_JIT"] = "1"  # modules are looked for, nothing is called
+        numba.config.DISABLE_JIT = 1
         _enter_without_packages(tree)
         importlib.import_module("aatri.stages." + use.replace("/", "."))
         done: set[str] = set()
@@ -51,6 +56,8 @@ def reached_modules(tree: Path, place: Path, use: str) -> frozenset[str]:
         try:
             look()
             os._exit(0)
+        except BaseException:
+            traceback.print_exc()
         finally:
             os._exit(1)
     assert os.waitpid(child, 0)[1] == 0
