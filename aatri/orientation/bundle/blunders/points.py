@@ -7,7 +7,7 @@ to where the others see it, and everything is looked at again, for the image of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -175,8 +175,3 @@ def with_start(xyz_m: Float, points: Int) -> Int:
 def without(observed: tuple[Observed, ...], rejected: list[Bool]) -> tuple[Observed, ...]:
     """The observations as they were taken from their tables, less what is rejected."""
     return tuple(o.again().without(r) for o, r in zip(observed, rejected))
-
-
-def as_taken(observed: tuple[Observed, ...]) -> tuple[Observed, ...]:
-    """The observations with nothing rejected."""
-    return tuple(replace(o.again(), start=o.start) for o in observed)
