@@ -55,6 +55,8 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
+from aatri.checks.after.weak_datum import weak_datum
+from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds import options_without_data, with_kinds
@@ -76,7 +78,6 @@ from aatri.orientation.bundle.result import BundleResult, without_covariances
 from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
 from aatri.orientation.bundle.terrain_test import terrain_notes
-from aatri.orientation.bundle.weak_datum import weak_datum_notes
 from aatri.plugin import SILENT, Context, Field, Need, Options, stage
 
 from ._blunders import GONE, Blunders
@@ -224,9 +225,9 @@ def bundle(
     tell([*group_notes(groups), *remarks(given, result.adjusted.state, before=False)], context)
     tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
-    notes += [] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)
-    notes += [*weak_datum_notes(given, result), *terrain_notes(given, result)]
-    notes += distortion_notes(given, result, tests=options.reliability)
+    tell(notes + ([] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)), context)
+    report(weak_datum(given, result), context)
+    notes = [*terrain_notes(given, result), *distortion_notes(given, result, tests=options.reliability)]
     notes += [*parameter_notes(given, result), *correlation_notes(result, column_kinds(given))]
     tell(notes, context)
     told = told_parameters(block, result, chosen)

@@ -1,0 +1,1 @@
+"""Of the result of a stage."""

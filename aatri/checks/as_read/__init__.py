@@ -1,0 +1,1 @@
+"""Of a block as it was read, before any method has run."""

@@ -1,0 +1,1 @@
+"""Of a block and the values from which an adjustment starts."""

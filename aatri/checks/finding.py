@@ -1,0 +1,97 @@
+"""What a check has found: one cause, one sentence, one remedy.
+
+A check takes a block, or a result with its block, and gives findings; a stage reports them with `report`. A finding
+says what was seen, of which rows, and what to do about it; alternatives stand beside the cause only where the data
+cannot tell them apart. The statistic and its level of significance are those of the test behind it, where it is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from aatri.arrays import Int
+from aatri.errors import AatriError, InputError, raise_all
+from aatri.ids import shown
+from aatri.notes import CONTRADICTION
+from aatri.progress import Reporter
+
+Level = Literal["note", "warning", "error"]
+
+MOST_WORDS = 30
+"""Of a sentence."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause, found by one routine.
+
+    Attributes
+    ----------
+    cause : str
+        Name of the file of the check.
+    level : {'note', 'warning', 'error'}
+        A note goes to the log, a warning is what the user should act on, an error ends the stage.
+    sentence : str
+        What is the case, with its figures, without names and remedy; at most 30 words.
+    remedy : str
+        What to do about it.
+    ids : tuple of str
+        Images, points, models ... it is about, all of them; shown in part where they are many.
+    rows : mapping of str to (n,) int
+        The same as rows of the Block's tables, by kind of observation.
+    where : str
+        `file:line`, image or component it is about.
+    alternatives : tuple of str
+        Other causes that would explain as much.
+    statistic, significance : float
+        The test behind it: its value, and the probability of as much where all is well; NaN where it is none.
+    contradicts : bool
+        The result cannot be right within its standard deviations: the run ends with the exit code of a gate.
+    error : type of AatriError
+        What an error is raised as.
+    """
+
+    cause: str
+    level: Level
+    sentence: str
+    remedy: str = ""
+    ids: tuple[str, ...] = ()
+    rows: Mapping[str, Int] = field(default_factory=dict)
+    where: str = ""
+    alternatives: tuple[str, ...] = ()
+    statistic: float = float("nan")
+    significance: float = float("nan")
+    contradicts: bool = False
+    error: type[AatriError] = InputError
+
+    @property
+    def what(self) -> str:
+        """The sentence with its alternatives and ids, without place and remedy."""
+        head = f"{CONTRADICTION}: {self.sentence}" if self.contradicts else self.sentence
+        head = f"{head}: {shown(self.ids)}" if self.ids else head
+        return f"{head}; {' or '.join(self.alternatives)} would explain as much" if self.alternatives else head
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{text}; {self.remedy}" if self.remedy else text
+
+
+def report(findings: Iterable[Finding], reporter: Reporter) -> None:
+    """Tell findings in their order: notes to the log, warnings as warnings; errors are raised together after them.
+
+    Raises
+    ------
+    AatriError
+        What findings of level `error` say.
+    """
+    errors = []
+    for finding in findings:
+        if finding.level == "error":
+            errors.append(finding.error(finding.what, where=finding.where, remedy=finding.remedy))
+        elif finding.level == "warning":
+            reporter.warn(str(finding))
+        else:
+            reporter.log(str(finding))
+    raise_all(errors)
