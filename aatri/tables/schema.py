@@ -117,7 +117,7 @@ class Table:
 
     @classmethod
     def of(cls, **columns: npt.ArrayLike) -> Self:
-        """The table of some columns; all others have their default in every row.
+        """The table of some columns; one value stands for all rows, and what is not stated has its default.
 
         Raises
         ------
@@ -130,12 +130,10 @@ class Table:
         if unknown or missing:
             raise ArtifactError(f"{cls.__name__}: no column {', '.join(unknown) or 'is unknown'}; "
                                 f"missing: {', '.join(missing) or 'none'}")  # fmt: skip
-        n = max((len(np.asarray(values)) for values in columns.values()), default=0)
-        return cls(**{
-            name: columns[name] if name in columns
-            else np.full((n, *c.shape), c.default, DTYPES.get(c.dtype))
-            for name, c in declared.items()
-        })  # fmt: skip
+        stated = {name: np.asarray(values) for name, values in columns.items()}
+        lengths = [len(v) if v.size else 0 for name, v in stated.items() if _has_rows(v, declared[name])]
+        n = max(lengths, default=1 if stated else 0)
+        return cls(**{name: _of_rows(stated.get(name), c, n) for name, c in declared.items()})
 
     def take(self, rows: npt.ArrayLike) -> Self:
         """The table of the chosen rows (numbers or a mask), in their order."""
@@ -199,6 +197,19 @@ class Artifact:
     def offered_names(cls) -> frozenset[str]:
         """All names under which the kind may offer something."""
         return frozenset()
+
+
+def _has_rows(values: npt.NDArray[Any], declared: Column) -> bool:
+    """Whether an array has a value for every row, or one that stands for all."""
+    return values.ndim > len(declared.shape) or not values.size
+
+
+def _of_rows(values: npt.NDArray[Any] | None, declared: Column, n: int) -> npt.NDArray[Any]:
+    """A column of n rows from what is stated of it: values, one value, or nothing."""
+    values = np.asarray(declared.default, DTYPES.get(declared.dtype)) if values is None else values
+    if not values.size:
+        return np.zeros((0, *declared.shape), DTYPES.get(declared.dtype, "U1"))
+    return values if _has_rows(values, declared) else np.broadcast_to(values, (n, *declared.shape))
 
 
 def columns_of(cls: type[Table]) -> dict[str, Column]:

@@ -16,6 +16,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.errors import InputError
 from aatri.observations import kinds
 from aatri.pipeline.store import run_folder
 from aatri.stages.block.tables import TablesOptions, tables
@@ -196,8 +197,43 @@ def test_the_variant_keeps_its_contract(tmp_path: Path) -> None:
     check_stage(f"{role}/{name}", local=tmp_path / "stages")
 
 
-def test_the_format_is_written_by_export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    files = _diffs("A format")
+BINGO = """\
+P1 lens
+A 1.5 2.5
+B -1 0.25
+C 4 5
+-99
+
+P2 lens
+A -3.5 2.4
+B -6 0.2
+C -1 5.1
+"""
+
+
+def test_the_format_is_one_file_of_60_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ((path, text),) = _diffs("A format").items()
+    assert text.count("\n") <= 60
+    module = _module(path, text, tmp_path, monkeypatch)
+    (tmp_path / "images.txt").write_text(BINGO)
+    (tmp_path / "control.txt").write_text("A 100 200 30\nB 110 200 31\n")
+    options = {"principal_distance": 153.0, "control": tmp_path / "control.txt", "control_sigma": 0.02}
+    block = module.bingo(options=module.BingoOptions(path=tmp_path / "images.txt", **options))
+    measured = block.image_points
+    assert block.images.id[measured.image].tolist() == ["P1", "P1", "P1", "P2", "P2", "P2"]
+    assert block.points.id[measured.point].tolist() == ["A", "B", "C", "A", "B", "C"]
+    assert measured.xy[3].tolist() == [-3.5, 2.4]
+    assert measured.line.tolist() == [2, 3, 4, 8, 9, 10]
+    assert block.ground_points.xyz_m.tolist() == [[100.0, 200.0, 30.0], [110.0, 200.0, 31.0]]
+    assert np.diagonal(block.ground_points.covariance_m2, axis1=1, axis2=2) == pytest.approx(0.02**2)
+    for wrong, message in (("B -1 0,25", "images.txt:3"), ("B -1 0.25 7", "images.txt:3: 4 words")):
+        (tmp_path / "images.txt").write_text(BINGO.replace("B -1 0.25", wrong))
+        with pytest.raises(InputError, match=message):
+            module.bingo(options=module.BingoOptions(path=tmp_path / "images.txt", **options))
+
+
+def test_the_export_writes_the_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = _diffs("An export")
     contracts = files.pop("pyproject.toml")
     rooms = {Path(path).parent.name for path in files if path.startswith("aatri/formats/")}
     assert all(re.search(rf'^layers = \["[\w |]*\b{room}\b', contracts, re.M) for room in rooms)

@@ -19,14 +19,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, Block
+from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.formats.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
@@ -94,39 +94,32 @@ def read_bal(
     seen = in_image_axes(position_m[problem.camera], ground_from_image[problem.camera], problem.points[problem.point])
     if (count := int((seen[:, 2] >= 0).sum())) > 0:
         reporter.log(f"{count} image points of points behind their camera at the start: kept")
-    n = len(ids)
     block = block_of(
         name=path.stem,
         files=[path],
         cameras={
-            "id": ids, "pixel_size_mm": np.full((n, 2), PIXEL_MM), "pixel_origin": ["image-centre"] * n,
-            "pixel_y": ["up"] * n, "principal_distance_mm": problem.cameras[:, 6] * PIXEL_MM, "distortion": ["bal"] * n,
+            "id": ids, "pixel_size_mm": PIXEL_MM, "pixel_origin": "image-centre", "pixel_y": "up",
+            "principal_distance_mm": problem.cameras[:, 6] * PIXEL_MM, "distortion": "bal",
         },
         camera_parameters=_camera_parameters(ids, problem.cameras, calibrate),
-        images={"id": ids, "camera": ids, "sequence": np.arange(1.0, n + 1), **_at(lines["cameras"])},
+        images={"id": ids, "camera": ids, "sequence": np.arange(1.0, len(ids) + 1), "line": lines["cameras"]},
         points=points,
         image_points={
             "image": problem.camera, "point": problem.point, "xy": problem.xy_px,
-            "sigma_mm": np.full((len(problem.camera), 2), image_sigma_px * PIXEL_MM), **_at(lines["image_points"]),
+            "sigma_mm": image_sigma_px * PIXEL_MM, "line": lines["image_points"],
         },
         ground_points={
-            "point": np.arange(len(points)), "xyz_m": problem.points,
-            "role": np.full((len(points), 3), APPROXIMATE), **_at(lines["points"]),
+            "point": np.arange(len(points)), "xyz_m": problem.points, "role": APPROXIMATE, "line": lines["points"],
         },
         exterior={
             "image": ids, "position_m": position_m, "angles_rad": angles_from_rotation(ground_from_image),
-            **_at(lines["cameras"]),
+            "line": lines["cameras"],
         },
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share, copies=True)
 
 
-def _at(line: Int) -> dict[str, Int]:
-    """Places in the one file."""
-    return {"file": np.zeros(len(line), np.int32), "line": line}
-
-
-def _camera_parameters(ids: list[str], rows: Float, calibrate: bool) -> dict[str, npt.ArrayLike]:
+def _camera_parameters(ids: list[str], rows: Float, calibrate: bool) -> dict[str, Any]:
     """k1, k2 and what is free of the interior orientation."""
     n, names = len(rows), (*FREE, *FIXED)
     value = np.full((n, len(names)), np.nan)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from aatri.artifacts.block import Points
+from aatri.artifacts.builder import Columns
 from aatri.errors import InputError, raise_all
-from aatri.formats.builder import Columns
 from aatri.formats.tables.ground import GROUND_POINTS, ground_point_tables
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.tables.source import Source, texts

@@ -17,18 +17,18 @@ two focal lengths exactly. Features without a point are no observations of a blo
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
 from aatri.artifacts.block import APPROXIMATE, OBSERVED_VALUE, Block
+from aatri.artifacts.builder import Columns, block_of
 from aatri.camera.models.forward_models import PARAMETERS
 from aatri.errors import AatriError, InputError, raise_all
-from aatri.formats.builder import Columns, block_of
 from aatri.formats.colmap.binary import binary_paths, read_binary
 from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
@@ -91,9 +91,11 @@ def read_colmap(
     raise_all(compare_tracks(model, reporter))
     cameras, images = model.cameras, model.images
     names, ids = [image.name for image in images], [str(camera.id) for camera in cameras]
+    lines = [image.line for image in images]
     rotation, position_m = _poses(images)
     exterior: Columns = {
-        "image": names, "position_m": position_m, "angles_rad": angles_from_rotation(rotation), **_at_images(images),
+        "image": names, "position_m": position_m, "angles_rad": angles_from_rotation(rotation), "file": IMAGES,
+        "line": lines,
     }  # fmt: skip
     ground, paths = with_control(_ground_points(model), model.paths, control, reporter)
     block = block_of(
@@ -103,7 +105,7 @@ def read_colmap(
         camera_parameters=_camera_parameters(cameras, calibrate),
         images={
             "id": names, "camera": [str(image.camera) for image in images],
-            "sequence": np.arange(1.0, len(names) + 1), **_at_images(images),
+            "sequence": np.arange(1.0, len(names) + 1), "file": IMAGES, "line": lines,
         },
         points=[str(point) for point in model.points.tolist()],
         image_points=_image_points(model, image_sigma_px, reporter),
@@ -140,7 +142,7 @@ def _check(model: ColmapModel) -> None:
             problems.append(
                 InputError(f"image {image.id} names camera {image.camera}, which is not there", where=where)
             )
-        if not any(image.quaternion):
+        if math.hypot(*image.quaternion) < 1.0 / LARGEST:
             problems.append(InputError(f"image {image.name} has no rotation: its quaternion is 0", where=where))
         if seen.setdefault(image.name, image.id) != image.id:
             problems.append(InputError(f"images {seen[image.name]} and {image.id} have one name", where=where))
@@ -190,17 +192,13 @@ def _pixel_mm(camera: ColmapCamera) -> Float:
     return PIXEL_MM * np.array([1.0, fx / fy])
 
 
-def _at_images(images: list[ColmapImage]) -> dict[str, npt.ArrayLike]:
-    return {"file": np.full(len(images), IMAGES), "line": np.array([image.line for image in images], np.int32)}
-
-
 def _cameras(ids: list[str], cameras: list[ColmapCamera]) -> Columns:
-    n, pixel_mm = len(ids), np.array([_pixel_mm(c) for c in cameras])
+    pixel_mm = np.array([_pixel_mm(c) for c in cameras])
     size = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
     first = [len(c.parameters) - len(DISTORTIONS[c.model][1]) - 2 for c in cameras]
     centre = np.array([c.parameters[k : k + 2] for c, k in zip(cameras, first)])
     return {
-        "id": ids, "pixel_size_mm": pixel_mm, "pixel_origin": ["top-left-corner"] * n, "pixel_y": ["down"] * n,
+        "id": ids, "pixel_size_mm": pixel_mm, "pixel_origin": "top-left-corner", "pixel_y": "down",
         "format": size, "principal_distance_mm": [_focal_lengths(c)[0] * PIXEL_MM for c in cameras],
         "principal_point_mm": (centre - size / 2) * pixel_mm * Y_UP[:2],
         "distortion": [DISTORTIONS[c.model][0] for c in cameras],
@@ -235,7 +233,7 @@ def _image_points(model: ColmapModel, sigma_px: float, reporter: Reporter) -> Co
         "point": order[np.searchsorted(model.points, number, sorter=order)],
         "xy": np.concatenate([image.xy_px[mask] for image, mask in zip(model.images, used)]),
         "sigma_mm": sigma_px * np.repeat([pixel_mm[image.camera] for image in model.images], counts, axis=0),
-        "file": np.full(len(number), IMAGES),
+        "file": IMAGES,
         "line": np.repeat([i.line + (i.line > 0) for i in model.images], counts),
     }  # fmt: skip
 
@@ -251,6 +249,4 @@ def _ground_points(model: ColmapModel) -> Columns:
 
 
 def _observed(exterior: Columns, sigma_m: float) -> Columns:
-    n = len(np.asarray(exterior["position_m"]))
-    covariance_m2 = np.tile(np.eye(3) * sigma_m**2, (n, 1, 1))
-    return {**exterior, "position_use": np.full(n, OBSERVED_VALUE), "position_covariance_m2": covariance_m2}
+    return {**exterior, "position_use": OBSERVED_VALUE, "sigma_m": sigma_m}

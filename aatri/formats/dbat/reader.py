@@ -32,25 +32,24 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.arrays import Float
 from aatri.artifacts.block import APPROXIMATE, CONTROL, Block, Rejects
+from aatri.artifacts.builder import block_of
 from aatri.errors import GeometryError, InputError, raise_all
-from aatri.formats.builder import block_of
 from aatri.formats.dbat.files import DefaultCamera, Export, ObjectPoint, Photo, read_control, read_export
 from aatri.formats.screening import MAX_REJECT_SHARE, NOT_SEEN, screen_block
-from aatri.formats.tables.source import texts
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
 CAMERA = "camera"
 """Id of the camera; the files give it none."""
 
-EXPORT, CONTROL_FILE = 0, 1
+EXPORT = 0
+"""Row of the export in the list of files."""
 
 NOT_GIVEN_SIGMA_PX = 1.0
 """Standard deviation of marks that have none; sigma0 tells what it should have been."""
@@ -101,19 +100,19 @@ def read_dbat(
         _refuse_undetermined(source, given)
     photos = _distinct(source.photos)
     names = [p.name for p in photos]
-    at_photos = _at(EXPORT, [p.entry.line for p in photos])
+    entries = [p.entry for p in photos]
     _warn_of_aspect(export, source.camera, camera_model, reporter)
     block = block_of(
         name=export.stem,
         files=[export] if control is None else [export, control],
         cameras=_camera(source.camera, camera_model),
         camera_parameters=_parameters(source.camera, camera_model, calibrate),
-        images={"id": names, "camera": [CAMERA] * len(names), "sequence": np.arange(1.0, len(names) + 1), **at_photos},
+        images={"id": names, "camera": CAMERA, "sequence": np.arange(1.0, len(names) + 1), "at": entries},
         image_points=_image_points(source, image_sigma_px, reporter),
         ground_points=_ground_points(source, given, shift),
         exterior={
             "image": names, "position_m": np.array([p.position_m for p in photos]) + shift,
-            "angles_rad": np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]), **at_photos,
+            "angles_rad": np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]), "at": entries,
         },
         rejects=_not_seen(source, given),
     )  # fmt: skip
@@ -137,11 +136,8 @@ def _refuse_undetermined(source: Export, given: dict[str, ObjectPoint]) -> None:
 def _not_seen(source: Export, given: dict[str, ObjectPoint]) -> Rejects:
     seen = {m.point for m in source.marks}
     names = canonical(name for name in source.points if name not in seen and name not in given)
-    n = len(names)
-    return Rejects(
-        kind=texts(["ground_point"] * n), id=texts(names), reason=texts([NOT_SEEN] * n),
-        file=np.full(n, EXPORT, np.int32), line=np.array([source.points[p].entry.line for p in names], np.int32),
-    )  # fmt: skip
+    lines = [source.points[p].entry.line for p in names]
+    return Rejects.of(kind="ground_point", id=names, reason=NOT_SEEN, file=EXPORT, line=lines)
 
 
 def _distinct(photos: list[Photo]) -> list[Photo]:
@@ -197,31 +193,30 @@ def _warn_of_aspect(export: Path, camera: DefaultCamera, model: CameraModel, rep
         )
 
 
-def _camera(camera: DefaultCamera, model: CameraModel) -> dict[str, npt.ArrayLike]:
+def _camera(camera: DefaultCamera, model: CameraModel) -> dict[str, Any]:
     pixel, size = _pixel_mm(camera), np.array(camera.size_px)
     px, py = camera.principal_point_mm
     px = px / (1.0 + _aspect(camera, model))
     return {
-        "id": [CAMERA], "pixel_size_mm": pixel[None], "pixel_origin": ["top-left-corner"], "pixel_y": ["down"],
-        "format": size[None].astype(float), "principal_distance_mm": [camera.c_mm], "distortion": [model],
-        "principal_point_mm": (np.array([px, -py]) - np.array([1, -1]) * pixel * size / 2)[None],
+        "id": CAMERA, "pixel_size_mm": pixel, "pixel_origin": "top-left-corner", "pixel_y": "down",
+        "format": size.astype(float), "principal_distance_mm": camera.c_mm, "distortion": model,
+        "principal_point_mm": np.array([px, -py]) - np.array([1, -1]) * pixel * size / 2,
     }  # fmt: skip
 
 
-def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> dict[str, npt.ArrayLike]:
+def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> dict[str, Any]:
     """Distortion parameters, and for the interior orientation whether it is free (NaN and free) or fixed (0)."""
     values = dict(zip(("k1", "k2", "k3", "p1", "p2"), camera.distortion))
     values |= dict.fromkeys(("principal_distance", "principal_point.x", "principal_point.y"), np.nan)
     if model == "dbat3":
         values["as"] = _aspect(camera, model)
-    n = len(values)
     return {
-        "camera": [CAMERA] * n, "name": list(values), "value": list(values.values()),
-        "sigma": np.full(n, np.nan if calibrate else 0.0), "free": np.full(n, calibrate),
+        "camera": CAMERA, "name": list(values), "value": list(values.values()), "sigma": np.nan if calibrate else 0.0,
+        "free": calibrate,
     }  # fmt: skip
 
 
-def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) -> dict[str, npt.ArrayLike]:
+def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) -> dict[str, Any]:
     n = len(source.marks)
     photo = [p.name for p in source.photos]
     own = np.array([m.sigma_px for m in source.marks]).reshape(n, 2)
@@ -234,12 +229,12 @@ def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) ->
         sigma[not_given] = NOT_GIVEN_SIGMA_PX
     return {
         "image": [photo[m.photo] for m in source.marks], "point": [m.point for m in source.marks],
-        "xy": np.array([m.xy_px for m in source.marks]).reshape(n, 2), "sigma_mm": sigma * _pixel_mm(source.camera),
-        **_at(EXPORT, [m.entry.line for m in source.marks]),
+        "xy": [m.xy_px for m in source.marks], "sigma_mm": sigma * _pixel_mm(source.camera),
+        "at": [m.entry for m in source.marks],
     }  # fmt: skip
 
 
-def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float) -> dict[str, npt.ArrayLike]:
+def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float) -> dict[str, Any]:
     """Control as given; all other object points as start values."""
     names = list({**source.points, **given})
     points = [given.get(p) or source.points[p] for p in names]
@@ -249,12 +244,7 @@ def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float
     sigma = np.where(is_control[:, None], np.array([p.sigma_m for p in points]).reshape(n, 3), 0.0)
     return {
         "point": names, "xyz_m": np.where(is_control[:, None], xyz, xyz + shift_m),
-        "covariance_m2": sigma[:, :, None] ** 2 * np.eye(3),
-        "role": np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE).astype(np.int32),
-        "file": np.where(is_control, CONTROL_FILE, EXPORT).astype(np.int32),
-        "line": np.array([p.entry.line for p in points], np.int32),
+        "sigma_m": sigma, "role": np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE),
+        "at": [p.entry for p in points],
     }  # fmt: skip
 
-
-def _at(file: int, lines: list[int]) -> dict[str, npt.ArrayLike]:
-    return {"file": np.full(len(lines), file, np.int32), "line": np.array(lines, np.int32)}

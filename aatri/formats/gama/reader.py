@@ -9,28 +9,17 @@ times the sigma0 of a bundle.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from aatri.artifacts.block import (
-    APPROXIMATE,
-    CONTROL,
-    NO_ROLE,
-    Block,
-    Geodetic,
-    GeodeticCovariances,
-    GroundPointCovariances,
-)
-from aatri.artifacts.block import Frames as FrameTable
+from aatri.artifacts.block import APPROXIMATE, CONTROL, NO_ROLE, Block, Frames
+from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import InputError
-from aatri.formats.builder import Columns, block_of
 from aatri.formats.gama.elements import read_network
 from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.formats.screening import screen_block
-from aatri.formats.tables.geodetic import geodetic_order, rejects_of, unusable
-from aatri.formats.tables.source import texts
+from aatri.formats.unusable_sights import without_unusable
 from aatri.ids import canonical, clipped, shown
 from aatri.progress import SILENT, Reporter
 
@@ -55,21 +44,16 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     axes = _axes(network.axes, path)
     points = _points(network, path)
     points |= _without_element(network.rows, points, path, reporter)
-    ids = canonical(points)
-    ground = _ground(network, points, ids, axes)
-    rows, covariances = _geodetic(network, axes)
-    reasons = unusable(rows)
     if any(p.datum for p in points.values()):
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
+    ids, sign = canonical(points), _signs(network, axes)
     block = block_of(
-        name=path.stem, files=[path], cameras={}, images={}, image_points={}, points=ids, ground_points=ground,
-        ground_point_covariances=_between_points(network, axes, ids),
-        geodetic=replace(rows, active=np.array([not reason for reason in reasons], dtype=bool)),
-        geodetic_covariances=covariances, rejects=rejects_of(rows, reasons),
-        frames=FrameTable(id=texts(["local"]), axes=texts(["east,north,up"]), crs=texts(["local"]),
-                          vertical=texts([""])),
+        name=path.stem, files=[path], points=ids, ground_points=_ground(network, points, ids, axes),
+        ground_point_covariances=_between_points(network, axes, ids), geodetic=_geodetic(network, axes, sign),
+        geodetic_covariances=_between_rows(network, sign),
+        frames=Frames.of(id="local", axes="east,north,up", crs="local", vertical=""),
     )  # fmt: skip
-    return screen_block(block, reporter, 0.0)
+    return screen_block(without_unusable(block), reporter, 0.0)
 
 
 def _axes(letters: str, path: Path) -> Axes:
@@ -124,8 +108,7 @@ def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axe
             covariance[a, i, j] = covariance[a, j, i] = value
     return {
         "point": ids, "xyz_m": xyz, "covariance_m2": covariance, "role": role,
-        "datum": np.array([bool(points[name].datum) for name in ids]), "file": np.zeros(n, np.int32),
-        "line": np.array([points[name].line for name in ids], np.int32),
+        "datum": [bool(points[name].datum) for name in ids], "line": [points[name].line for name in ids],
     }  # fmt: skip
 
 
@@ -138,41 +121,30 @@ def _observed_covariances(network: Network, axes: Axes, ids: list[str]) -> Itera
         yield (row[a], s), (row[b], t), sign_a * sign_b * value
 
 
-def _between_points(network: Network, axes: Axes, ids: list[str]) -> GroundPointCovariances:
-    found = sorted((*sorted((a, b)), value) for a, b, value in _observed_covariances(network, axes, ids)
-                   if a[0] != b[0] and value != 0)  # fmt: skip
-    if not found:
-        return GroundPointCovariances.empty()
-    a, b, value = zip(*found)
-    (row_a, axis_a), (row_b, axis_b) = np.array(a, np.int32).T, np.array(b, np.int32).T
-    return GroundPointCovariances(row_a=row_a, axis_a=axis_a, row_b=row_b, axis_b=axis_b, value=np.array(value))
+def _between_points(network: Network, axes: Axes, ids: list[str]) -> Columns | None:
+    pairs = [(*a, *b, value) for a, b, value in _observed_covariances(network, axes, ids) if a[0] != b[0] and value]
+    return dict(zip(("row_a", "axis_a", "row_b", "axis_b", "value"), zip(*pairs))) or None
 
 
-def _geodetic(network: Network, axes: Axes) -> tuple[Geodetic, GeodeticCovariances]:
-    """Observations in canonical order, and the covariances between them."""
-    rows, n = network.rows, len(network.rows)
+def _signs(network: Network, axes: Axes) -> list[float]:
+    """Of each observation, how it counts along the axes of the Block."""
+    return [axes[row.type[1]][1] if row.type in ("dx", "dy", "dz") else 1.0 for row in network.rows]
+
+
+def _geodetic(network: Network, axes: Axes, sign: list[float]) -> Columns:
+    """Observations in the axes of the Block."""
+    rows = network.rows
     variance = {i: value for i, j, value in network.covariances if i == j}
-    sigma = np.array([np.sqrt(variance.get(k, row.sigma**2)) for k, row in enumerate(rows)])
-    sign = np.ones(n)
-    types = [row.type for row in rows]
-    for k, row in enumerate(rows):
-        if row.type in ("dx", "dy", "dz"):
-            axis, sign[k] = axes[row.type[1]]
-            types[k] = "d" + "XYZ"[axis]
-    table = Geodetic(
-        type=texts(types), start=texts(row.start for row in rows), end=texts(row.end for row in rows),
-        via=texts(row.via for row in rows), start_kind=texts(["point"] * n), end_kind=texts(["point"] * n),
-        value=sign * np.array([row.value for row in rows]), sigma=sigma, set=texts(row.set for row in rows),
-        group=texts([""] * n), start_height_m=np.array([row.start_height_m for row in rows]),
-        end_height_m=np.array([row.end_height_m for row in rows]), active=np.ones(n, dtype=bool),
-        reduced=texts(["no"] * n), file=np.zeros(n, np.int32), line=np.array([row.line for row in rows], np.int32),
-    )  # fmt: skip
-    order = geodetic_order(table)
-    place = np.argsort(order)
-    found = sorted((*sorted((int(place[i]), int(place[j]))), sign[i] * sign[j] * value)
-                   for i, j, value in network.covariances if i != j and value != 0)  # fmt: skip
-    if not found:
-        return table.take(order), GeodeticCovariances.empty()
-    a, b, value = zip(*found)
-    return table.take(order), GeodeticCovariances(row_a=np.array(a, np.int32), row_b=np.array(b, np.int32),
-                                                  value=np.array(value))  # fmt: skip
+    return {
+        "type": ["d" + "XYZ"[axes[r.type[1]][0]] if r.type in ("dx", "dy", "dz") else r.type for r in rows],
+        "start": [r.start for r in rows], "end": [r.end for r in rows], "via": [r.via for r in rows],
+        "value": [s * r.value for s, r in zip(sign, rows)], "set": [r.set for r in rows],
+        "sigma": [np.sqrt(variance.get(k, r.sigma**2)) for k, r in enumerate(rows)],
+        "start_height_m": [r.start_height_m for r in rows], "end_height_m": [r.end_height_m for r in rows],
+        "line": [r.line for r in rows],
+    }  # fmt: skip
+
+
+def _between_rows(network: Network, sign: list[float]) -> Columns | None:
+    pairs = [(i, j, sign[i] * sign[j] * value) for i, j, value in network.covariances if i != j and value]
+    return dict(zip(("row_a", "row_b", "value"), zip(*pairs))) or None

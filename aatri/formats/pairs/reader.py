@@ -16,20 +16,21 @@ Source: lecture notes A113, A309.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aatri.artifacts.block import CHECK, CONTROL, Block
+from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.formats.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
-from aatri.formats.text.text_file import missing, read_lines
-from aatri.formats.text.text_line import TextLine
+from aatri.formats.text.text_file import missing
+from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.ids import is_valid
 from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
+WORDS = {"blanks": ",", "remark": "#"}
 Place = tuple[float, float]
 Measured = tuple[Place, TextLine]
 
@@ -68,51 +69,33 @@ def read_pairs(
     order: list[str] = []
     measured: dict[tuple[str, str], list[Measured]] = {}
     for number, path in enumerate(models):
-        rows = _lines(path, reporter)
+        rows = word_lines(path, reporter, **WORDS)
         photos = _photos(path, number)
         interior = _interior(rows[0], interior)
         order += [photo for photo in photos if photo not in order]
         for row in rows[1:]:
             _add(row, photos, unit_um * 1e-3, measured)
-    known = [(e, r) for p, r in ((control, CONTROL), (check, CHECK)) if p is not None for e in _lines(p, reporter)]
+    surveyed = [(path, role) for path, role in ((control, CONTROL), (check, CHECK)) if path is not None]
+    known = [(row, role) for path, role in surveyed for row in word_lines(path, reporter, **WORDS)]
     c, x0, y0 = interior
-    n = len(order)
     every = [(name, one) for name, of in measured.items() for one in of]
     block = block_of(
         name=folder.resolve().name, rotation="phi-omega-kappa", files=paths,
         cameras={
-            "id": [CAMERA], "kind": ["film"], "image_coordinates": ["photo"], "principal_distance_mm": [c],
-            "principal_point_mm": [[x0, y0]],
+            "id": CAMERA, "kind": "film", "image_coordinates": "photo", "principal_distance_mm": c,
+            "principal_point_mm": [x0, y0],
         },
         images={
-            "id": order, "camera": [CAMERA] * n, "strip": [STRIP] * n, "sequence": np.arange(1.0, n + 1),
-            "file": np.zeros(n, np.int32), "line": np.ones(n, np.int32),
+            "id": order, "camera": CAMERA, "strip": STRIP, "sequence": np.arange(1.0, len(order) + 1), "line": 1,
         },
         image_points={
             "image": [photo for (photo, _), _ in every], "point": [point for (_, point), _ in every],
-            "xy": np.array([place for _, (place, _) in every]).reshape(-1, 2),
-            "sigma_mm": np.full((len(every), 2), image_sigma_um * 1e-3),
-            **_at([entry for _, (_, entry) in every], paths),
+            "xy": [place for _, (place, _) in every], "sigma_mm": image_sigma_um * 1e-3,
+            "at": [entry for _, (_, entry) in every],
         },
-        ground_points=_ground(known, paths, control_sigma_m),
+        ground_points=_ground(known, control_sigma_m),
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
-
-
-def _at(entries: list[TextLine], paths: list[Path]) -> dict[str, npt.ArrayLike]:
-    """Files and lines of some entries."""
-    return {
-        "file": np.array([paths.index(e.path) for e in entries], np.int32),
-        "line": np.array([e.line for e in entries], np.int32),
-    }
-
-
-def _lines(path: Path, reporter: Reporter) -> list[TextLine]:
-    lines = enumerate(read_lines(path, reporter), 1)
-    rows = [TextLine(w, path, k) for k, t in lines if (w := t.replace(",", " ").split()) and not w[0].startswith("#")]
-    if not rows:
-        raise InputError("the file has no rows", where=str(path), remedy="put the data in")
-    return rows
 
 
 def _photos(path: Path, number: int) -> tuple[str, str]:
@@ -156,7 +139,7 @@ def _add(
             before.append((place, row))
 
 
-def _ground(known: list[tuple[TextLine, int]], paths: list[Path], sigma_m: float) -> dict[str, npt.ArrayLike]:
+def _ground(known: list[tuple[TextLine, int]], sigma_m: float) -> dict[str, Any]:
     seen: set[str] = set()
     for entry, _ in known:
         if len(entry.words) != 4:
@@ -164,11 +147,8 @@ def _ground(known: list[tuple[TextLine, int]], paths: list[Path], sigma_m: float
         if entry.words[0] in seen:
             raise entry.error(f"point {entry.words[0]} twice", "remove one")
         seen.add(entry.words[0])
-    n = len(known)
     return {
         "point": [entry.words[0] for entry, _ in known],
-        "xyz_m": np.array([[entry.number(k) for k in (1, 2, 3)] for entry, _ in known]).reshape(n, 3),
-        "covariance_m2": np.tile(np.eye(3) * sigma_m**2, (n, 1, 1)),
-        "role": np.array([[role] * 3 for _, role in known], np.int32).reshape(n, 3),
-        **_at([entry for entry, _ in known], paths),
+        "xyz_m": [[entry.number(k) for k in (1, 2, 3)] for entry, _ in known], "sigma_m": sigma_m,
+        "role": [[role] * 3 for _, role in known], "at": [entry for entry, _ in known],
     }  # fmt: skip

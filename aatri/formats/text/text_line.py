@@ -7,7 +7,9 @@ from pathlib import Path
 
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of
+from aatri.formats.text.text_file import read_lines
 from aatri.ids import clipped
+from aatri.progress import SILENT, Reporter
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class TextLine:
 
     def number(self, k: int) -> float:
         """The word as a number."""
+        if k >= len(self.words):
+            raise self.error(f"{len(self.words)} words", f"word {k + 1} is to be a number")
         try:
             return number_of(self.words[k])
         except ValueError as error:
@@ -34,3 +38,19 @@ class TextLine:
         if not (self.words[k].isascii() and self.words[k].isdigit() and len(self.words[k]) < 9):
             raise self.error(f"{clipped(self.words[k])!r} is no count", "write a whole number")
         return int(self.words[k])
+
+
+def word_lines(path: Path, reporter: Reporter = SILENT, *, blanks: str = "", remark: str = "") -> list[TextLine]:
+    """The lines of a file that have words; signs of `blanks` part them too, what begins with `remark` is left out.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    as_blanks = str.maketrans(dict.fromkeys(blanks, " "))
+    words = [(k, text.translate(as_blanks).split()) for k, text in enumerate(read_lines(path, reporter), 1)]
+    rows = [TextLine(w, path, k) for k, w in words if w and not (remark and w[0].startswith(remark))]
+    if not rows:
+        raise InputError("the file has no rows", where=str(path), remedy="put the data in")
+    return rows

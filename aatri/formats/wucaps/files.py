@@ -19,8 +19,8 @@ from typing import TypeVar
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
-from aatri.formats.text.text_file import missing, read_lines
-from aatri.formats.text.text_line import TextLine
+from aatri.formats.text.text_file import missing
+from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 
@@ -99,7 +99,7 @@ def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
     if not folder.is_dir():
         raise missing(folder)
     paths = [_find(folder, name) for name in NAMES]
-    entries = [_entries(path, reporter) for path in paths]
+    entries = [word_lines(path, reporter, blanks="\x1a") for path in paths]
     problems: list[AatriError] = []
     camera = _collected(lambda: _camera(entries[0], paths[0]), problems)
     images = _collected(lambda: _image_coordinates(entries[1]), problems)
@@ -133,14 +133,6 @@ def _find(folder: Path, name: str) -> Path:
         names = " and ".join(p.name for p in found)
         raise InputError(f"two files {name}: {names}", where=str(folder), remedy="remove one")
     return found[0]
-
-
-def _entries(path: Path, reporter: Reporter) -> list[TextLine]:
-    lines = enumerate(read_lines(path, reporter), 1)
-    entries = [TextLine(words, path, k) for k, text in lines if (words := text.replace("\x1a", "").split())]
-    if not entries:
-        raise InputError("the file has no rows", where=str(path), remedy="put the data in")
-    return entries
 
 
 def _camera(entries: list[TextLine], path: Path) -> Camera:

@@ -12,12 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.arrays import Int
 from aatri.artifacts.block import NO_ROLE, Block, Fiducials, Frames
-from aatri.formats.builder import block_of
+from aatri.artifacts.builder import block_of
 from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
-from aatri.formats.tables.source import texts
-from aatri.formats.wucaps.files import NAMES, read_files
+from aatri.formats.wucaps.files import read_files
 from aatri.formats.wucaps.stated import compare_strips
 from aatri.ids import canonical
 from aatri.progress import SILENT, Reporter
@@ -55,34 +53,26 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         rotation="phi-omega-kappa",
         earth_curvature="correct",
         files=files.paths,
-        frames=Frames(id=texts(["map"]), axes=texts(["north,east,up"]), crs=texts(["local"]), vertical=texts([""])),
+        frames=Frames.of(id="map", axes="north,east,up", crs="local", vertical=""),
         cameras={
-            "id": [CAMERA], "kind": ["film"], "image_coordinates": ["photo"], "principal_distance_mm": [c],
-            "principal_point_mm": [[x0, y0]],
+            "id": CAMERA, "kind": "film", "image_coordinates": "photo", "principal_distance_mm": c,
+            "principal_point_mm": [x0, y0],
         },
-        fiducials=Fiducials(
-            camera=np.zeros(len(marks), np.int32), id=texts(canonical(marks)),
-            xy_mm=np.array([marks[m] for m in canonical(marks)]).reshape(-1, 2),
+        fiducials=Fiducials.of(
+            camera=0, id=canonical(marks), xy_mm=[marks[m] for m in canonical(marks)],
         ),
         images={
-            "id": [p.id for p in photos], "camera": [CAMERA] * len(photos), "sequence": [p.sequence for p in photos],
-            "strip": [files.strips[p.strip] for p in photos], **_at("PREPHI", [p.entry.line for p in photos]),
+            "id": [p.id for p in photos], "camera": CAMERA, "sequence": [p.sequence for p in photos],
+            "strip": [files.strips[p.strip] for p in photos], "at": [p.entry for p in photos],
         },
         image_points={
             "image": [m.photo for m in rows], "point": [m.point for m in rows],
-            "xy": np.array([m.xy for m in rows], float).reshape(-1, 2),
-            "sigma_mm": np.full((len(rows), 2), image_sigma_mm), **_at("PREPHI", [m.entry.line for m in rows]),
+            "xy": np.array([m.xy for m in rows], float), "sigma_mm": image_sigma_mm, "at": [m.entry for m in rows],
         },
         ground_points={
-            "point": names, "xyz_m": np.array([files.ground[p].xyz_m for p in names]).reshape(-1, 3),
-            "covariance_m2": np.tile(np.eye(3) * (control_sigma_m or 0.0) ** 2, (len(names), 1, 1)),
-            "role": np.array([files.roles.get(p, [NO_ROLE] * 3) for p in names], np.int32).reshape(-1, 3),
-            **_at("PRECKI", [files.ground[p].entry.line for p in names]),
+            "point": names, "xyz_m": [files.ground[p].xyz_m for p in names], "sigma_m": control_sigma_m or 0.0,
+            "role": [files.roles.get(p, [NO_ROLE] * 3) for p in names], "at": [files.ground[p].entry for p in names],
         },
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
 
-
-def _at(name: str, lines: list[int]) -> dict[str, Int]:
-    """Places in a file of the folder."""
-    return {"file": np.full(len(lines), NAMES.index(name), np.int32), "line": np.array(lines, np.int32)}

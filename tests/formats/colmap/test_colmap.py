@@ -243,6 +243,7 @@ def test_every_camera_model_projects_as_pycolmap_does(tmp_path: Path, model: str
         ("images", "60.5 30.25 3", "60,5 30.25 3", ":3", "is no number"),
         ("images", "7 0 1", "7 x 1", ":2", "'x' is no number"),
         ("images", "8 0 1 0 0", "8 0 0 0 0", ":4", "no rotation"),
+        ("images", "8 0 1 0 0", "8 0 1e-320 0 0", ":4", "no rotation"),
         ("points3D", "4 3 4 1 0", "3 3 4 1 0", "", "a point stands twice"),
         ("points3D", "4 3 4 1 0 0 0 0.5 7 2 8 1", "4 3 4", ":2", "3 words"),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from aatri.artifacts.block import Block, Geodetic
-from aatri.formats.builder import block_of
+from aatri.artifacts.builder import block_of
 
 
 def geodetic_block(type_: str, ends: tuple[str, str], above: tuple[float, float], group: str = "") -> Block:

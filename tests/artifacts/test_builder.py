@@ -10,7 +10,7 @@ import pytest
 
 from aatri.artifacts.block import CONTROL, Block
 from aatri.errors import ArtifactError, InputError
-from aatri.formats.builder import block_of
+from aatri.artifacts.builder import block_of
 from aatri.tables.digest import content_digest
 
 

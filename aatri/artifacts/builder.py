@@ -1,0 +1,246 @@
+"""A Block from the columns that a reader has: ids instead of rows, in any order; what is not stated has its default.
+
+    block_of(
+        name="demo", files=[path],
+        cameras={"id": "c", "principal_distance_mm": 153.0},
+        images={"id": ["1", "2"], "camera": "c"},
+        image_points={"image": ["1", "2"], "point": ["A", "A"], "xy": [[1.0, 2.0], [3.0, 4.0]], "sigma_mm": 0.005},
+        ground_points={"point": ["A"], "xyz_m": [[1.0, 2.0, 3.0]], "sigma_m": 0.01, "role": CONTROL},
+    )
+
+The columns are those of the tables (`artifacts.block`); one value stands for all rows. Instead of `file` and `line`,
+`at` are the places where rows were read; `sigma_m` stands for a covariance without correlations. `camera`, `strip`,
+`image` and `point` are ids, or numbers of rows in the order in which the reader gives cameras, images and `points`;
+covariances count in its rows too. Rows get their canonical order here; strips and points are those that are named.
+Unless more is said, the frame is Cartesian with axes x, y, z, and nothing is known of an earth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.arrays import Float, Int, Text
+from aatri.artifacts.block import (
+    Block,
+    CameraParameters,
+    Cameras,
+    Exterior,
+    Files,
+    Frames,
+    Geodetic,
+    GeodeticCovariances,
+    GroundPointCovariances,
+    GroundPoints,
+    ImagePoints,
+    Images,
+    Points,
+    Strips,
+)
+from aatri.errors import InputError
+from aatri.ids import printable
+from aatri.tables.schema import is_optional, tables_of
+
+Columns = Mapping[str, Any]
+"""Columns of a table by name."""
+
+PLAIN: Mapping[str, Any] = {
+    "rotation": "omega-phi-kappa", "earth_curvature": "ignore", "terrain_height_m": np.nan, "undulation_m": np.nan,
+    "heading": "true",
+}  # fmt: skip
+
+
+def block_of(
+    *, name: str, files: Sequence[Path | str] = (), cameras: Columns | None = None, images: Columns | None = None,
+    image_points: Columns | None = None, camera_parameters: Columns | None = None, points: Iterable[str] = (),
+    ground_points: Columns | None = None, ground_point_covariances: Columns | None = None,
+    exterior: Columns | None = None, geodetic: Columns | None = None, geodetic_covariances: Columns | None = None,
+    **others: Any,
+) -> Block:  # fmt: skip
+    """The Block of some columns.
+
+    Parameters
+    ----------
+    name : str
+    files : sequence of Path
+        The columns `file` count in it.
+    cameras ... geodetic_covariances : mapping of str to array
+        Columns of these tables.
+    points : iterable of str
+        Ids that rows of `point` count in, and of points that nothing measures.
+    others
+        Attributes of the Block, and tables made already.
+
+    Raises
+    ------
+    InputError
+        If an id stands twice, or one that is named is nowhere given.
+    """
+    paths = [str(path) for path in files]
+    cameras, images, image_points, ground_points, exterior, geodetic = (
+        _plain_columns(columns, paths)
+        for columns in (cameras, images, image_points, ground_points, exterior, geodetic)
+    )  # fmt: skip
+    camera_ids, image_ids = _Ids.of("camera", cameras, paths), _Ids.of("image", images, paths)
+    local = list(points)
+    named = [_texts_in(local), _texts_in(image_points.get("point", ())), _texts_in(ground_points.get("point", ()))]
+    point_ids = _Ids("point", np.unique(np.concatenate(named)), _texts_in(local), paths)
+    strip_ids = np.unique([text for text in _texts_in(images.get("strip", ())).tolist() if text]).astype(np.str_)
+    tables: dict[str, Any] = {
+        "frames": Frames(id=_texts_in(["local"]), axes=_texts_in(["x,y,z"]), crs=_texts_in(["local"]),
+                         vertical=_texts_in([""])),
+        "strips": Strips(id=strip_ids if len(strip_ids) else _texts_in([])),
+        "points": Points(id=point_ids.sorted),
+    }  # fmt: skip
+    if cameras:
+        tables["cameras"] = _sorted_by_id(Cameras.of(**cameras))
+    if images:
+        rows = _with_rows(images, camera=camera_ids) | _strip_rows(images, strip_ids)
+        tables["images"] = _sorted_by_id(Images.of(**rows))
+    if image_points:
+        measured = ImagePoints.of(**_with_rows(image_points, image=image_ids, point=point_ids))
+        tables["image_points"] = measured.take(image_point_order(measured))
+    if camera_parameters:
+        of_cameras = CameraParameters.of(**_with_rows(camera_parameters, camera=camera_ids))
+        tables["camera_parameters"] = of_cameras.take(np.lexsort((of_cameras.name, of_cameras.camera)))
+    if ground_points:
+        ground = GroundPoints.of(**_with_rows(ground_points, point=point_ids))
+        order = np.argsort(ground.point, kind="stable")
+        tables["ground_points"] = ground.take(order)
+        if ground_point_covariances:
+            tables["ground_point_covariances"] = _between_points(ground_point_covariances, order)
+    if exterior:
+        orientations = Exterior.of(**_with_rows(exterior, image=image_ids))
+        tables["exterior"] = orientations.take(np.argsort(orientations.image, kind="stable"))
+    if geodetic:
+        sights = Geodetic.of(**geodetic)
+        of_sights = geodetic_order(sights)
+        tables["geodetic"] = sights.take(of_sights)
+        if geodetic_covariances:
+            tables["geodetic_covariances"] = _between_sights(geodetic_covariances, of_sights)
+    empty = {key: kind.empty() for key, kind in tables_of(Block).items() if not is_optional(Block, key)}
+    return Block(name=name, **{**PLAIN, **empty, "files": Files(path=_texts_in(paths)), **tables, **others})
+
+
+def image_point_order(rows: ImagePoints) -> Int:
+    """The canonical order: by image, point, x, y, then whatever may still differ."""
+    order = np.lexsort((rows.xy[:, 1], rows.xy[:, 0], rows.point, rows.image))
+    same = (np.diff(rows.image[order]) == 0) & (np.diff(rows.point[order]) == 0)
+    if not same.any():
+        return order
+    return np.lexsort((rows.row_time_s, rows.active, rows.group, rows.sigma_mm[:, 1], rows.sigma_mm[:, 0],
+                       rows.xy[:, 1], rows.xy[:, 0], rows.point, rows.image))  # fmt: skip
+
+
+def geodetic_order(rows: Geodetic) -> Int:
+    """The canonical order: by type, set, via, start, end, and the figures."""
+    names = ("type", "set", "via", "start", "end", "start_kind", "end_kind", "group", "reduced")
+    figures = ("value", "sigma", "start_height_m", "end_height_m")
+    columns = [getattr(rows, name).tolist() for name in names]
+    columns += [np.nan_to_num(getattr(rows, name), nan=-1.0).tolist() for name in figures]
+    keys = list(zip(*columns))
+    return np.array(sorted(range(len(rows)), key=lambda k: keys[k]), dtype=np.intp)
+
+
+class _Ids:
+    """Ids of one kind, in canonical order and in that of the reader."""
+
+    def __init__(self, kind: str, in_order: Text, local: Text, paths: list[str]) -> None:
+        self.kind, self.sorted, self._paths = kind, in_order, paths
+        self._row_of_local = np.searchsorted(in_order, local).astype(np.int32)
+
+    @classmethod
+    def of(cls, kind: str, columns: Columns, paths: list[str]) -> _Ids:
+        """Ids of the rows of a table, each once."""
+        local = _texts_in(columns.get("id", ()))
+        in_order, count = np.unique(local, return_counts=True)
+        if len(in_order) < len(local):
+            twice = str(in_order[count > 1][0])
+            at = int(np.flatnonzero(local == twice)[-1])
+            raise InputError(f"{kind} {printable(twice)} stands twice", where=_place(columns, at, paths),
+                             remedy="remove one, or give it another name")  # fmt: skip
+        return cls(kind, in_order, local, paths)
+
+    def rows(self, values: npt.ArrayLike, columns: Columns) -> Int:
+        """Rows in canonical order of some ids, or of rows in the order of the reader."""
+        given = np.asarray(values)
+        if given.dtype.kind in "iu":
+            return np.asarray(self._row_of_local[given])
+        ids = _texts_in(given)
+        rows = np.searchsorted(self.sorted, ids)
+        unknown = np.ones(len(ids), bool)
+        if len(self.sorted):
+            unknown = self.sorted[np.minimum(rows, len(self.sorted) - 1)] != ids
+        if unknown.any():
+            at = int(np.argmax(unknown))
+            raise InputError(f"{self.kind} {printable(str(ids[at]))} is named, but not given",
+                             where=_place(columns, at, self._paths), remedy="give it, or mend the id")  # fmt: skip
+        return np.asarray(rows.astype(np.int32) if given.ndim else rows[0])
+
+
+def _texts_in(values: npt.ArrayLike) -> Text:
+    """A text column; nothing of a column of numbers."""
+    array = np.atleast_1d(np.asarray(values))
+    return array.astype(np.str_) if array.size and array.dtype.kind not in "iu" else np.zeros(0, "U1")
+
+
+def _plain_columns(columns: Columns | None, paths: list[str]) -> dict[str, Any]:
+    """The columns with those of the table in the place of `at` and `sigma_m`; lines alone are of the one file."""
+    plain: dict[str, Any] = dict(columns or {})
+    if "at" in plain:
+        places = plain.pop("at")
+        file = {path: k for k, path in enumerate(paths)}
+        plain |= {"file": [file[str(place.path)] for place in places], "line": [place.line for place in places]}
+    elif "line" in plain:
+        plain.setdefault("file", 0)
+    if "sigma_m" in plain:
+        variance = np.asarray(plain.pop("sigma_m"), dtype=np.float64) ** 2
+        of = "covariance_m2" if "xyz_m" in plain else "position_covariance_m2"
+        plain[of] = variance[..., None] * np.eye(3)
+    return plain
+
+
+def _place(columns: Columns, row: int, paths: list[str]) -> str:
+    file, line = (int(np.resize(columns.get(key, -1), row + 1)[row]) for key in ("file", "line"))
+    path = paths[file] if 0 <= file < len(paths) else (paths[0] if len(paths) == 1 else "")
+    return f"{path}:{line}" if path and line > 0 else path
+
+
+def _with_rows(columns: Columns, **references: _Ids) -> dict[str, Any]:
+    return {**columns, **{key: ids.rows(columns[key], columns) for key, ids in references.items()}}
+
+
+def _strip_rows(images: Columns, strip_ids: Text) -> dict[str, Any]:
+    if "strip" not in images:
+        return {}
+    given = _texts_in(images["strip"])
+    rows = np.where(given != "", np.searchsorted(strip_ids, given), -1)
+    return {"strip": rows if np.ndim(images["strip"]) else rows[0]}
+
+
+def _sorted_by_id(table: Any) -> Any:
+    return table.take(np.argsort(table.id, kind="stable"))
+
+
+def _between_points(columns: Columns, order: Int) -> GroundPointCovariances:
+    a, b, value = _pairs(columns, order, 3)
+    return GroundPointCovariances(row_a=a // 3, axis_a=a % 3, row_b=b // 3, axis_b=b % 3, value=value)
+
+
+def _between_sights(columns: Columns, order: Int) -> GeodeticCovariances:
+    a, b, value = _pairs(columns, order, 1)
+    return GeodeticCovariances(row_a=a, row_b=b, value=value)
+
+
+def _pairs(columns: Columns, order: Int, per_row: int) -> tuple[Int, Int, Float]:
+    """Places of each pair in canonical order, the smaller one first, and its value."""
+    place = np.argsort(order)
+    ends = [per_row * place[np.asarray(columns[f"row_{side}"], dtype=np.intp)]
+            + np.asarray(columns.get(f"axis_{side}", 0), dtype=np.intp) for side in "ab"]  # fmt: skip
+    a, b = np.sort(np.stack(ends), axis=0)
+    sorted_ = np.lexsort((b, a))
+    return a[sorted_], b[sorted_], np.asarray(columns["value"], dtype=np.float64)[sorted_]
