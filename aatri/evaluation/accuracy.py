@@ -71,21 +71,24 @@ def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enou
         **_datum_figures(block, solution, at_check, at_truth),
     }
     theories = (("check_theory", at_check), ("truth_over", at_truth), ("truth_nees", at_truth))
-    without_theory = {name for name, of in theories if of is None or not of.over_datum}  # fmt: skip
-    known = {name: value for name, value in figures.items()
-             if not np.isnan(value) and not name.startswith(tuple(without_theory))}  # fmt: skip
-    known |= expected_ratios(known, solution.independent_errors, confidence)
+    without_theory = {name for name, of in theories if of is None or not of.over_datum}
+    determined = {
+        name: value
+        for name, value in figures.items()
+        if not np.isnan(value) and not name.startswith(tuple(without_theory))
+    }
+    determined |= expected_ratios(determined, solution.independent_errors, confidence)
     over_datum = at_check is not None and at_check.over_datum
     parts = {"control": control, "left_out": left_out.differences, "check": check, "truth": truth}
     return Evaluation(
         verdict=verdict(
-            known,
+            determined,
             control_is_exact=_is_exact(block),
             enough=enough,
             sigma0=global_test(solution.sigma0, solution.counted_redundancy),
             beyond=beyond_every_bound(block, check, solution.sigma0) if over_datum else (),
         ),
-        figures=Figures(name=np.array(list(known)), value=np.array(list(known.values()), dtype=np.float64)),
+        figures=Figures(name=np.array(list(determined)), value=np.array(list(determined.values()), dtype=np.float64)),
         differences=_table(block, solution, parts),
     )
 
@@ -130,8 +133,10 @@ def _datum_figures(
     """How many components of the datum were fitted before comparing; -1 where they could not be."""
     if solution.datum is None:
         return {}
-    asked = {"check_aligned_components": (at_check, bool((block.ground_points.role == CHECK).any())),
-             "truth_aligned_components": (at_truth, block.true_points is not None)}  # fmt: skip
+    asked = {
+        "check_aligned_components": (at_check, bool((block.ground_points.role == CHECK).any())),
+        "truth_aligned_components": (at_truth, block.true_points is not None),
+    }
     return {name: float(of.components if of else -1) for name, (of, wanted) in asked.items() if wanted}
 
 
@@ -199,12 +204,12 @@ def _ratio(truth: PointDifferences, theory: Float) -> Float:
 
 
 def _nees(difference: Float, covariance: Float) -> float:
-    known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
-    known = np.asarray(known & (np.linalg.det(np.where(known[:, None, None], covariance, 0.0)) > 0))
-    if not known.any():
+    determined = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    determined = np.asarray(determined & (np.linalg.det(np.where(determined[:, None, None], covariance, 0.0)) > 0))
+    if not determined.any():
         return float("nan")
-    d = difference[known]
-    return float(np.einsum("ni,ni->n", d, np.linalg.solve(covariance[known], d[:, :, None])[..., 0]).mean() / 3)
+    d = difference[determined]
+    return float(np.einsum("ni,ni->n", d, np.linalg.solve(covariance[determined], d[:, :, None])[..., 0]).mean() / 3)
 
 
 def _extrapolated(block: Block, solution: Solution, check: PointDifferences) -> Bool | None:

@@ -24,7 +24,7 @@ from aatri.geometry.similarity import IDENTITY, UNKNOWNS, Similarity, closed_for
 from aatri.ids import rows_of
 from aatri.observations.drift import group_times
 
-HELD = 1e4
+HOLDING_WEIGHT = 1e4
 """Weight of what is determined against the reference, as a ratio of standard deviations."""
 
 RANK = 1e-7
@@ -45,19 +45,19 @@ class Determined:
         Coordinates in the solution.
     weight : (n, n) float64 or None
         Projection that takes shift and drift of each group off; None where there are none.
-    held : (n, 3) bool
+    is_determined : (n, 3) bool
     scale : bool
     """
 
     xyz_m: Float
     weight: Float | None
-    held: Bool
+    is_determined: Bool
     scale: bool
 
     def rows(self, move: Float) -> Float:
-        """Moves of what is held, (m, ...) of (n, 3, ...)."""
+        """Moves of what is determined, (m, ...) of (n, 3, ...)."""
         moved = move if self.weight is None else np.einsum("ij,j...->i...", self.weight, move)
-        return np.asarray(moved[self.held])
+        return np.asarray(moved[self.is_determined])
 
 
 @dataclass(frozen=True)
@@ -97,25 +97,30 @@ def aligned(block: Block, solution: Solution, point: Int, xyz_m: Float) -> Align
         return Alignment(solution, 0, True)
     determined = _determined(block, solution)
     carriers = np.isin(solution.points.id[point], solution.datum.id[solution.datum.kind == "point"])
-    known = np.isfinite(xyz_m) & np.isfinite(solution.points.xyz_m[point])
-    over_datum = bool((known.all(axis=1) & carriers).sum() == (solution.datum.kind == "point").sum() > 0)
+    compared = np.isfinite(xyz_m) & np.isfinite(solution.points.xyz_m[point])
+    over_datum = bool((compared.all(axis=1) & carriers).sum() == (solution.datum.kind == "point").sum() > 0)
     if over_datum:
-        known &= carriers[:, None]
-    found = _fitted(solution.points.xyz_m[point], xyz_m, known, determined)
-    if found is None:
+        compared &= carriers[:, None]
+    fit = _fitted(solution.points.xyz_m[point], xyz_m, compared, determined)
+    if fit is None:
         return None
-    similarity, components = found
+    similarity, components = fit
     return Alignment(_moved(solution, similarity), components, over_datum)
 
 
 def _determined(block: Block, solution: Solution) -> Determined:
     """Coordinates of control and positions that took part, from the residuals."""
     r = solution.residuals
-    xyz, held, groups, times = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=bool)], [np.zeros(0, "U1")], [np.zeros(0)]
+    xyz, is_determined, groups, times = (
+        [np.zeros((0, 3))],
+        [np.zeros((0, 3), dtype=bool)],
+        [np.zeros(0, "U1")],
+        [np.zeros(0)],
+    )
     control, position = r.active & (r.kind == "control"), r.active & (r.kind == "position")
     if control.any():
         xyz.append(solution.points.xyz_m[rows_of(r.point[control], block.points.id)])
-        held.append(np.isfinite(r.residual[control]))
+        is_determined.append(np.isfinite(r.residual[control]))
         groups.append(np.full(int(control.sum()), ""))
         times.append(np.zeros(int(control.sum())))
     if position.any():
@@ -123,12 +128,12 @@ def _determined(block: Block, solution: Solution) -> Determined:
         group = np.full(len(block.images), "", dtype=block.exterior.drift_group.dtype)
         group[block.exterior.image] = block.exterior.drift_group
         xyz.append(solution.images.position_m[image])
-        held.append(np.isfinite(r.residual[position]))
+        is_determined.append(np.isfinite(r.residual[position]))
         groups.append(group[image])
         times.append(group_times(block.images.time_s[image], block.images.sequence[image], group[image]))
     scale = bool((r.active & np.isin(r.kind, SCALE_KINDS)).any())
     weight = _without_drift(np.concatenate(groups), np.concatenate(times))
-    return Determined(np.concatenate(xyz), weight, np.concatenate(held), scale)
+    return Determined(np.concatenate(xyz), weight, np.concatenate(is_determined), scale)
 
 
 def _without_drift(group: Float, time: Float) -> Float | None:
@@ -136,34 +141,42 @@ def _without_drift(group: Float, time: Float) -> Float | None:
         return None
     projection = np.eye(len(group))
     for name in np.unique(group[group != ""]):
-        mine = np.flatnonzero(group == name)
-        basis = np.column_stack([np.ones(len(mine)), time[mine]])
-        projection[np.ix_(mine, mine)] -= basis @ np.linalg.pinv(basis)
+        rows_of_group = np.flatnonzero(group == name)
+        basis = np.column_stack([np.ones(len(rows_of_group)), time[rows_of_group]])
+        projection[np.ix_(rows_of_group, rows_of_group)] -= basis @ np.linalg.pinv(basis)
     return projection
 
 
-def _fitted(x: Float, X: Float, known: Bool, determined: Determined) -> tuple[Similarity, int] | None:
+def _fitted(x: Float, X: Float, compared: Bool, determined: Determined) -> tuple[Similarity, int] | None:
     """The similarity, with the origin of the coordinates, and how many of its components are open."""
-    rows = known.any(axis=1)
+    rows = compared.any(axis=1)
     if not rows.any():
         return None
     origin, reference = x[rows].mean(axis=0), x[rows] - x[rows].mean(axis=0)
     target = X[rows] - origin
     extent = float(np.abs(reference).max()) or 1.0
-    held_x = determined.xyz_m - origin
-    J_held = _design(IDENTITY, held_x, determined, extent)
-    open_ = UNKNOWNS - _rank(J_held)
+    determined_x = determined.xyz_m - origin
+    J_determined = _design(IDENTITY, determined_x, determined, extent)
+    open_ = UNKNOWNS - _rank(J_determined)
     if open_ == 0:
         return IDENTITY, 0
-    full = known[rows].all(axis=1)
+    full = compared[rows].all(axis=1)
     similarity = closed_form(reference[full], target[full]) if open_ == UNKNOWNS and full.sum() >= 3 else IDENTITY
     for _ in range(MOST_ITERATIONS):
-        J = np.concatenate([_scaled(jacobian(similarity, reference), extent)[known[rows]],
-                            HELD * _design(similarity, held_x, determined, extent)])  # fmt: skip
-        moves = determined.rows(transform(similarity, held_x) - held_x)
+        J = np.concatenate(
+            [
+                _scaled(jacobian(similarity, reference), extent)[compared[rows]],
+                HOLDING_WEIGHT * _design(similarity, determined_x, determined, extent),
+            ]
+        )
+        moves = determined.rows(transform(similarity, determined_x) - determined_x)
         of_scale = [np.log(similarity.scale) * extent] if determined.scale else []
-        misfit = np.concatenate([(transform(similarity, reference) - target)[known[rows]],
-                                 HELD * np.concatenate([moves, of_scale])])  # fmt: skip
+        misfit = np.concatenate(
+            [
+                (transform(similarity, reference) - target)[compared[rows]],
+                HOLDING_WEIGHT * np.concatenate([moves, of_scale]),
+            ]
+        )
         if _rank(J) < UNKNOWNS:
             return None
         step = -np.linalg.lstsq(J, misfit, rcond=None)[0]

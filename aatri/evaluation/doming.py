@@ -44,17 +44,22 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
     from scipy.special import ndtri, stdtrit  # inverse of the normal distribution, and of Student's
 
     d = evaluation.differences
-    given = np.isin(d.kind, ("control", "check"))
-    xy = solution.points.xyz_m[rows_of(d.point[given], block.points.id), :2]
-    bent = doming(xy, d.difference_m[given, 2])
+    is_reference = np.isin(d.kind, ("control", "check"))
+    xy = solution.points.xyz_m[rows_of(d.point[is_reference], block.points.id), :2]
+    bent = doming(xy, d.difference_m[is_reference, 2])
     notes = _far(evaluation)
-    known = np.isfinite(d.difference_m[given, 2])
-    by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(known.sum() - 2, 1 - LEVEL / 2))
-    allowed = float(np.nan_to_num(d.sigma_m[given, 2]).max(initial=0.0)) * float(ndtri(1 - LEVEL / 2))
+    determined = np.isfinite(d.difference_m[is_reference, 2])
+    by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(determined.sum() - 2, 1 - LEVEL / 2))
+    allowed = float(np.nan_to_num(d.sigma_m[is_reference, 2]).max(initial=0.0)) * float(ndtri(1 - LEVEL / 2))
     if bent is not None and abs(bent[0]) > max(by_chance, allowed, NOTHING_M):
-        notes.append(Note("warning", f"heights bend by {bent[0]:.3f} m (+- {bent[1]:.3f} m) from the middle of control "
-                          "and check points to their edge: a distortion not corrected, or little height control "
-                          "inside; oblique images, observed positions or control inside hold them"))  # fmt: skip
+        notes.append(
+            Note(
+                "warning",
+                f"heights bend by {bent[0]:.3f} m (+- {bent[1]:.3f} m) from the middle of control "
+                "and check points to their edge: a distortion not corrected, or little height control "
+                "inside; oblique images, observed positions or control inside hold them",
+            )
+        )
     return notes
 
 
@@ -72,18 +77,18 @@ def doming(xy_m: Float, difference_m: Float) -> tuple[float, float] | None:
     float, float or None
         None with fewer than six points, or all at one distance.
     """
-    known = np.isfinite(difference_m) & np.isfinite(xy_m).all(axis=1)
-    n = int(known.sum())
+    determined = np.isfinite(difference_m) & np.isfinite(xy_m).all(axis=1)
+    n = int(determined.sum())
     if n < FEWEST:
         return None
-    r2 = ((xy_m[known] - xy_m[known].mean(axis=0)) ** 2).sum(axis=1)
+    r2 = ((xy_m[determined] - xy_m[determined].mean(axis=0)) ** 2).sum(axis=1)
     u = r2 / r2.max() if r2.max() > 0 else r2
     if np.ptp(u) < 0.1:
         return None
     A = np.column_stack([np.ones(n), u])
     N = np.linalg.inv(A.T @ A)
-    x = N @ A.T @ difference_m[known]
-    v = difference_m[known] - A @ x
+    x = N @ A.T @ difference_m[determined]
+    v = difference_m[determined] - A @ x
     return float(x[1]), float(np.sqrt(v @ v / (n - 2) * N[1, 1]))
 
 
@@ -97,5 +102,5 @@ def _far(evaluation: Evaluation) -> list[Note]:
     if not len(far):
         return []
     off = np.nan_to_num(np.abs(d.difference_m[rows])).max(axis=1)
-    told = tuple(f"{d.point[rows[k]]} ({off[k]:.3g} m, {size[k]:.3g} sigma)" for k in far.tolist())
-    return [Note("warning", f"{len(far)} check points lie far off", told)]
+    points = tuple(f"{d.point[rows[k]]} ({off[k]:.3g} m, {size[k]:.3g} sigma)" for k in far.tolist())
+    return [Note("warning", f"{len(far)} check points lie far off", points)]

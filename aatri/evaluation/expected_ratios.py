@@ -37,14 +37,14 @@ def expected_ratios(
     confidence : float
         Probability within the limits.
     """
-    found: dict[str, float] = {}
+    ratios: dict[str, float] = {}
     for points, counts in zip(independent.points, independent.count) if independent is not None else ():
         what, ratio = RATIOS[str(points)]
         for axis, n in zip("xyz", counts.tolist()):
             if f"{ratio}_{axis}" in figures and np.isfinite(n):
                 low, high = _limits(n, confidence)
-                found |= {f"{what}_independent_{axis}": n, f"{ratio}_{axis}_low": low, f"{ratio}_{axis}_high": high}
-    return found
+                ratios |= {f"{what}_independent_{axis}": n, f"{ratio}_{axis}_low": low, f"{ratio}_{axis}_high": high}
+    return ratios
 
 
 def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
@@ -58,8 +58,11 @@ def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
         low, high = _limits(n, TOLD)
         if not low <= value <= high:
             beyond.append(f"{axis.upper()} {value:.2f} (expected {low:.2f} to {high:.2f}, {n:.0f} independent errors)")
-    names = {"check": "check errors over theory", "new": "true errors over theory",
-             "left_out": "control without itself over theory"}  # fmt: skip
+    names = {
+        "check": "check errors over theory",
+        "new": "true errors over theory",
+        "left_out": "control without itself over theory",
+    }
     return [f"Beyond chance, {names[points]}: {', '.join(beyond)}."] if beyond else []
 
 

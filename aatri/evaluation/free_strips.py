@@ -50,9 +50,9 @@ def free_strip_errors(strips: Strips, position_m: Float, ground_from_image: Floa
     }
     words = f"free strips laid on their first model: after {n[-1]} models heights are off by {1e3 * height[-1]:.3g} "
     words += f"thousandths of a base (RMS of {table.strips[-1]})"
-    some = (n >= LEAST) & (height > 0)
-    if some.sum() > 2:
-        growth = float(np.polyfit(np.log(n[some]), np.log(height[some]), 1)[0])
+    long_enough = (n >= LEAST) & (height > 0)
+    if long_enough.sum() > 2:
+        growth = float(np.polyfit(np.log(n[long_enough]), np.log(height[long_enough]), 1)[0])
         figures["strip_height_growth"] = growth
         words += f"; they grow as n^{growth:.2f} (errors of single models 1.5, an error common to all 2)"
     names = list(figures)
@@ -76,11 +76,11 @@ def strip_errors(strips: Strips, position_m: Float, ground_from_image: Float) ->
     longest = max(map(len, place))
     n = np.arange(1, longest + 1)
     reach = [[k for k, e in enumerate(place) if len(e) >= m] for m in n]
-    X, W = ([np.array([values[k][m - 1] for k in mine]) for m, mine in zip(n, reach)] for values in (place, turned))
+    X, W = ([np.array([values[k][m - 1] for k in rows]) for m, rows in zip(n, reach)] for values in (place, turned))
     rms, turned_rad = _rms(X), _rms(W)
     return StripErrors(
         model=n.astype(np.int32),
-        strips=np.array([len(mine) for mine in reach], dtype=np.int32),
+        strips=np.array([len(rows) for rows in reach], dtype=np.int32),
         mean=np.array([x.mean(axis=0) for x in X]),
         rms=rms,
         law=_fitted(np.sqrt(n * (n + 1) * (2 * n + 1) / 6), rms),

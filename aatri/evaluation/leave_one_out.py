@@ -56,41 +56,51 @@ def leave_one_out(block: Block, solution: Solution, control: PointDifferences) -
     control : PointDifferences
         Solution minus given at control points in use.
     """
-    covariance = _given_covariances(block, solution, control)
+    covariance = _observed_covariances(block, solution, control)
     n = len(control.point)
     difference, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     alone = np.zeros(n, dtype=bool)
     if solution.datum is None:
         for k in range(n):
-            some = np.flatnonzero(np.isfinite(control.difference_m[k]))
-            found = _one(covariance[k], solution.points.covariance_m2[control.point[k]], control.difference_m[k], some)
-            if found is None:
+            observed = np.flatnonzero(np.isfinite(control.difference_m[k]))
+            prediction = _one(
+                covariance[k], solution.points.covariance_m2[control.point[k]], control.difference_m[k], observed
+            )
+            if prediction is None:
                 continue
-            difference[k, some], sigma[k, some], alone[k] = found
-    known = np.isfinite(difference).any(axis=1)
-    return Predicted(PointDifferences(control.point, difference, sigma).take(known), control.point[alone])
+            difference[k, observed], sigma[k, observed], alone[k] = prediction
+    predicted = np.isfinite(difference).any(axis=1)
+    return Predicted(PointDifferences(control.point, difference, sigma).take(predicted), control.point[alone])
 
 
-def left_out_figures(found: Predicted) -> dict[str, float]:
+def left_out_figures(predicted: Predicted) -> dict[str, float]:
     """Figures of control left out one by one; nothing where none is predicted."""
-    d = found.differences
+    d = predicted.differences
     if not len(d.point):
         return {}
     theory = rmse(d.sigma_m)
     ratio = np.divide(rmse(d.difference_m), theory, out=np.full(3, np.nan), where=np.nan_to_num(theory) > 0)
-    alone = {"left_out_uncontrolled_points": float(len(found.uncontrolled))} if len(found.uncontrolled) else {}
+    alone = {"left_out_uncontrolled_points": float(len(predicted.uncontrolled))} if len(predicted.uncontrolled) else {}
     off = d.difference_m
-    by_axis = {"rmse_{}_m": rmse(off), "bias_{}_m": bias(off), "max_{}_m": largest(off),
-               "theory_rmse_{}_m": theory, "theory_ratio_{}": ratio}  # fmt: skip
-    figures = {f"left_out_{name.format(axis)}": float(value)
-               for name, values in by_axis.items() for axis, value in zip("xyz", values)}  # fmt: skip
+    by_axis = {
+        "rmse_{}_m": rmse(off),
+        "bias_{}_m": bias(off),
+        "max_{}_m": largest(off),
+        "theory_rmse_{}_m": theory,
+        "theory_ratio_{}": ratio,
+    }
+    figures = {
+        f"left_out_{name.format(axis)}": float(value)
+        for name, values in by_axis.items()
+        for axis, value in zip("xyz", values)
+    }
     return {"left_out_points": float(len(d.point)), **figures, **alone}
 
 
-def _one(C: Float, Q: Float, v: Float, some: Int) -> tuple[Float, Float, bool] | None:
+def _one(C: Float, Q: Float, v: Float, observed: Int) -> tuple[Float, Float, bool] | None:
     """Difference and standard deviation of the prediction; NaN where it is uncontrolled; None without covariances."""
-    C, Q = C[np.ix_(some, some)], Q[np.ix_(some, some)]
-    if not len(some) or not np.isfinite(C).all() or not np.isfinite(Q).all() or (np.diag(C) <= 0).any():
+    C, Q = C[np.ix_(observed, observed)], Q[np.ix_(observed, observed)]
+    if not len(observed) or not np.isfinite(C).all() or not np.isfinite(Q).all() or (np.diag(C) <= 0).any():
         return None
     scale = np.sqrt(np.diag(C))
     correlation = C / np.outer(scale, scale)
@@ -101,28 +111,28 @@ def _one(C: Float, Q: Float, v: Float, some: Int) -> tuple[Float, Float, bool] |
     if least < -1e-3:  # adjusted coordinates less certain than given ones: not from an adjustment that took them
         return None
     if least < UNCONTROLLED:
-        nothing = np.full(len(some), np.nan)
+        nothing = np.full(len(observed), np.nan)
         return nothing, nothing, True
     gain = scale[:, None] * correlation @ np.linalg.inv(left)
     variance = np.diag(gain @ correlation) * scale
-    return gain @ (v[some] / scale), np.sqrt(variance), False
+    return gain @ (v[observed] / scale), np.sqrt(variance), False
 
 
-def _given_covariances(block: Block, solution: Solution, control: PointDifferences) -> Float:
+def _observed_covariances(block: Block, solution: Solution, control: PointDifferences) -> Float:
     """Covariances of the given coordinates as they took part, (n, 3, 3); NaN where they are correlated with others'."""
     ground, residuals = block.ground_points, solution.residuals
     row = {int(p): k for k, p in enumerate(ground.point)}
-    found = ground.covariance_m2[[row[int(p)] for p in control.point]].copy().reshape(-1, 3, 3)
-    mine = np.flatnonzero((residuals.kind == "control") & residuals.active)
+    covariance = ground.covariance_m2[[row[int(p)] for p in control.point]].copy().reshape(-1, 3, 3)
+    rows = np.flatnonzero((residuals.kind == "control") & residuals.active)
     sigma = np.full((len(block.points), 3), np.nan)
-    sigma[rows_of(residuals.point[mine], block.points.id)] = residuals.sigma[mine]
-    given = np.sqrt(np.einsum("nii->ni", found))
+    sigma[rows_of(residuals.point[rows], block.points.id)] = residuals.sigma[rows]
+    nominal_sigma = np.sqrt(np.einsum("nii->ni", covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where(given > 0, sigma[control.point] / given, np.nan)
+        factor = np.where(nominal_sigma > 0, sigma[control.point] / nominal_sigma, np.nan)
     factor = np.where(np.isfinite(factor), factor, 1.0)
-    found *= factor[:, :, None] * factor[:, None, :]
-    found[_correlated(block)[control.point]] = np.nan
-    return np.asarray(found)
+    covariance *= factor[:, :, None] * factor[:, None, :]
+    covariance[_correlated(block)[control.point]] = np.nan
+    return np.asarray(covariance)
 
 
 def _correlated(block: Block) -> Bool:

@@ -87,13 +87,13 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> R
         In the same frame.
     """
     r = solution.residuals
-    mine = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
-    image, point = block.image_points.image[r.row[mine]], block.image_points.point[r.row[mine]]
-    known = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
-    known &= np.isfinite(r.residual[mine, :2]).all(axis=1)
-    known &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
-    mine, image, point = mine[known], image[known], point[known]
-    if not len(mine):
+    rows = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
+    image, point = block.image_points.image[r.row[rows]], block.image_points.point[r.row[rows]]
+    finite = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
+    finite &= np.isfinite(r.residual[rows, :2]).all(axis=1)
+    finite &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
+    rows, image, point = rows[finite], image[finite], point[finite]
+    if not len(rows):
         return None
     left, right = _pairs(block, image, point)
     base = np.linalg.norm(poses.position_m[right] - poses.position_m[left], axis=1)
@@ -103,15 +103,15 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> R
         return None
     c = solution.cameras.principal_distance_mm[block.images.camera[image]]
     u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
-    xy, sigma = project(u, c) - r.residual[mine, :2], r.sigma[mine, :2]
+    xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
     first = np.searchsorted(image, np.arange(len(block.images) + 1), sorter=(order := np.argsort(image, kind="stable")))
-    rows, model = [], []
+    common, model = [], []
     for k, pair in enumerate(zip(left.tolist(), right.tolist())):
         a, b = (order[first[i] : first[i + 1]] for i in pair)
         _, in_a, in_b = np.intersect1d(point[a], point[b], return_indices=True)
-        rows.append(np.stack([a[in_a], b[in_b]], axis=1))
+        common.append(np.stack([a[in_a], b[in_b]], axis=1))
         model.append(np.full(len(in_a), k))
-    both = np.concatenate(rows)
+    both = np.concatenate(common)
     return RayPairs(left, right, np.concatenate(model), point[both[:, 0]], xy[both], sigma[both], c[both])
 
 
@@ -154,12 +154,13 @@ def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Fl
     images = (rays.left[rays.model], rays.right[rays.model])
     X, w, parallax = np.empty_like(start_m), np.empty(len(start_m)), np.empty(len(start_m))
     for first in range(0, len(X), CHUNK):
-        some = slice(first, first + CHUNK)
-        pair = [(poses.position_m[i[some]], poses.ground_from_image[i[some]]) for i in images]
-        of = replace(rays, model=rays.model[some], xy_mm=rays.xy_mm[some], sigma_mm=rays.sigma_mm[some],
-                     c_mm=rays.c_mm[some])  # fmt: skip
-        X[some], w[some] = _least_squares(pair, of, start_m[some])
-        parallax[some] = y_parallax(poses, of)
+        chunk = slice(first, first + CHUNK)
+        pair = [(poses.position_m[i[chunk]], poses.ground_from_image[i[chunk]]) for i in images]
+        of = replace(
+            rays, model=rays.model[chunk], xy_mm=rays.xy_mm[chunk], sigma_mm=rays.sigma_mm[chunk], c_mm=rays.c_mm[chunk]
+        )
+        X[chunk], w[chunk] = _least_squares(pair, of, start_m[chunk])
+        parallax[chunk] = y_parallax(poses, of)
     return X, w, parallax
 
 
@@ -221,12 +222,12 @@ def single_models(
         return None
     X, w, parallax = intersected(poses, rays, xyz_m[rays.point])
     X = to_block(X)
-    given = {role: np.full((len(block.points), 3), np.nan) for role in (CONTROL, CHECK)}
-    for role, values in given.items():
+    reference = {role: np.full((len(block.points), 3), np.nan) for role in (CONTROL, CHECK)}
+    for role, values in reference.items():
         values[block.ground_points.point] = np.where(
             block.ground_points.role == role, block.ground_points.xyz_m, np.nan
         )
-    to_control, to_check = (X - given[role][rays.point] for role in (CONTROL, CHECK))
+    to_control, to_check = (X - reference[role][rays.point] for role in (CONTROL, CHECK))
     n = len(rays.left)
     first = np.searchsorted(rays.model, np.arange(n + 1))
     parts = [slice(int(a), int(b)) for a, b in itertools.pairwise(first)]
@@ -263,15 +264,18 @@ def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluati
         return evaluation
 
     def pooled(values: Float, counts: Int) -> Float:
-        known = np.isfinite(values) & (counts > 0)[:, None]
-        total = np.where(known, counts[:, None], 0).sum(axis=0)
-        squares = np.where(known, counts[:, None] * values**2, 0.0).sum(axis=0)
+        finite = np.isfinite(values) & (counts > 0)[:, None]
+        total = np.where(finite, counts[:, None], 0).sum(axis=0)
+        squares = np.where(finite, counts[:, None] * values**2, 0.0).sum(axis=0)
         return np.sqrt(np.where(total > 0, squares / np.maximum(total, 1), np.nan))
 
     parallax = float(pooled(models.parallax_rms_um[:, None], models.points)[0])
-    figures = {"single_models": float(len(models)), "model_parallax_rmse_um": parallax,
-               "model_parallax_max_um": float(np.nanmax(models.parallax_max_um, initial=0.0)),
-               "model_w_rms": float(pooled(models.w_rms[:, None], models.points)[0])}  # fmt: skip
+    figures = {
+        "single_models": float(len(models)),
+        "model_parallax_rmse_um": parallax,
+        "model_parallax_max_um": float(np.nanmax(models.parallax_max_um, initial=0.0)),
+        "model_w_rms": float(pooled(models.w_rms[:, None], models.points)[0]),
+    }
     for what, values, counts in (
         ("adjusted", models.adjusted_rms_m, models.points),
         ("control", models.control_rms_m, models.control_points),

@@ -62,8 +62,10 @@ def _fitted(figures: Mapping[str, float], what: str) -> list[str]:
 def _sigma0(test: GlobalTest | None) -> str:
     if test is None or test.verdict not in ("warned", "far"):
         return ""
-    return (f"sigma0 is {test.sigma0:.2f}, expected {test.low:.2f} to {test.high:.2f}: theoretical standard deviations "
-            "are as wrong.")  # fmt: skip
+    return (
+        f"sigma0 is {test.sigma0:.2f}, expected {test.low:.2f} to {test.high:.2f}: theoretical standard deviations "
+        "are as wrong."
+    )
 
 
 def _control(figures: Mapping[str, float], exact: bool) -> str:

@@ -18,8 +18,8 @@ import numpy as np
 from aatri.arrays import Float
 
 if TYPE_CHECKING:
-    from aatri.simulation.flight import Plan
-    from aatri.simulation.settings import Camera, Flight
+    from aatri.simulation.flight import FlightPlan
+    from aatri.simulation.settings import CameraOptions, FlightOptions
 
 HEADS = {"N": None, "F": 0.0, "B": np.pi, "L": 0.5 * np.pi, "R": -0.5 * np.pi}
 """Azimuth of the view from the direction of flight; None looks down."""
@@ -33,7 +33,7 @@ def looking(azimuth_rad: Float, tilt_rad: Float, turn_rad: Float) -> Float:
     return np.asarray(_about_z(azimuth_rad) @ _about_y(-tilt_rad) @ _about_z(turn_rad))
 
 
-def orbit(flight: Flight, camera: Camera, ground_m: float) -> dict[str, object]:
+def orbit(flight: FlightOptions, camera: CameraOptions, ground_m: float) -> dict[str, object]:
     """Ids, strips, positions and views of an orbit; lowest and highest plan coordinates of what it looks at."""
     per_ring, rings = flight.images_per_strip, flight.strips
     distance = 1e-3 * camera.principal_distance_mm * flight.scale_number
@@ -55,7 +55,7 @@ def orbit(flight: Flight, camera: Camera, ground_m: float) -> dict[str, object]:
     }
 
 
-def hover(flight: Flight, camera: Camera, ground_m: float, apart_m: float) -> dict[str, object]:
+def hover(flight: FlightOptions, camera: CameraOptions, ground_m: float, apart_m: float) -> dict[str, object]:
     """Ids, strips, positions and views of a camera that hovers over places in a square."""
     side = int(np.ceil(np.sqrt(flight.strips)))
     place = np.repeat(np.arange(flight.strips), flight.images_per_strip)
@@ -74,7 +74,7 @@ def hover(flight: Flight, camera: Camera, ground_m: float, apart_m: float) -> di
     }
 
 
-def with_five_heads(plan: Plan, oblique_deg: float, camera: Camera, ground_m: float) -> Plan:
+def with_five_heads(plan: FlightPlan, oblique_deg: float, camera: CameraOptions, ground_m: float) -> FlightPlan:
     """Every station of a plan five times, with the views of the five cameras."""
     n, names = len(plan.id), list(HEADS)
     azimuth = [plan.heading_rad + (HEADS[head] or 0.0) for head in names]

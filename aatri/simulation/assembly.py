@@ -15,14 +15,14 @@ from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
 from aatri.simulation import film, measured, rig
 from aatri.simulation.attitudes import observed_attitudes
-from aatri.simulation.flight import Plan
+from aatri.simulation.flight import FlightPlan
 from aatri.simulation.measured import Disturbance, no_source, rows, texts
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
-from aatri.simulation.settings import BROWN, Camera, Film, Gnss, Imu, RigMember
+from aatri.simulation.settings import BROWN, CameraOptions, FilmOptions, GnssOptions, ImuOptions, RigMemberOptions
 from aatri.simulation.structures import relative_control
 from aatri.simulation.survey import sighted
-from aatri.simulation.survey_settings import Survey
+from aatri.simulation.survey_settings import SurveyOptions
 from aatri.simulation.survey_tables import surveyed
 from aatri.units import EARTH_RADIUS_M, LENGTH_MM
 
@@ -34,11 +34,11 @@ class Scene:
     name: str
     earth: str  # flat, tangent, map or geodetic
     false_origin_m: tuple[float, float]
-    plan: Plan
+    plan: FlightPlan
     photography: Photography
     points: GroundTargets
     member: Text
-    rig: dict[str, RigMember]
+    rig: dict[str, RigMemberOptions]
 
     def in_block_frame(self, local_m: Float) -> Float:
         """Coordinates of the Block from local (E, N, h)."""
@@ -47,7 +47,14 @@ class Scene:
         return np.asarray(local_m + np.array([*self.false_origin_m, 0.0]))
 
 
-def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, survey: Survey, disturbance: Disturbance) -> b.Block:
+def assembled(
+    scene: Scene,
+    settings: FilmOptions,
+    gnss: GnssOptions,
+    imu: ImuOptions,
+    survey: SurveyOptions,
+    disturbance: Disturbance,
+) -> b.Block:
     """The Block of a scene as the instruments saw it."""
     camera, points, plan = scene.photography.camera, scene.points, scene.plan
     of_image, of_point = _canonical(plan.id), _canonical(points.id)
@@ -58,7 +65,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, survey: Survey
     placement = film.placed(len(of_image), settings, disturbance.streams["film"])
     stations, xyz = scene.in_block_frame(scene.photography.station_m), scene.in_block_frame(points.local_m)
     world = scene.photography.geodetic
-    known = np.flatnonzero((points.role[of_point] > 0).any(axis=1))
+    surveyed = np.flatnonzero((points.role[of_point] > 0).any(axis=1))
     image_points, gross_image = measured.image_points(
         image[order], point[order], points.rays.photo_mm[order], camera, placement, disturbance
     )
@@ -66,7 +73,7 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, survey: Survey
         len(of_image), np.array(list(marks.values())).reshape(-1, 2), placement, disturbance
     )
     ground, gross_control = measured.ground_points(
-        known, xyz[of_point[known]], points.role[of_point[known]], disturbance
+        surveyed, xyz[of_point[surveyed]], points.role[of_point[surveyed]], disturbance
     )
     antennas = scene.in_block_frame(scene.photography.moved(gnss.lever_arm_m))
     exterior, gross_position = measured.exterior(
@@ -76,10 +83,15 @@ def assembled(scene: Scene, settings: Film, gnss: Gnss, imu: Imu, survey: Survey
     gross_attitude: tuple[Any, ...] = ("attitude", np.zeros(0, np.int64), np.zeros((0, 3)))
     if imu.observed:
         exterior, gross_attitude = observed_attitudes(
-            whole(exterior, len(of_image)), true_images.ground_from_image, plan, of_image, imu,
+            whole(exterior, len(of_image)),
+            true_images.ground_from_image,
+            plan,
+            of_image,
+            imu,
             -camera.mounting_deg % 360,
-            scene.photography.convergence_rad()[of_image], disturbance,
-        )  # fmt: skip
+            scene.photography.convergence_rad()[of_image],
+            disturbance,
+        )
     at_frame = np.flatnonzero(np.isin(scene.member[of_image][exterior.image], ("", rig.FRAME)))
     gross_position, gross_attitude = (_of_rows(g, at_frame) for g in (gross_position, gross_attitude))
     observed, gross_survey = _survey(scene, survey, disturbance)
@@ -130,14 +142,22 @@ def whole(table: b.Exterior, images: int) -> b.Exterior:
         return table
     none = np.full((images, 3), np.nan)
     return b.Exterior(
-        image=rows(np.arange(images)), position_m=none, position_covariance_m2=np.full((images, 3, 3), np.nan),
-        angles_rad=none, angle_sigma_rad=none, position_use=rows(np.full(images, b.APPROXIMATE_VALUE)),
-        angle_use=rows(np.full(images, b.APPROXIMATE_VALUE)), refers_to=rows(np.full(images, b.PROJECTION_CENTRE)),
-        drift_group=texts("", times=images), **no_source(images),
-    )  # fmt: skip
+        image=rows(np.arange(images)),
+        position_m=none,
+        position_covariance_m2=np.full((images, 3, 3), np.nan),
+        angles_rad=none,
+        angle_sigma_rad=none,
+        position_use=rows(np.full(images, b.APPROXIMATE_VALUE)),
+        angle_use=rows(np.full(images, b.APPROXIMATE_VALUE)),
+        refers_to=rows(np.full(images, b.PROJECTION_CENTRE)),
+        drift_group=texts("", times=images),
+        **no_source(images),
+    )
 
 
-def _survey(scene: Scene, survey: Survey, disturbance: Disturbance) -> tuple[dict[str, Any], list[tuple[Any, ...]]]:
+def _survey(
+    scene: Scene, survey: SurveyOptions, disturbance: Disturbance
+) -> tuple[dict[str, Any], list[tuple[Any, ...]]]:
     """Tables of geodetic observations and relative control, and the gross errors in them."""
     points, photography = scene.points, scene.photography
     candidates = np.flatnonzero(~points.in_structure)
@@ -145,9 +165,11 @@ def _survey(scene: Scene, survey: Survey, disturbance: Disturbance) -> tuple[dic
     geodetic, covariances, gross = surveyed(seen, np.array(points.id), np.array(scene.plan.id), disturbance)
     control, members, of_control = relative_control(points.structures, photography, scene.in_block_frame)
     return {
-        "geodetic": geodetic, "geodetic_covariances": covariances, "relative_control": control,
+        "geodetic": geodetic,
+        "geodetic_covariances": covariances,
+        "relative_control": control,
         "relative_control_members": members,
-    }, [*gross, *of_control]  # fmt: skip
+    }, [*gross, *of_control]
 
 
 def _canonical(ids: list[str]) -> Int:
@@ -155,7 +177,9 @@ def _canonical(ids: list[str]) -> Int:
     return np.argsort(np.array(ids), kind="stable")
 
 
-def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]], gnss: Gnss, imu: Imu) -> dict[str, Any]:
+def _camera_tables(
+    camera: CameraOptions, marks: dict[str, tuple[float, float]], gnss: GnssOptions, imu: ImuOptions
+) -> dict[str, Any]:
     digital = camera.kind == "digital"
     brown = (
         [n for n in sorted(BROWN) if n in camera.brown]
@@ -204,7 +228,7 @@ def _camera_tables(camera: Camera, marks: dict[str, tuple[float, float]], gnss: 
     }
 
 
-def _images(plan: Plan, of_image: Int, member: Text) -> dict[str, Any]:
+def _images(plan: FlightPlan, of_image: Int, member: Text) -> dict[str, Any]:
     n = len(of_image)
     mounted = member[of_image]
     strips, strip = np.unique(np.array(plan.strip), return_inverse=True)
@@ -242,9 +266,9 @@ def _of_rows(gross: tuple[Any, ...], rows: Int) -> tuple[Any, ...]:
     return kind, np.searchsorted(rows, np.asarray(chosen)[stays]), errors[stays]
 
 
-def _gross(found: list[tuple[Any, ...]]) -> b.GrossErrors:
+def _gross(groups: list[tuple[Any, ...]]) -> b.GrossErrors:
     """One table, in the order of the kinds as they come and of their rows."""
-    present = [entry for entry in found if len(entry[1])]
+    present = [entry for entry in groups if len(entry[1])]
     if not present:
         return b.GrossErrors.empty()
     return b.GrossErrors(

@@ -17,17 +17,23 @@ from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float, Int
 from aatri.artifacts import block as b
-from aatri.simulation.flight import Plan
+from aatri.simulation.flight import FlightPlan
 from aatri.simulation.measured import Disturbance, drift_of_strips
-from aatri.simulation.settings import Imu
+from aatri.simulation.settings import ImuOptions
 
 Gross = tuple[Any, ...]
 
 
 def observed_attitudes(
-    table: b.Exterior, truth: Float, plan: Plan, order: Int, imu: Imu, mount_deg: int, convergence_rad: Float,
+    table: b.Exterior,
+    truth: Float,
+    plan: FlightPlan,
+    order: Int,
+    imu: ImuOptions,
+    mount_deg: int,
+    convergence_rad: Float,
     disturbance: Disturbance,
-) -> tuple[b.Exterior, Gross]:  # fmt: skip
+) -> tuple[b.Exterior, Gross]:
     """The exterior table with attitudes; row k is that of image k, station `order[k]` of the plan.
 
     Parameters
@@ -42,15 +48,16 @@ def observed_attitudes(
     n = len(truth)
     sigma = np.radians(np.tile(np.array(disturbance.noise.attitude_deg), (n, 1)))
     errors, gross = disturbance.added("attitude", "attitudes", sigma)
-    drift = drift_of_strips(plan, np.radians(imu.shift_deg), np.radians(imu.drift_deg_per_s),
-                            disturbance.streams["attitude_drift"])[order]  # fmt: skip
+    drift = drift_of_strips(
+        plan, np.radians(imu.shift_deg), np.radians(imu.drift_deg_per_s), disturbance.streams["attitude_drift"]
+    )[order]
     angles = true_angles(truth, imu, mount_deg, convergence_rad) + drift + errors
     drifting = imu.shift_deg > 0 or imu.drift_deg_per_s > 0
     made = replace(table, angles_rad=angles, angle_sigma_rad=sigma, angle_use=np.full(n, b.OBSERVED_VALUE, np.int32))
     return (replace(made, drift_group=np.array(plan.strip)[order]) if drifting else made), gross
 
 
-def true_angles(truth: Float, imu: Imu, mount_deg: int, convergence_rad: Float) -> Float:
+def true_angles(truth: Float, imu: ImuOptions, mount_deg: int, convergence_rad: Float) -> Float:
     """Angles without errors, (n, 3) rad."""
     boresight = Rotation.from_rotvec(np.radians(imu.boresight_deg))
     carried = Rotation.from_matrix(truth) * boresight.inv()

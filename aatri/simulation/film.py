@@ -13,7 +13,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.simulation.settings import Camera, Film
+from aatri.simulation.settings import CameraOptions, FilmOptions
 
 CORNERS = {"1": (106.002, -106.003), "2": (-106.001, -106.004), "3": (-106.000, 106.002), "4": (105.999, 106.002)}
 SIDES = {"5": (112.001, 0.002), "6": (-111.999, -0.001), "7": (0.003, 112.002), "8": (-0.002, -112.001)}
@@ -21,14 +21,14 @@ COMPARATOR_ORIGIN_MM = 150.0
 """Where the centre of a film lies on the comparator, in x and y, before its shift."""
 
 
-def fiducial_marks(camera: Camera) -> dict[str, tuple[float, float]]:
+def fiducial_marks(camera: CameraOptions) -> dict[str, tuple[float, float]]:
     """Calibrated marks of a film camera, mm, photo system; none for a digital one."""
     if camera.kind == "digital":
         return {}
     return CORNERS if camera.fiducials == 4 else CORNERS | SIDES
 
 
-def placed(images: int, film: Film, rng: np.random.Generator) -> tuple[Float, Float]:
+def placed(images: int, film: FilmOptions, rng: np.random.Generator) -> tuple[Float, Float]:
     """Matrix (images, 2, 2) and shift (images, 2), mm, from the photo system to the comparator."""
     size, sign = rng.uniform(*film.scale, (images, 2)), rng.choice([-1.0, 1.0], (images, 2))
     shear = film.shear * rng.uniform(-1.0, 1.0, images)
@@ -49,8 +49,9 @@ def comparator(photo_mm: Float, image: Int, placement: tuple[Float, Float]) -> F
     return np.asarray(np.einsum("nij,nj->ni", matrix[image], photo_mm) + shift[image])
 
 
-def pixels(photo_mm: Float, camera: Camera) -> Float:
+def pixels(photo_mm: Float, camera: CameraOptions) -> Float:
     """Column and row of photo coordinates."""
     columns, rows = camera.format
-    return np.stack([photo_mm[:, 0] / camera.pixel_size_mm + columns / 2,
-                     rows / 2 - photo_mm[:, 1] / camera.pixel_size_mm], axis=1)  # fmt: skip
+    return np.stack(
+        [photo_mm[:, 0] / camera.pixel_size_mm + columns / 2, rows / 2 - photo_mm[:, 1] / camera.pixel_size_mm], axis=1
+    )

@@ -19,14 +19,14 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.simulation.arrangements import SHOT_S, hover, orbit, with_five_heads
-from aatri.simulation.settings import Camera, Flight
+from aatri.simulation.settings import CameraOptions, FlightOptions
 
 TURN_S = 180.0
 """Time between the last exposure of a strip and the first of the next, s."""
 
 
 @dataclass(frozen=True)
-class Plan:
+class FlightPlan:
     """Planned stations, in the order of the flight; row k of every array is station k."""
 
     id: list[str]
@@ -41,7 +41,7 @@ class Plan:
     area: tuple[Float, Float] | None = None  # lowest and highest plan coordinates of what is photographed, m
 
 
-def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
+def planned(flight: FlightOptions, camera: CameraOptions, ground_m: float) -> FlightPlan:
     """The flight plan over terrain of the given mean height."""
     half_x, half_y = camera.half_format_mm
     along, across = (half_x, half_y) if camera.mounting_deg % 180 == 0 else (half_y, half_x)
@@ -52,7 +52,7 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
             orbit(flight, camera, ground_m) if flight.arrangement == "orbit" else hover(flight, camera, ground_m, base)
         )
         times = SHOT_S * np.arange(flight.strips * flight.images_per_strip)
-        return Plan(**parts, time_s=times, base_m=base, spacing_m=spacing)  # type: ignore[arg-type]
+        return FlightPlan(**parts, time_s=times, base_m=base, spacing_m=spacing)  # type: ignore[arg-type]
     strips = _strips(flight, base, spacing)
     counts = [len(strip.plan_m) for strip in strips]
     sequence = np.concatenate([np.arange(1, n + 1) for n in counts])
@@ -60,7 +60,7 @@ def planned(flight: Flight, camera: Camera, ground_m: float) -> Plan:
     height = ground_m + 1e-3 * camera.principal_distance_mm * flight.scale_number
     first = sequence == 1
     elapsed = np.where(first, TURN_S, base / flight.speed_m_per_s)
-    plan = Plan(
+    plan = FlightPlan(
         id=_image_ids(flight.strips, counts),
         strip=[strip.id for strip, n in zip(strips, counts) for _ in range(n)],
         sequence=sequence.astype(np.float64),
@@ -80,7 +80,7 @@ class _Strip:
     heading_rad: float
 
 
-def _strips(flight: Flight, base_m: float, spacing_m: float) -> list[_Strip]:
+def _strips(flight: FlightOptions, base_m: float, spacing_m: float) -> list[_Strip]:
     """All strips, in the order in which they are flown."""
     length, width = (flight.images_per_strip - 1) * base_m, (flight.strips - 1) * spacing_m
     cross_images = flight.images_per_cross_strip or max(2, round(width / base_m) + 1)
@@ -109,13 +109,17 @@ def _image_ids(strips: int, counts: list[int]) -> list[str]:
     return [f"{head}{k + 1:0{places}d}" for head, n in zip(heads, counts) for k in range(n)]
 
 
-def flown(plan: Plan, flight: Flight, camera: Camera, rng: np.random.Generator) -> tuple[Float, Float]:
+def flown(
+    plan: FlightPlan, flight: FlightOptions, camera: CameraOptions, rng: np.random.Generator
+) -> tuple[Float, Float]:
     """True stations: (n, 3) positions E, N, h, m, and (n, 3, 3) rotations to the local axes of the station."""
     n = len(plan.id)
     deviation = rng.standard_normal((n, 3)) * flight.position_sigma_m
     cos, sin = np.cos(plan.heading_rad), np.sin(plan.heading_rad)
-    shift = np.stack([cos * deviation[:, 0] - sin * deviation[:, 1],
-                      sin * deviation[:, 0] + cos * deviation[:, 1], deviation[:, 2]], axis=1)  # fmt: skip
+    shift = np.stack(
+        [cos * deviation[:, 0] - sin * deviation[:, 1], sin * deviation[:, 0] + cos * deviation[:, 1], deviation[:, 2]],
+        axis=1,
+    )
     tilts = np.deg2rad(flight.tilt_sigma_deg) * rng.standard_normal((n, 2))
     size = np.hypot(tilts[:, 0], tilts[:, 1])
     largest = np.deg2rad(flight.tilt_max_deg)

@@ -28,7 +28,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import InputError
-from aatri.simulation.settings import Camera
+from aatri.simulation.settings import CameraOptions
 
 MOST_ITERATIONS = 100
 
@@ -75,7 +75,7 @@ def refracted_in_vertical_plane(d_m: Float, K_rad: Float) -> Float:
     return np.column_stack([d_m[:, :2] * stretch[:, None], d_m[:, 2]])
 
 
-def through_lens(refracted_mm: Float, camera: Camera) -> Float:
+def through_lens(refracted_mm: Float, camera: CameraOptions) -> Float:
     """Where rays land on the image: m with m + correction(m) = given; (n, 2), mm, from the principal point."""
     if camera.distortion == "none":
         return refracted_mm
@@ -83,7 +83,7 @@ def through_lens(refracted_mm: Float, camera: Camera) -> Float:
     return _solved(lambda m: refracted_mm - correction(m, camera), refracted_mm)
 
 
-def _brown(m_mm: Float, camera: Camera) -> Float:
+def _brown(m_mm: Float, camera: CameraOptions) -> Float:
     k1, k2, k3, p1, p2, b1, b2 = camera.brown_parameters()
     x, y = m_mm.T
     from_symmetry = m_mm - camera.symmetry_point_mm
@@ -94,7 +94,7 @@ def _brown(m_mm: Float, camera: Camera) -> Float:
     return np.stack([dx, dy], axis=1)
 
 
-def _tabulated(m_mm: Float, camera: Camera) -> Float:
+def _tabulated(m_mm: Float, camera: CameraOptions) -> Float:
     out = m_mm - camera.symmetry_point_mm
     r = np.hypot(out[:, 0], out[:, 1])
     outwards = np.interp(r, camera.table_radius_mm, 1e-3 * np.asarray(camera.table_correction_um))

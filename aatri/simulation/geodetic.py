@@ -20,7 +20,7 @@ STEP_DEG = 1e-3
 
 
 @dataclass(frozen=True)
-class Geodetic:
+class GeodeticEarth:
     """A map of the ellipsoid.
 
     Attributes
@@ -71,8 +71,9 @@ class Geodetic:
         north /= np.linalg.norm(north, axis=1, keepdims=True)
         east = np.cross(north, up)
         angle = np.radians(self.convergence_deg(place))[:, None]
-        return np.stack([np.cos(angle) * east - np.sin(angle) * north, np.sin(angle) * east + np.cos(angle) * north,
-                         up], axis=2)  # fmt: skip
+        return np.stack(
+            [np.cos(angle) * east - np.sin(angle) * north, np.sin(angle) * east + np.cos(angle) * north, up], axis=2
+        )
 
     def convergence_deg(self, place: Float) -> Float:
         """Meridian convergence: grid north from true north, clockwise, degrees."""

@@ -39,8 +39,11 @@ def gross_errors(
     eligible = np.flatnonzero((sigma > 0).any(axis=1))
     count = round(much * len(eligible)) if much < 1 else int(much)
     if count > len(eligible):
-        raise InputError(f"{count} gross errors among {len(eligible)} {what}", where="options of block/simulate",
-                         remedy=f"lower gross_errors.{what}")  # fmt: skip
+        raise InputError(
+            f"{count} gross errors among {len(eligible)} {what}",
+            where="options of block/simulate",
+            remedy=f"lower gross_errors.{what}",
+        )
     rows = np.sort(rng.choice(eligible, count, replace=False)) if count else np.zeros(0, np.int64)
     direction = rng.standard_normal((count, sigma.shape[1])) * (sigma[rows] > 0)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)

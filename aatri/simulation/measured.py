@@ -17,9 +17,9 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
 from aatri.simulation import film
-from aatri.simulation.flight import Plan
+from aatri.simulation.flight import FlightPlan
 from aatri.simulation.gross import gross_errors
-from aatri.simulation.settings import Camera, Gnss, GrossErrors, Noise
+from aatri.simulation.settings import CameraOptions, GnssOptions, GrossErrorOptions, NoiseOptions
 from aatri.units import LENGTH_MM
 
 Rows = Int
@@ -30,8 +30,8 @@ Streams = Mapping[str, np.random.Generator]
 class Disturbance:
     """Noise, gross errors, and the random streams they come from."""
 
-    noise: Noise
-    gross: GrossErrors
+    noise: NoiseOptions
+    gross: GrossErrorOptions
     streams: Streams
 
     def added(self, kind: str, what: str, sigma: Float, observed: Float | None = None) -> tuple[Float, tuple[Any, ...]]:
@@ -49,10 +49,29 @@ class Disturbance:
 
 
 STREAMS = (
-    "terrain", "flight", "points", "film", "image_point", "fiducial", "control", "position", "drift",
-    "gross_image_point", "gross_fiducial", "gross_control", "gross_position", "attitude", "attitude_drift",
-    "gross_attitude", "structure", "structure_error", "gross_structure", "survey", "survey_error", "gross_survey",
-)  # fmt: skip
+    "terrain",
+    "flight",
+    "points",
+    "film",
+    "image_point",
+    "fiducial",
+    "control",
+    "position",
+    "drift",
+    "gross_image_point",
+    "gross_fiducial",
+    "gross_control",
+    "gross_position",
+    "attitude",
+    "attitude_drift",
+    "gross_attitude",
+    "structure",
+    "structure_error",
+    "gross_structure",
+    "survey",
+    "survey_error",
+    "gross_survey",
+)
 """Names of the random streams; a new one goes to the end."""
 
 
@@ -77,7 +96,12 @@ def diagonal(sigma: Float) -> Float:
 
 
 def image_points(
-    image: Int, point: Int, photo_mm: Float, camera: Camera, placement: tuple[Float, Float], disturbance: Disturbance
+    image: Int,
+    point: Int,
+    photo_mm: Float,
+    camera: CameraOptions,
+    placement: tuple[Float, Float],
+    disturbance: Disturbance,
 ) -> tuple[b.ImagePoints, tuple[Any, ...]]:
     """Image points as measured, in the given order."""
     n = len(image)
@@ -128,7 +152,7 @@ def ground_points(
 
 
 def exterior(
-    true_m: Float, planned_m: Float, plan: Plan, order: Int, gnss: Gnss, disturbance: Disturbance
+    true_m: Float, planned_m: Float, plan: FlightPlan, order: Int, gnss: GnssOptions, disturbance: Disturbance
 ) -> tuple[b.Exterior, tuple[Any, ...]]:
     """Positions: observed, of the flight plan, or none. Row k is that of image k, station `order[k]` of the plan."""
     n = len(true_m) if gnss.observed or gnss.approximate_positions else 0
@@ -159,7 +183,7 @@ def exterior(
     return table, gross
 
 
-def drift_of_strips(plan: Plan, shift: float, drift: float, rng: np.random.Generator) -> Float:
+def drift_of_strips(plan: FlightPlan, shift: float, drift: float, rng: np.random.Generator) -> Float:
     """Shift and drift per second of each station, common to its strip: (n, 3), in the unit of both sigmas."""
     _, first, strip = np.unique(plan.strip, return_index=True, return_inverse=True)
     level, rate = rng.standard_normal((2, len(first), 3)) * np.array([shift, drift])[:, None, None]

@@ -15,10 +15,10 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL
 from aatri.errors import GeometryError
 from aatri.simulation import earth, targets
-from aatri.simulation.flight import Plan
+from aatri.simulation.flight import FlightPlan
 from aatri.simulation.measured import Streams
 from aatri.simulation.rays import Photography, SimulatedRays, taken
-from aatri.simulation.settings import Flight, Known, Ties
+from aatri.simulation.settings import ControlOptions, FlightOptions, TieOptions
 from aatri.simulation.structures import Structure
 from aatri.simulation.terrain import Surface
 
@@ -43,13 +43,13 @@ class GroundTargets:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _SeenPoints:
     local_m: Float
     rays: SimulatedRays
 
 
 @dataclass(frozen=True)
-class Ground:
+class GroundSurface:
     """The surface and the false origin to which coordinates are settled."""
 
     surface: Surface
@@ -63,11 +63,11 @@ class Ground:
 
 def ground_targets(
     photography: Photography,
-    plan: Plan,
-    ground: Ground,
-    flight: Flight,
-    ties: Ties,
-    known: Known,
+    plan: FlightPlan,
+    ground: GroundSurface,
+    flight: FlightOptions,
+    ties: TieOptions,
+    known: ControlOptions,
     planned: list[Structure],
     streams: Streams,
 ) -> GroundTargets:
@@ -105,7 +105,7 @@ def ground_targets(
         more = unknown - len(standard.local_m)
     structures = [_standing(photography, ground, s, (low, high), streams["structure"]) for s in planned]
     erected = np.concatenate([np.zeros((0, 3)), *(s.local_m for s in structures)])
-    of_structures = _Seen(erected, taken(photography, erected))
+    of_structures = _SeenPoints(erected, taken(photography, erected))
     parts = [standard, _random(photography, ground, more, low, high, rng), of_structures, check, control]
     new, known_points = len(standard.local_m) + more, len(check_role) + len(control_role)
     ids = _ids(new, len(check_role), len(control_role))
@@ -120,15 +120,19 @@ def ground_targets(
 
 
 def _standing(
-    photography: Photography, ground: Ground, planned: Structure, area: tuple[Float, Float], rng: np.random.Generator
+    photography: Photography,
+    ground: GroundSurface,
+    planned: Structure,
+    area: tuple[Float, Float],
+    rng: np.random.Generator,
 ) -> Structure:
     """A structure at a random place where all its points are seen often enough, clear of the ground."""
     clear = np.array([0.0, 0.0, np.abs(planned.offset_m).max()])
     for _ in range(MOST_BATCHES):
         place = ground.at(targets.scattered(*area, 1, rng))[0] + clear
-        found = planned.standing(photography, place)
-        if (_counts(taken(photography, found.local_m), len(found.local_m)) >= LEAST_RAYS).all():
-            return found
+        standing = planned.standing(photography, place)
+        if (_counts(taken(photography, standing.local_m), len(standing.local_m)) >= LEAST_RAYS).all():
+            return standing
     raise GeometryError(
         f"{planned.type}: nowhere are all of {len(planned.offset_m)} points in {LEAST_RAYS} images",
         where="options of block/simulate",
@@ -139,7 +143,9 @@ def _standing(
 _LETTERS = {"X": (1, 1, 1), "P": (1, 1, 0), "Z": (0, 0, 1), "o": (0, 0, 0)}
 
 
-def _laid_out(photography: Photography, rows: list[Float], ground: Ground, layout: tuple[str, ...]) -> GroundTargets:
+def _laid_out(
+    photography: Photography, rows: list[Float], ground: GroundSurface, layout: tuple[str, ...]
+) -> GroundTargets:
     """Points at the standard positions, as the letters of the layout have them."""
     if [len(row) for row in rows] != [len(row) for row in layout] or set("".join(layout)) - {*_LETTERS, "-"}:
         raise GeometryError(
@@ -179,22 +185,22 @@ def _ids(new: int, check: int, control: int) -> list[str]:
     ]
 
 
-def _seen(photography: Photography, local_m: Float) -> _Seen:
+def _seen(photography: Photography, local_m: Float) -> _SeenPoints:
     """Those of the points that are seen often enough."""
     rays = taken(photography, local_m)
-    return _chosen(_Seen(local_m, rays), _counts(rays, len(local_m)) >= LEAST_RAYS)
+    return _chosen(_SeenPoints(local_m, rays), _counts(rays, len(local_m)) >= LEAST_RAYS)
 
 
 def _counts(rays: SimulatedRays, points: int) -> Int:
     return np.bincount(rays.point, minlength=points)
 
 
-def _chosen(seen: _Seen, mask: Bool) -> _Seen:
+def _chosen(seen: _SeenPoints, mask: Bool) -> _SeenPoints:
     """The points of the mask, numbered anew."""
-    return _Seen(seen.local_m[mask], seen.rays.of_points(np.where(mask, np.cumsum(mask) - 1, -1)))
+    return _SeenPoints(seen.local_m[mask], seen.rays.of_points(np.where(mask, np.cumsum(mask) - 1, -1)))
 
 
-def _at_most(seen: _Seen, points: int) -> _Seen:
+def _at_most(seen: _SeenPoints, points: int) -> _SeenPoints:
     """So many of the points, spread evenly over their order, if there are more."""
     if points < 0:
         raise GeometryError(
@@ -209,16 +215,16 @@ def _at_most(seen: _Seen, points: int) -> _Seen:
 
 
 def _random(
-    photography: Photography, ground: Ground, points: int, low_m: Float, high_m: Float, rng: np.random.Generator
-) -> _Seen:
+    photography: Photography, ground: GroundSurface, points: int, low_m: Float, high_m: Float, rng: np.random.Generator
+) -> _SeenPoints:
     """Exactly so many random points, each seen often enough."""
-    found: list[_Seen] = []
+    standing: list[_SeenPoints] = []
     missing = points
     for _ in range(MOST_BATCHES):
         if missing == 0:
             break
         batch = _seen(photography, ground.at(targets.scattered(low_m, high_m, missing, rng)))
-        found.append(batch)
+        standing.append(batch)
         missing -= len(batch.local_m)
     if missing:
         raise GeometryError(
@@ -226,10 +232,10 @@ def _random(
             where="options of block/simulate",
             remedy="raise flight.forward_overlap above 50 percent or lower the number of points",
         )
-    return _Seen(np.concatenate([np.zeros((0, 3)), *(f.local_m for f in found)]), _joined(found))
+    return _SeenPoints(np.concatenate([np.zeros((0, 3)), *(f.local_m for f in standing)]), _joined(standing))
 
 
-def _within(photography: Photography, ground: Ground, plan_m: Float, what: str) -> _Seen:
+def _within(photography: Photography, ground: GroundSurface, plan_m: Float, what: str) -> _SeenPoints:
     """Points that are all seen often enough, moved towards the centre where they must be."""
     plan_m = plan_m.copy()
     few = np.zeros(len(plan_m), dtype=bool)
@@ -239,7 +245,7 @@ def _within(photography: Photography, ground: Ground, plan_m: Float, what: str) 
         rays = taken(photography, local)
         few = _counts(rays, len(local)) < LEAST_RAYS
         if not few.any():
-            return _Seen(local, rays)
+            return _SeenPoints(local, rays)
     raise GeometryError(
         f"{few.sum()} {what} are in fewer than {LEAST_RAYS} images wherever they are put",
         where="options of block/simulate",
@@ -247,7 +253,7 @@ def _within(photography: Photography, ground: Ground, plan_m: Float, what: str) 
     )
 
 
-def _joined(parts: list[_Seen]) -> SimulatedRays:
+def _joined(parts: list[_SeenPoints]) -> SimulatedRays:
     """Rays of all parts, the points numbered through."""
     starts = np.cumsum([0, *(len(p.local_m) for p in parts)])
     return SimulatedRays(

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 
 from aatri.arrays import Float, Int
 from aatri.simulation import earth, forward
-from aatri.simulation.geodetic import Geodetic
-from aatri.simulation.settings import Camera
+from aatri.simulation.geodetic import GeodeticEarth
+from aatri.simulation.settings import CameraOptions
 from aatri.units import EARTH_RADIUS_M
 
 CHUNK = 256
@@ -26,13 +26,13 @@ CHUNK = 256
 class Photography:
     """All that decides where a point is imaged."""
 
-    camera: Camera
+    camera: CameraOptions
     spherical: bool
     refraction: str  # none, radial, vertical_plane
     terrain_height_m: float
     station_m: Float  # (n, 3) E, N, h
     rotation: Float  # (n, 3, 3) to the axes of the station
-    geodetic: Geodetic | None = None  # an ellipsoid with its map, instead of flat or sphere
+    geodetic: GeodeticEarth | None = None  # an ellipsoid with its map, instead of flat or sphere
 
     def cartesian(self, local_m: Float) -> Float:
         """Cartesian coordinates of local (E, N, h)."""
@@ -106,15 +106,15 @@ def taken(photography: Photography, local_m: Float) -> SimulatedRays:
     points_m = photography.cartesian(local_m)
     tree = cKDTree(local_m[:, :2])
     reach = _reach_m(photography, float(local_m[:, 2].min()))
-    found = []
+    parts = []
     for start in range(0, len(photography.station_m), CHUNK):
         stations = slice(start, start + CHUNK)
         near = tree.query_ball_point(photography.station_m[stations, :2], reach, return_sorted=True)
         image = start + np.repeat(np.arange(len(near)), [len(n) for n in near])
         point = np.concatenate([np.asarray(n, dtype=np.int64) for n in near])
-        found.append(_imaged(photography, points_m, image, point))
+        parts.append(_imaged(photography, points_m, image, point))
     return SimulatedRays(
-        *(np.concatenate([getattr(r, name) for r in found]) for name in ("image", "point", "photo_mm"))
+        *(np.concatenate([getattr(r, name) for r in parts]) for name in ("image", "point", "photo_mm"))
     )
 
 

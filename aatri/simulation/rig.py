@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Text
 from aatri.artifacts import block as b
-from aatri.simulation.flight import Plan
+from aatri.simulation.flight import FlightPlan
 from aatri.simulation.rays import Photography
-from aatri.simulation.settings import RigMember
+from aatri.simulation.settings import RigMemberOptions
 
 NAME, FRAME = "R", "frame"
 
@@ -26,12 +26,12 @@ NAME, FRAME = "R", "frame"
 class Rigged:
     """Stations of all images, and which member of the rig each is."""
 
-    plan: Plan
+    plan: FlightPlan
     photography: Photography
     member: Text
 
 
-def rigged(plan: Plan, photography: Photography, members: dict[str, RigMember]) -> Rigged:
+def rigged(plan: FlightPlan, photography: Photography, members: dict[str, RigMemberOptions]) -> Rigged:
     """Every station once for the frame and once for every member; ids get the name of the member."""
     n = len(plan.id)
     if not members:
@@ -49,29 +49,37 @@ def rigged(plan: Plan, photography: Photography, members: dict[str, RigMember]) 
         names += [name] * n
     k = 1 + len(members)
     more: dict[str, Any] = {
-        "id": ids, "strip": list(plan.strip) * k, "sequence": np.tile(plan.sequence, k),
-        "time_s": np.tile(plan.time_s, k), "heading_rad": np.tile(plan.heading_rad, k),
+        "id": ids,
+        "strip": list(plan.strip) * k,
+        "sequence": np.tile(plan.sequence, k),
+        "time_s": np.tile(plan.time_s, k),
+        "heading_rad": np.tile(plan.heading_rad, k),
         "position_m": np.tile(plan.position_m, (k, 1)),
-    }  # fmt: skip
+    }
     seen = replace(photography, station_m=np.concatenate(stations), rotation=np.concatenate(rotations))
     return Rigged(replace(plan, **more), seen, np.array(names))
 
 
-def rig_table(members: dict[str, RigMember]) -> b.RigMembers:
+def rig_table(members: dict[str, RigMemberOptions]) -> b.RigMembers:
     """The rig as the block declares it: places and angles with their errors, sigmas, status."""
     if not members:
         return b.RigMembers.empty()
     names = [FRAME, *sorted(members)]
     rows = [members[name] for name in names[1:]]
     none = np.zeros((1, 3))
-    given = np.array([np.add(m.position_m, m.error_m) for m in rows])
+    nominal_m = np.array([np.add(m.position_m, m.error_m) for m in rows])
     angles = np.radians([np.add(m.angles_deg, m.error_deg) for m in rows])
     sigma = np.array([[m.sigma_m] * 3 for m in rows])
     turn = np.radians([[m.sigma_deg] * 3 for m in rows])
     free = np.concatenate([none > 0, np.array([[m.free] * 3 for m in rows])])
     return b.RigMembers(
-        rig=np.full(len(names), NAME), member=np.array(names), is_frame=np.arange(len(names)) == 0,
-        position_m=np.concatenate([none, given]), angles_rad=np.concatenate([none, angles]),
-        position_sigma_m=np.where(free, np.nan, np.concatenate([none, sigma])), position_free=free,
-        angle_sigma_rad=np.where(free, np.nan, np.concatenate([none, turn])), angle_free=free,
-    )  # fmt: skip
+        rig=np.full(len(names), NAME),
+        member=np.array(names),
+        is_frame=np.arange(len(names)) == 0,
+        position_m=np.concatenate([none, nominal_m]),
+        angles_rad=np.concatenate([none, angles]),
+        position_sigma_m=np.where(free, np.nan, np.concatenate([none, sigma])),
+        position_free=free,
+        angle_sigma_rad=np.where(free, np.nan, np.concatenate([none, turn])),
+        angle_free=free,
+    )

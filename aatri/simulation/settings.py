@@ -36,7 +36,7 @@ Much = Annotated[NotNegative, AfterValidator(_share_or_count)]
 Range = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ascending)]
 
 
-class Camera(BaseModel):
+class CameraOptions(BaseModel):
     """The camera, interior orientation and lens."""
 
     model_config = _FROZEN
@@ -66,7 +66,7 @@ class Camera(BaseModel):
     margin_mm: float = Field(3.0, ge=0, description="border of the format in which nothing is measured, mm")
 
     @model_validator(mode="after")
-    def _table_is_a_function(self) -> Camera:
+    def _table_is_a_function(self) -> CameraOptions:
         if len(self.table_radius_mm) != len(self.table_correction_um):
             raise ValueError("table_radius_mm and table_correction_um differ in length")
         if any(b <= a for a, b in zip(self.table_radius_mm, self.table_radius_mm[1:])):
@@ -88,7 +88,7 @@ class Camera(BaseModel):
         return tuple(self.brown.get(name, 0.0) for name in BROWN)  # type: ignore[call-overload]
 
 
-class Flight(BaseModel):
+class FlightOptions(BaseModel):
     """Strips and stations."""
 
     model_config = _FROZEN
@@ -128,7 +128,7 @@ class Flight(BaseModel):
     speed_m_per_s: float = Field(60.0, gt=0, description="ground speed, m/s; gives the exposure times")
 
 
-class Terrain(BaseModel):
+class TerrainOptions(BaseModel):
     """The ground."""
 
     model_config = _FROZEN
@@ -138,7 +138,7 @@ class Terrain(BaseModel):
     wavelength_m: float = Field(1500.0, gt=0, description="shortest wavelength of the relief, m")
 
 
-class Ties(BaseModel):
+class TieOptions(BaseModel):
     """New points: in clusters at the standard (Gruber) positions, and at random."""
 
     model_config = _FROZEN
@@ -149,7 +149,7 @@ class Ties(BaseModel):
     random_per_image: float = Field(0.0, ge=0, description="random points per image, where new_points is not given")
 
 
-class Known(BaseModel):
+class ControlOptions(BaseModel):
     """Control and check points; each count is of points of that kind."""
 
     model_config = _FROZEN
@@ -167,7 +167,7 @@ class Known(BaseModel):
     )
 
 
-class Gnss(BaseModel):
+class GnssOptions(BaseModel):
     """Positions of the stations."""
 
     model_config = _FROZEN
@@ -181,7 +181,7 @@ class Gnss(BaseModel):
     )
 
 
-class Imu(BaseModel):
+class ImuOptions(BaseModel):
     """Attitudes of the stations."""
 
     model_config = _FROZEN
@@ -202,7 +202,7 @@ class Imu(BaseModel):
     drift_deg_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, degrees/s")
 
 
-class RigMember(BaseModel):
+class RigMemberOptions(BaseModel):
     """A camera beside the frame of the rig, of the same kind; its place and angles in the camera axes of the frame."""
 
     model_config = _FROZEN
@@ -216,7 +216,7 @@ class RigMember(BaseModel):
     free: bool = Field(False, description="the block leaves place and angles free")
 
 
-class Film(BaseModel):
+class FilmOptions(BaseModel):
     """Film deformation (affine, per image) and the place of the film on the comparator."""
 
     model_config = _FROZEN
@@ -228,7 +228,7 @@ class Film(BaseModel):
     shift_mm: float = Field(2.0, ge=0, description="largest shift on the comparator, mm")
 
 
-class Noise(BaseModel):
+class NoiseOptions(BaseModel):
     """A-priori standard deviations. `factor` scales the errors put in, not these."""
 
     model_config = _FROZEN
@@ -251,7 +251,7 @@ class Noise(BaseModel):
     relative_deg: float = Field(0.02, gt=0, description="angles of relative control, degrees")
 
 
-class GrossErrors(BaseModel):
+class GrossErrorOptions(BaseModel):
     """Gross errors: of each kind a share of all if below 1, otherwise how many."""
 
     model_config = _FROZEN
@@ -266,10 +266,10 @@ class GrossErrors(BaseModel):
     size_sigmas: Range = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
 
 
-def over_preset(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+def over_preset(preset: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
     """The preset's values with the given ones laid over them, group by group."""
     merged = dict(preset)
-    for name, value in given.items():
+    for name, value in options.items():
         below = merged.get(name)
         above = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else _with_tuples(value)
         nested = isinstance(below, Mapping) and isinstance(above, Mapping) and name != "brown"

@@ -18,7 +18,7 @@ from aatri.simulation.gross import gross_errors
 from aatri.simulation.measured import Disturbance, rows
 from aatri.simulation.rays import Photography
 from aatri.simulation.shapes import ANGULAR, LEVEL, VALUED, Laid, laid_out
-from aatri.simulation.survey_settings import Survey
+from aatri.simulation.survey_settings import SurveyOptions
 
 KIND = {"distance": "relative_distance", "coordinate_difference": "relative_difference", "angle": "relative_angle"}
 """Kinds of observation that are not called as their conditions."""
@@ -71,7 +71,7 @@ class Structure:
         return replace(self, local_m=photography.local(away))
 
 
-def planned_structures(settings: Survey, disturbance: Disturbance) -> list[Structure]:
+def planned_structures(settings: SurveyOptions, disturbance: Disturbance) -> list[Structure]:
     """A structure for every condition asked for, not yet at a place."""
     wanted = [(str(t), k + 1) for t, count in sorted(settings.relative.items()) for k in range(count)]
     rng = disturbance.streams["structure"]
@@ -79,13 +79,13 @@ def planned_structures(settings: Survey, disturbance: Disturbance) -> list[Struc
     sigma = [_sigma(t, disturbance, settings.exact) for t, _ in wanted]
     gross = _gross(wanted, laid, sigma, disturbance)
     errors = disturbance.streams["structure_error"]
-    found = []
+    structures = []
     for (type_, number), shape, s, wrong in zip(wanted, laid, sigma, gross):
         noise = disturbance.noise.factor * s * errors.standard_normal((len(shape.offset_m), 2))
         away = np.einsum("mk,mki->mi", noise + wrong, shape.away)
         of_value = float(noise[0, 0] + wrong[0, 0]) if type_ in VALUED else 0.0
-        found.append(Structure(type_, number, shape.offset_m + away, s, shape.radius_m, wrong, of_value))
-    return found
+        structures.append(Structure(type_, number, shape.offset_m + away, s, shape.radius_m, wrong, of_value))
+    return structures
 
 
 def _sigma(type_: str, disturbance: Disturbance, exact: bool) -> float:
@@ -99,11 +99,11 @@ def _gross(
     """Gross errors, as many rows as points for each condition."""
     counts = [len(shape.offset_m) for shape in laid]
     open_to = [np.zeros((n, 2)) for n in counts]
-    for (type_, _), shape, s, mine in zip(wanted, laid, sigma, open_to):
+    for (type_, _), shape, s, amplitude in zip(wanted, laid, sigma, open_to):
         if type_ in VALUED:
-            mine[0, 0] = s
+            amplitude[0, 0] = s
         else:
-            mine[:] = s * (np.abs(shape.away).sum(axis=2) > 0)
+            amplitude[:] = s * (np.abs(shape.away).sum(axis=2) > 0)
     stacked = np.concatenate([np.zeros((0, 2)), *open_to])
     much, size = disturbance.gross.relative_control, disturbance.gross.size_sigmas
     chosen, errors = gross_errors(much, stacked, size, disturbance.streams["gross_structure"], "relative_control")
@@ -128,21 +128,25 @@ def relative_control(
     order = sorted(structures, key=lambda s: (s.type, axis[id(s)], s.ids()))
     values = [_value(s, axis[id(s)], photography, in_block) for s in order]
     table = b.RelativeControl(
-        type=_texts(s.type for s in order), value=np.array(values), sigma=np.array([s.sigma for s in order]),
-        axis=_texts(axis[id(s)] for s in order), file=rows(np.full(len(order), -1)),
+        type=_texts(s.type for s in order),
+        value=np.array(values),
+        sigma=np.array([s.sigma for s in order]),
+        axis=_texts(axis[id(s)] for s in order),
+        file=rows(np.full(len(order), -1)),
         line=rows(np.full(len(order), -1)),
-    )  # fmt: skip
+    )
     parts = [[p for p, _ in _members(s)] for s in order]
     members = b.RelativeControlMembers(
         condition=rows(np.repeat(np.arange(len(order)), [len(p) for p in parts])),
-        part=_texts(p for of in parts for p in of), id=_texts(name for s in order for _, name in _members(s)),
-    )  # fmt: skip
-    return table, members, _told(order, parts)
+        part=_texts(p for of in parts for p in of),
+        id=_texts(name for s in order for _, name in _members(s)),
+    )
+    return table, members, _gross_by_kind(order, parts)
 
 
-def _told(order: list[Structure], parts: list[list[str]]) -> list[tuple[Any, ...]]:
+def _gross_by_kind(order: list[Structure], parts: list[list[str]]) -> list[tuple[Any, ...]]:
     """Gross errors by kind of observation, with the row that its residuals have."""
-    found: list[tuple[Any, ...]] = []
+    gross: list[tuple[Any, ...]] = []
     first = np.cumsum([0, *(len(p) for p in parts)])
     for type_ in dict.fromkeys(s.type for s in order):
         at: list[int] = []
@@ -153,8 +157,8 @@ def _told(order: list[Structure], parts: list[list[str]]) -> list[tuple[Any, ...
                 at.append(k if type_ in (*VALUED, *ONE_ROW) else int(first[k] + own))
                 errors.append(s.gross[member])
         if at:
-            found.append((KIND.get(type_, type_), np.array(at), np.array(errors)))
-    return found
+            gross.append((KIND.get(type_, type_), np.array(at), np.array(errors)))
+    return gross
 
 
 def _members(s: Structure) -> list[tuple[str, str]]:

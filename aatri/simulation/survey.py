@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from aatri.arrays import Float, Int
 from aatri.errors import GeometryError
 from aatri.simulation.rays import Photography
-from aatri.simulation.survey_settings import Survey
+from aatri.simulation.survey_settings import SurveyOptions
 from aatri.units import EARTH_RADIUS_M
 
 NEAREST, FARTHEST = 3, 12
@@ -99,9 +99,13 @@ def zenith(away: Float, refraction: float) -> Float:
 
 
 def sighted(
-    settings: Survey, photography: Photography, local_m: Float, candidates: Int, in_block: Any,
+    settings: SurveyOptions,
+    photography: Photography,
+    local_m: Float,
+    candidates: Int,
+    in_block: Any,
     rng: np.random.Generator,
-) -> list[Sighted]:  # fmt: skip
+) -> list[Sighted]:
     """All observations asked for, without errors.
 
     Parameters
@@ -120,13 +124,18 @@ def sighted(
     """
     view = _View(photography, local_m, candidates, in_block, rng, settings)
     wanted = (
-        (settings.distances, view.distances), (settings.horizontal_distances, view.horizontal),
-        (settings.ellipsoid_distances, view.ellipsoid), (settings.map_distances, view.map),
-        (settings.image_distances, view.image_distances), (settings.direction_sets, view.directions),
-        (settings.azimuths, view.azimuths), (settings.angles, view.angles),
-        (settings.zenith_angles, view.zenith_angles), (settings.height_differences, view.height_differences),
+        (settings.distances, view.distances),
+        (settings.horizontal_distances, view.horizontal),
+        (settings.ellipsoid_distances, view.ellipsoid),
+        (settings.map_distances, view.map),
+        (settings.image_distances, view.image_distances),
+        (settings.direction_sets, view.directions),
+        (settings.azimuths, view.azimuths),
+        (settings.angles, view.angles),
+        (settings.zenith_angles, view.zenith_angles),
+        (settings.height_differences, view.height_differences),
         (settings.baselines, view.baselines),
-    )  # fmt: skip
+    )
     return [part for count, of in wanted if count for part in of(count)]
 
 
@@ -137,7 +146,7 @@ class _View:
     candidates: Int
     in_block: Any
     rng: np.random.Generator
-    settings: Survey
+    settings: SurveyOptions
 
     def _targets(self, stations: int, each: int) -> tuple[Int, Int]:
         """Random stations and near targets of each, (n,), (n, each) rows of points."""
@@ -198,8 +207,11 @@ class _View:
         near = tree.query(self.photography.station_m[image, :2], min(FARTHEST, len(self.candidates)))[1]
         start = self.candidates[np.array([self.rng.choice(of) for of in near])]
         heights = np.column_stack([self._heights(n)[:, 0], np.zeros(n)])
-        away = line(self.photography, Place(self.local_m[start], heights[:, 0]),
-                 Place(self.photography.station_m[image], heights[:, 1]))  # fmt: skip
+        away = line(
+            self.photography,
+            Place(self.local_m[start], heights[:, 0]),
+            Place(self.photography.station_m[image], heights[:, 1]),
+        )
         value = np.linalg.norm(away, axis=1)
         return [_of("distance", "distance", start, image, heights, value, to_image=True)]
 
@@ -237,15 +249,38 @@ class _View:
     def baselines(self, n: int) -> list[Sighted]:
         start, end = self._targets(n, 1)
         heights = self._heights(n)
-        ends = [self.in_block(Place(self.local_m[rows], heights[:, k]).raised_m)
-                for k, rows in enumerate((start, end[:, 0]))]  # fmt: skip
+        ends = [
+            self.in_block(Place(self.local_m[rows], heights[:, k]).raised_m)
+            for k, rows in enumerate((start, end[:, 0]))
+        ]
         apart = ends[1] - ends[0]
-        return [_of(name, "coordinate_difference", start, end[:, 0], heights, apart[:, k])
-                for k, name in enumerate(("dX", "dY", "dZ"))]  # fmt: skip
+        return [
+            _of(name, "coordinate_difference", start, end[:, 0], heights, apart[:, k])
+            for k, name in enumerate(("dX", "dY", "dZ"))
+        ]
 
 
-def _of(type_: str, kind: str, start: Int, end: Int, heights: Float, value: Float, *, of_set: Int | None = None,
-        vertex: Int | None = None, **more: Any) -> Sighted:  # fmt: skip
+def _of(
+    type_: str,
+    kind: str,
+    start: Int,
+    end: Int,
+    heights: Float,
+    value: Float,
+    *,
+    of_set: Int | None = None,
+    vertex: Int | None = None,
+    **more: Any,
+) -> Sighted:
     none = np.full(len(start), -1)
-    return Sighted(type_, kind, start, end, none if vertex is None else vertex, heights, value,
-                   none if of_set is None else of_set, **more)  # fmt: skip
+    return Sighted(
+        type_,
+        kind,
+        start,
+        end,
+        none if vertex is None else vertex,
+        heights,
+        value,
+        none if of_set is None else of_set,
+        **more,
+    )

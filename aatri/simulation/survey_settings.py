@@ -9,12 +9,25 @@ from pydantic import BaseModel, ConfigDict, Field
 _FROZEN = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
 Condition = Literal[
-    "distance", "equal_distance", "coordinate_difference", "plane", "vertical_plane", "horizontal_plane",
-    "equal_height", "line", "plumb_line", "horizontal_line", "angle", "parallel", "perpendicular", "sphere", "cylinder",
-]  # fmt: skip
+    "distance",
+    "equal_distance",
+    "coordinate_difference",
+    "plane",
+    "vertical_plane",
+    "horizontal_plane",
+    "equal_height",
+    "line",
+    "plumb_line",
+    "horizontal_line",
+    "angle",
+    "parallel",
+    "perpendicular",
+    "sphere",
+    "cylinder",
+]
 
 
-class Survey(BaseModel):
+class SurveyOptions(BaseModel):
     """Geodetic observations between near points, and relative control on points of its own."""
 
     model_config = _FROZEN
@@ -33,8 +46,9 @@ class Survey(BaseModel):
     baselines: int = Field(0, ge=0, description="coordinate differences dX, dY, dZ with their covariances")
     distance_scale: float = Field(0.0, gt=-0.1, lt=0.1, description="true scale of the slope distances, less 1")
     distance_addition_m: float = Field(0.0, description="true addition constant of the slope distances, m")
-    refraction: float = Field(0.13, ge=-2, le=2, description="coefficient of refraction of zenith angles; a flat earth "
-                              "has none")  # fmt: skip
+    refraction: float = Field(
+        0.13, ge=-2, le=2, description="coefficient of refraction of zenith angles; a flat earth has none"
+    )
     relative: dict[Condition, int] = Field({}, description="relative control: how many conditions of each type")
     points_per_shape: int = Field(7, ge=6, description="points of a plane, line, sphere or cylinder")
     shape_size_m: float = Field(20.0, gt=0, description="extent of what relative control joins, m")

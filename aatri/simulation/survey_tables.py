@@ -14,7 +14,7 @@ from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
 from aatri.simulation.gross import gross_errors
 from aatri.simulation.measured import Disturbance, rows, texts
-from aatri.simulation.settings import Noise
+from aatri.simulation.settings import NoiseOptions
 from aatri.simulation.survey import Sighted
 
 CORRELATION = 0.3
@@ -23,7 +23,7 @@ ANGLES = ("direction", "azimuth", "angle", "zenith")
 
 
 def surveyed(
-    found: list[Sighted], point_ids: Text, image_ids: Text, disturbance: Disturbance
+    sights: list[Sighted], point_ids: Text, image_ids: Text, disturbance: Disturbance
 ) -> tuple[b.Geodetic, b.GeodeticCovariances, list[tuple[Any, ...]]]:
     """Tables of the observations, and the gross errors in them.
 
@@ -32,37 +32,53 @@ def surveyed(
     point_ids, image_ids : (n,) str
         In the order of the simulation.
     """
-    if not found:
+    if not sights:
         return b.Geodetic.empty(), b.GeodeticCovariances.empty(), []
-    sigma = np.concatenate([np.full(len(s.value), sigma_of(s.type, disturbance.noise)) for s in found])
-    noise = disturbance.noise.factor * sigma * _standard_normal(found, disturbance.streams["survey_error"])
-    chosen, errors = gross_errors(disturbance.gross.geodetic, sigma[:, None], disturbance.gross.size_sigmas,
-                                  disturbance.streams["gross_survey"], "geodetic")  # fmt: skip
+    sigma = np.concatenate([np.full(len(s.value), sigma_of(s.type, disturbance.noise)) for s in sights])
+    noise = disturbance.noise.factor * sigma * _standard_normal(sights, disturbance.streams["survey_error"])
+    chosen, errors = gross_errors(
+        disturbance.gross.geodetic,
+        sigma[:, None],
+        disturbance.gross.size_sigmas,
+        disturbance.streams["gross_survey"],
+        "geodetic",
+    )
     noise[chosen] += errors[:, 0]
-    lengths = [len(s.value) for s in found]
-    value = np.concatenate([s.value for s in found]) + noise
-    angular = np.repeat([s.type in ANGLES[:3] for s in found], lengths)
+    lengths = [len(s.value) for s in sights]
+    value = np.concatenate([s.value for s in sights]) + noise
+    angular = np.repeat([s.type in ANGLES[:3] for s in sights], lengths)
     value = np.where(angular, value % (2 * np.pi), value)
-    heights = np.concatenate([s.heights_m for s in found])
+    heights = np.concatenate([s.heights_m for s in sights])
     n = len(value)
     table = b.Geodetic(
-        type=_each(found, lambda s: s.type), start=_each(found, lambda s: point_ids[s.station]),
-        end=_each(found, lambda s: (image_ids if s.to_image else point_ids)[s.target]),
-        via=_each(found, lambda s: np.where(s.vertex >= 0, point_ids[s.vertex], "")),
-        start_kind=texts("point", times=n), end_kind=_each(found, lambda s: "image" if s.to_image else "point"),
-        value=value, sigma=sigma,
-        set=_each(found, lambda s: [f"S{k + 1:04d}" if k >= 0 else "" for k in s.set]),
-        group=_each(found, lambda s: s.group), start_height_m=heights[:, 0], end_height_m=heights[:, 1],
-        active=np.ones(n, dtype=bool), reduced=_each(found, lambda s: s.reduced),
-        file=rows(np.full(n, -1)), line=rows(np.full(n, -1)),
-    )  # fmt: skip
+        type=_each(sights, lambda s: s.type),
+        start=_each(sights, lambda s: point_ids[s.station]),
+        end=_each(sights, lambda s: (image_ids if s.to_image else point_ids)[s.target]),
+        via=_each(sights, lambda s: np.where(s.vertex >= 0, point_ids[s.vertex], "")),
+        start_kind=texts("point", times=n),
+        end_kind=_each(sights, lambda s: "image" if s.to_image else "point"),
+        value=value,
+        sigma=sigma,
+        set=_each(sights, lambda s: [f"S{k + 1:04d}" if k >= 0 else "" for k in s.set]),
+        group=_each(sights, lambda s: s.group),
+        start_height_m=heights[:, 0],
+        end_height_m=heights[:, 1],
+        active=np.ones(n, dtype=bool),
+        reduced=_each(sights, lambda s: s.reduced),
+        file=rows(np.full(n, -1)),
+        line=rows(np.full(n, -1)),
+    )
     order = canonical(table)
-    kind = _each(found, lambda s: s.kind)[order]
+    kind = _each(sights, lambda s: s.kind)[order]
     place = np.argsort(order)
-    return table.take(order), _covariances(found, place, disturbance.noise), _told(kind, place[chosen], errors)
+    return (
+        table.take(order),
+        _covariances(sights, place, disturbance.noise),
+        _gross_by_kind(kind, place[chosen], errors),
+    )
 
 
-def sigma_of(type_: str, noise: Noise) -> float:
+def sigma_of(type_: str, noise: NoiseOptions) -> float:
     """Standard deviation of a type, m or rad."""
     if type_ in ANGLES:
         return float(np.radians(noise.angle_deg))
@@ -79,18 +95,18 @@ def canonical(table: b.Geodetic) -> Int:
     return np.array(sorted(range(len(table)), key=lambda k: [c[k] for c in columns]), dtype=np.intp)
 
 
-def _each(found: list[Sighted], of: Any) -> Text:
+def _each(sights: list[Sighted], of: Any) -> Text:
     """A text column, part by part."""
-    parts = [np.broadcast_to(np.asarray(of(s), dtype=np.str_), len(s.value)) for s in found]
+    parts = [np.broadcast_to(np.asarray(of(s), dtype=np.str_), len(s.value)) for s in sights]
     return np.asarray(np.concatenate(parts), dtype=np.str_)
 
 
-def _standard_normal(found: list[Sighted], rng: np.random.Generator) -> Float:
+def _standard_normal(sights: list[Sighted], rng: np.random.Generator) -> Float:
     """Errors of unit variance: independent, but for those of a baseline."""
-    n = sum(len(s.value) for s in found)
+    n = sum(len(s.value) for s in sights)
     e = rng.standard_normal(n)
     common = rng.standard_normal(n)
-    for first, size in _baselines(found):
+    for first, size in _baselines(sights):
         shared = common[first : first + size]
         for k in range(3):
             at = slice(first + k * size, first + (k + 1) * size)
@@ -98,31 +114,34 @@ def _standard_normal(found: list[Sighted], rng: np.random.Generator) -> Float:
     return e
 
 
-def _baselines(found: list[Sighted]) -> Iterator[tuple[int, int]]:
+def _baselines(sights: list[Sighted]) -> Iterator[tuple[int, int]]:
     """First row and number of the baselines: three parts of equal length."""
     first = 0
-    for s in found:
+    for s in sights:
         if s.type == AXES[0]:
             yield first, len(s.value)
         first += len(s.value)
 
 
-def _covariances(found: list[Sighted], place: Int, noise: Noise) -> b.GeodeticCovariances:
+def _covariances(sights: list[Sighted], place: Int, noise: NoiseOptions) -> b.GeodeticCovariances:
     pairs = [
         np.sort(place[[first + i * size + k, first + j * size + k]])
-        for first, size in _baselines(found) for k in range(size) for i in range(3) for j in range(i + 1, 3)
-    ]  # fmt: skip
+        for first, size in _baselines(sights)
+        for k in range(size)
+        for i in range(3)
+        for j in range(i + 1, 3)
+    ]
     if not pairs:
         return b.GeodeticCovariances.empty()
     a, z = np.array(sorted(map(tuple, pairs))).T
     return b.GeodeticCovariances(row_a=rows(a), row_b=rows(z), value=np.full(len(a), CORRELATION * noise.baseline_m**2))
 
 
-def _told(kind: Text, chosen: Int, errors: Float) -> list[tuple[Any, ...]]:
+def _gross_by_kind(kind: Text, chosen: Int, errors: Float) -> list[tuple[Any, ...]]:
     """Gross errors by kind, rows ascending."""
-    found = []
+    gross = []
     for name in dict.fromkeys(kind[np.sort(chosen)].tolist()):
-        mine = np.flatnonzero(kind[chosen] == name)
-        mine = mine[np.argsort(chosen[mine])]
-        found.append((name, chosen[mine], errors[mine]))
-    return found
+        rows_of_kind = np.flatnonzero(kind[chosen] == name)
+        rows_of_kind = rows_of_kind[np.argsort(chosen[rows_of_kind])]
+        gross.append((name, chosen[rows_of_kind], errors[rows_of_kind]))
+    return gross

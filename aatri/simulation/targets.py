@@ -10,17 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.simulation.flight import Plan
+from aatri.simulation.flight import FlightPlan
 
 
-def standard_positions(plan: Plan) -> Float:
+def standard_positions(plan: FlightPlan) -> Float:
     """Plan coordinates of the standard positions, each once: (n, 2), m."""
     left = np.stack([-np.sin(plan.heading_rad), np.cos(plan.heading_rad)], axis=1)
     rows = [plan.position_m[:, :2] + step * plan.spacing_m * left for step in (-0.5, 0.0, 0.5)]
     return np.unique(np.round(np.concatenate(rows), 3) + 0.0, axis=0)
 
 
-def standard_rows(plan: Plan) -> list[Float]:
+def standard_rows(plan: FlightPlan) -> list[Float]:
     """The standard positions row by row from north to south, each from west to east: (n, 2) each, m."""
     xy = standard_positions(plan)
     north = np.unique(np.round(xy[:, 1], 2))[::-1]
@@ -28,7 +28,7 @@ def standard_rows(plan: Plan) -> list[Float]:
     return [row[np.argsort(row[:, 0])] for row in rows]
 
 
-def extent(plan: Plan) -> tuple[Float, Float]:
+def extent(plan: FlightPlan) -> tuple[Float, Float]:
     """Lowest and highest plan coordinates of the standard positions of the parallel strips, m."""
     if plan.area is not None:
         return plan.area

@@ -25,14 +25,14 @@ from aatri.artifacts.block import Block
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.simulation import earth, flight, settings
 from aatri.simulation.assembly import Scene, assembled
-from aatri.simulation.geodetic import Geodetic
+from aatri.simulation.geodetic import GeodeticEarth
 from aatri.simulation.measured import STREAMS, Disturbance
-from aatri.simulation.points import Ground, ground_targets
+from aatri.simulation.points import GroundSurface, ground_targets
 from aatri.simulation.presets import PRESETS
 from aatri.simulation.rays import Photography
 from aatri.simulation.rig import rigged
 from aatri.simulation.structures import planned_structures
-from aatri.simulation.survey_settings import Survey
+from aatri.simulation.survey_settings import SurveyOptions
 from aatri.simulation.terrain import random_surface
 
 
@@ -46,15 +46,19 @@ class SimulateOptions(Options):
         "images, 35 points at the standard positions",
     )
     name: str = Field("simulated", description="name of the block")
-    camera: settings.Camera = Field(settings.Camera(), description="camera and lens")
-    flight: settings.Flight = Field(settings.Flight(), description="strips, overlaps, scale, irregularities")
-    terrain: settings.Terrain = Field(settings.Terrain(), description="the ground")
-    ties: settings.Ties = Field(settings.Ties(), description="new points")
-    known: settings.Known = Field(settings.Known(), description="control and check points")
-    gnss: settings.Gnss = Field(settings.Gnss(), description="positions of the stations")
-    imu: settings.Imu = Field(settings.Imu(), description="attitudes of the stations")
-    survey: Survey = Field(Survey(), description="geodetic observations and relative control")
-    rig: dict[str, settings.RigMember] = Field({}, description="cameras beside the frame at every station, by name")
+    camera: settings.CameraOptions = Field(settings.CameraOptions(), description="camera and lens")
+    flight: settings.FlightOptions = Field(
+        settings.FlightOptions(), description="strips, overlaps, scale, irregularities"
+    )
+    terrain: settings.TerrainOptions = Field(settings.TerrainOptions(), description="the ground")
+    ties: settings.TieOptions = Field(settings.TieOptions(), description="new points")
+    known: settings.ControlOptions = Field(settings.ControlOptions(), description="control and check points")
+    gnss: settings.GnssOptions = Field(settings.GnssOptions(), description="positions of the stations")
+    imu: settings.ImuOptions = Field(settings.ImuOptions(), description="attitudes of the stations")
+    survey: SurveyOptions = Field(SurveyOptions(), description="geodetic observations and relative control")
+    rig: dict[str, settings.RigMemberOptions] = Field(
+        {}, description="cameras beside the frame at every station, by name"
+    )
     earth: Literal["flat", "tangent", "map", "geodetic"] = Field(
         "flat",
         description="flat: Cartesian; sphere in a Cartesian tangent frame; sphere in a map (east, north, height); "
@@ -66,9 +70,11 @@ class SimulateOptions(Options):
     refraction: Literal["none", "radial", "vertical_plane"] = Field(
         "radial", description="off; along the image radius, as corrections assume; in the vertical plane of each ray"
     )
-    film: settings.Film = Field(settings.Film(), description="film deformation, place on the comparator")
-    noise: settings.Noise = Field(settings.Noise(), description="standard deviations; `noise: false` is factor 0")
-    gross_errors: settings.GrossErrors = Field(settings.GrossErrors(), description="gross errors")
+    film: settings.FilmOptions = Field(settings.FilmOptions(), description="film deformation, place on the comparator")
+    noise: settings.NoiseOptions = Field(
+        settings.NoiseOptions(), description="standard deviations; `noise: false` is factor 0"
+    )
+    gross_errors: settings.GrossErrorOptions = Field(settings.GrossErrorOptions(), description="gross errors")
 
     @model_validator(mode="before")
     @classmethod
@@ -107,14 +113,25 @@ def simulate(
         terrain_height_m=height_m,
         station_m=earth.settled(station, false_origin),
         rotation=rotation,
-        geodetic=Geodetic(options.crs, false_origin, options.undulation_m) if options.earth == "geodetic" else None,
+        geodetic=GeodeticEarth(options.crs, false_origin, options.undulation_m)
+        if options.earth == "geodetic"
+        else None,
     )
     context.log(f"{len(plan.id)} stations flown, {plan.base_m:.1f} m apart, strips {plan.spacing_m:.1f} m apart")
     made = rigged(plan, photography, options.rig)
     disturbance = Disturbance(options.noise, options.gross_errors, streams)
-    points = ground_targets(made.photography, plan, Ground(surface, false_origin), options.flight, options.ties,
-                            options.known, planned_structures(options.survey, disturbance), streams)  # fmt: skip
+    points = ground_targets(
+        made.photography,
+        plan,
+        GroundSurface(surface, false_origin),
+        options.flight,
+        options.ties,
+        options.known,
+        planned_structures(options.survey, disturbance),
+        streams,
+    )
     context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
-    scene = Scene(options.name, options.earth, false_origin, made.plan, made.photography, points, made.member,
-                  options.rig)  # fmt: skip
+    scene = Scene(
+        options.name, options.earth, false_origin, made.plan, made.photography, points, made.member, options.rig
+    )
     return assembled(scene, options.film, options.gnss, options.imu, options.survey, disturbance)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.simulation.flight import Plan, flown
-from aatri.simulation.settings import Camera, Flight
+from aatri.simulation.flight import FlightPlan, flown
+from aatri.simulation.settings import CameraOptions, FlightOptions
 
 HEADINGS_DEG = (0.0, 90.0, 180.0, -90.0, 37.0)
 
@@ -15,9 +15,9 @@ def _deviations(position_sigma_m: tuple[float, float, float]) -> np.ndarray:
     """Of the stations from their plan, in m."""
     n, heading = 200 * len(HEADINGS_DEG), np.deg2rad(np.repeat(HEADINGS_DEG, 200))
     ids = [str(k) for k in range(n)]
-    plan = Plan(ids, ids, np.arange(n), np.arange(n), heading, np.zeros((n, 3)), 100.0, 500.0)
-    flight = Flight(position_sigma_m=position_sigma_m)
-    return flown(plan, flight, Camera(), np.random.default_rng(1))[0].reshape(len(HEADINGS_DEG), 200, 3)
+    plan = FlightPlan(ids, ids, np.arange(n), np.arange(n), heading, np.zeros((n, 3)), 100.0, 500.0)
+    flight = FlightOptions(position_sigma_m=position_sigma_m)
+    return flown(plan, flight, CameraOptions(), np.random.default_rng(1))[0].reshape(len(HEADINGS_DEG), 200, 3)
 
 
 @pytest.mark.parametrize(("axis", "turned_deg"), [(0, 0.0), (1, 90.0)])

@@ -9,7 +9,7 @@ import pytest
 from aatri.errors import InputError
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.simulation import forward
-from aatri.simulation.settings import Camera
+from aatri.simulation.settings import CameraOptions
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from tests.simulation import later_corrections as later
 
@@ -97,7 +97,7 @@ def test_a_camera_frame_vector_is_the_rotated_difference():
 
 
 def test_a_lens_too_strong_is_refused():
-    camera = Camera(distortion="brown", brown={"k1": -1e-3})
+    camera = CameraOptions(distortion="brown", brown={"k1": -1e-3})
     with pytest.raises(InputError, match="distortion"):
         forward.through_lens(np.array([[100.0, 50.0]]), camera)
 
