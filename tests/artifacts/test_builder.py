@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CONTROL, Block
-from aatri.errors import ArtifactError, InputError
 from aatri.artifacts.builder import block_of
+from aatri.errors import ArtifactError, InputError
 from aatri.tables.digest import content_digest
 
 

@@ -118,18 +118,26 @@ class Numbers:
         return self.cells[file, first]
 
     def _differs(self, after: dict[str, Any], slope: dict[str, Any], change: float, near: float = NEAR) -> bool:
-        """Whether what is read is not what a change of the number makes of what was read."""
+        """Whether what is read is not what a change of the number makes of what was read; rows may change places."""
         for name, before in self.before.items():
+            read = after[name]
+            if before.shape != read.shape:
+                return True
             if not _is_figure(before):
-                if not np.array_equal(before, after[name]):
+                if not np.array_equal(before, read) and not np.array_equal(np.sort(before), np.sort(read)):
                     return True
                 continue
             moved = change * slope.get(name, 0.0)
             tolerance = near * np.abs(moved) + 1e-12 * np.abs(before) + 1e-15
-            off = ~(np.abs(after[name] - before - moved) <= tolerance) & ~(np.isnan(after[name]) & np.isnan(before))
-            if off.any():
+            if not _near(read, before + moved, tolerance) and not _near(
+                np.sort(read, axis=None), np.sort(before + moved, axis=None), float(np.nanmax(tolerance))
+            ):
                 return True
         return False
+
+
+def _near(read: Any, expected: Any, tolerance: Any) -> bool:
+    return bool(((np.abs(read - expected) <= tolerance) | (np.isnan(read) & np.isnan(expected))).all())
 
 
 def figures(read: Any) -> dict[str, Any]:

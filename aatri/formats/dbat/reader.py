@@ -247,4 +247,3 @@ def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float
         "sigma_m": sigma, "role": np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE),
         "at": [p.entry for p in points],
     }  # fmt: skip
-

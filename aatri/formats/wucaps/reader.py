@@ -75,4 +75,3 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         },
     )  # fmt: skip
     return screen_block(block, reporter, max_reject_share)
-

@@ -103,7 +103,8 @@ BAD: dict[str, tuple[Change, str, str, str]] = {
     "yaml tab": (replaced(YAML, "  map:", "\tmap:"), "block.yaml:4:1", "tab", "spaces"),
     "yaml distortion": (replaced(YAML, "p1: 1e-6", "p9: 1e-6"), "block.yaml:26:", "p9", ""),
     "yaml model is a list": (replaced(YAML, "model: brown", "model: [brown]"), "block.yaml:26:", "is a list or mapping", "brown"),
-    "yaml sigmas": (replaced(YAML, "k1: 1e-7", "k7: 1e-7"), "block.yaml:", "k7", ""),
+    "yaml sigmas": (replaced(YAML, "k1: 1e-7", "k7: 1e-7"), "block.yaml:27:", "k7", ""),
+    "yaml sigmas of a vector": (replaced(YAML, "[0.01, 0.01]", "[0.0,1, 0.01]"), "block.yaml:27:", "takes 2 values", ""),
     "pixel origin": (replaced(YAML, ", origin: top-left-corner", ""), "block.yaml:", "origin", ""),
 }  # fmt: skip
 

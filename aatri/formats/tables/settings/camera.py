@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from aatri.formats.tables.settings.sections import (
+    FaultAt,
     FreeSigma,
     Positive,
     Section,
@@ -101,9 +102,9 @@ class CameraSettings(Section):
         known = ["principal_distance", *VECTORS, *PARAMETERS[self.distortion.model]]
         for name, sigma in self.sigmas.items():
             if name not in known:
-                raise ValueError(f"sigmas: unknown parameter {clipped(name)!r}{did_you_mean(name, known)}")
+                raise FaultAt(f"unknown parameter {clipped(name)!r}{did_you_mean(name, known)}", "sigmas", name)
             if isinstance(sigma, list) and len(sigma) != len(VECTORS.get(name, "x")):
-                raise ValueError(f"sigmas: {name} takes {len(VECTORS.get(name, 'x'))} values, not {len(sigma)}")
+                raise FaultAt(f"takes {len(VECTORS.get(name, 'x'))} values, not {len(sigma)}", "sigmas", name)
         return self
 
 

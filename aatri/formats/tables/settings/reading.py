@@ -44,6 +44,7 @@ def read_settings(path: Path) -> tuple[Settings, Document]:
 def _fault(document: Document, item: dict[str, Any]) -> InputError:
     """One finding of the validation as an error with place, value and remedy."""
     keys = _keys(document.value, item["loc"])
+    keys += getattr(item.get("ctx", {}).get("error"), "keys", ())
     path = ".".join(str(key) for key in keys) or "block.yaml"
     if item["type"] == "extra_forbidden":
         known = _known_keys(keys[:-1])

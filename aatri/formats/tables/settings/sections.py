@@ -30,6 +30,14 @@ FreeSigma = Annotated[float, Field(ge=0, allow_inf_nan=True)]
 ThreeFreeSigmas = Annotated[list[FreeSigma], BeforeValidator(broadcast), Field(min_length=3, max_length=3)]
 
 
+class FaultAt(ValueError):
+    """A fault of one of the keys of the section that is checked."""
+
+    def __init__(self, what: str, *keys: str) -> None:
+        super().__init__(what)
+        self.keys = keys
+
+
 class Section(BaseModel):
     """A mapping of the file."""
 
