@@ -47,7 +47,7 @@ class Adjusted:
         Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
         no covariances.
     factored : Factored, optional
-        Of a linear problem: its only factor, which serves the covariances.
+        Of a linear problem its only factor, which serves the covariances; of others where it was asked for.
     notes : tuple of Note
         What takes no part, was set aside, has no finite optimum, or is hardly determined.
     """

@@ -288,6 +288,7 @@ def _settings(options: BundleOptions, how: How) -> BundleSettings:
         or options.reliability
         or options.variance_components is not None
         or options.blunders.method != "none",
+        options.blunders.method == "none",  # one adjustment: a search would keep the factors of several
         how.huber,
         how.weights,
         Settings(

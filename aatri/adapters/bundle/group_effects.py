@@ -23,6 +23,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from aatri.adapters.bundle.neighbourhoods import moved_together
+from aatri.adjustment.records import whitened_residuals
 from aatri.arrays import Float, Int, Text
 from aatri.observations.attitudes import BORESIGHT
 from aatri.observations.attitudes import KIND as ATTITUDE
@@ -58,8 +59,9 @@ def effects_of(given: BundleInput, result: BundleResult) -> Iterator[Effects]:
         elif o.kind == ATTITUDE and groups[:2] == [POSE, BORESIGHT]:
             yield from _of_attitudes(given.given, result, place, found, rows)
         elif o.kind == IMAGE_POINT and given.rays is not None:
-            yield from _of_image_points(given, result, place, found, rows)
-            yield from moved_together(given, result, place, found, rows)
+            v = whitened_residuals(o.records, result.adjusted.state, rows)
+            yield from _of_image_points(given, place, rows, v / o.records.whitener[rows])
+            yield from moved_together(given, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
@@ -78,27 +80,27 @@ def _of_positions(
     yield from _in_time(given, place, rows, image, (ALL, "strip", "flight"))
     by_pose = found.observed.records.evaluate(result.adjusted.state, rows)[1][0]
     R = result.adjusted.state[POSE].ground_from_image[image]
-    cameras = given.block.cameras.id[given.block.images.camera[image]]
-    yield from _units(place, "camera", cameras, rows, by_pose[:, :, :3] @ R, (Cause("lever arm", (0, 1, 2)),), True)
+    cameras, H = given.block.cameras.id[given.block.images.camera], by_pose[:, :, :3] @ R
+    yield from _units(place, "camera", cameras, image, rows, H, (Cause("lever arm", (0, 1, 2)),), True)
 
 
 def _of_attitudes(
     given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
 ) -> Iterator[Effects]:
     image = found.observed.records.touches[0][1][rows]
-    cameras = given.block.cameras.id[given.block.images.camera[image]]
+    cameras = given.block.cameras.id[given.block.images.camera]
     by_boresight = found.observed.records.evaluate(result.adjusted.state, rows)[1][1]
     fixed = not any(u.free.any() for u in found.observed.unknowns if u.name == BORESIGHT)
-    yield from _units(place, "camera", cameras, rows, by_boresight, (Cause("boresight", (0, 1, 2)),), fixed)
+    yield from _units(place, "camera", cameras, image, rows, by_boresight, (Cause("boresight", (0, 1, 2)),), fixed)
     yield from _in_time(given, place, rows, image, ("strip", "flight"))
 
 
 def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, ...]) -> Iterator[Effects]:
     """Shift, and shift and drift, of units of images."""
     images, strips = given.block.images, np.append(given.block.strips.id, "")
-    names = {"strip": strips[images.strip[image]], "flight": images.flight[image], ALL: np.full(len(rows), ALL)}
+    names = {"strip": strips[images.strip], "flight": images.flight, ALL: np.full(len(images), ALL)}
     for per in pers:
-        time = group_times(images.time_s[image], images.sequence[image], names[per])
+        time = group_times(images.time_s[image], images.sequence[image], names[per][image])
         largest = float(np.abs(time).max(initial=0.0)) or 1.0
         H = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)),
                             (time / largest)[:, None, None] * np.eye(3)], axis=2)  # fmt: skip
@@ -107,38 +109,43 @@ def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, .
             causes = (Cause("height", (2,)), *causes)
         elif time.any():
             causes = (*causes, Cause("drift", tuple(range(6))))
-        yield from _units(place, per, names[per], rows, H, causes, True)
+        yield from _units(place, per, names[per], image, rows, H, causes, True)
 
 
 def _units(
-    place: int, per: str, names: Text, rows: Int, H: Float, causes: tuple[Cause, ...], removable: bool = False
-) -> Iterator[Effects]:
-    """Effects unit by unit, of units with enough observations; a single strip or flight is all there is."""
-    ids, number, count = np.unique(names, return_inverse=True, return_counts=True)
+    place: int, per: str, names: Text, image: Int, rows: Int, H: Float, causes: tuple[Cause, ...],
+    removable: bool = False,
+) -> Iterator[Effects]:  # fmt: skip
+    """Effects unit by unit, of units with enough observations; a single strip or flight is all there is.
+
+    `names` are those of the units of the images, `image` that of each row.
+    """
+    ids, number = np.unique(names, return_inverse=True)
+    number = number[image]
+    count = np.bincount(number, minlength=len(ids))
     enough = (count >= FEWEST) & (ids != "")
-    if not enough.any() or (per in ("strip", "flight") and len(ids) < 2):
+    if not enough.any() or (per in ("strip", "flight") and (count > 0).sum() < 2):
         return
-    some = np.flatnonzero(enough[number])
-    new = np.cumsum(enough) - 1
-    yield Effects(place, per, ids[enough], rows[some], new[number[some]], H[some], causes, removable)
+    some, new = enough[number], np.cumsum(enough) - 1
+    if not some.all():
+        number, rows, H = number[some], rows[some], H[some]
+    yield Effects(place, per, ids[enough], rows, new[number], H, causes, removable)
 
 
-def _of_image_points(
-    given: BundleInput, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
-) -> Iterator[Effects]:
+def _of_image_points(given: BundleInput, place: int, rows: Int, residuals_mm: Float) -> Iterator[Effects]:
     assert given.rays is not None
     assert given.given is not None
-    rays, block = given.rays, given.given.block
-    image, camera = rays.image[rows], block.images.camera[rays.image[rows]]
-    adjusted_mm = rays.xy_mm[rows] + found.observed.records.evaluate(result.adjusted.state, rows)[0]
-    H = _by_camera(adjusted_mm, rays.c_mm[rows], _corner_mm(given)[camera])
+    rays, images, block = given.rays, given.given.block.images, given.given.block
+    image = rays.image[rows]
+    corner_mm = _corner_mm(given)[images.camera[image]]
+    H = _by_camera(rays.xy_mm[rows] + residuals_mm, rays.c_mm[rows], corner_mm)
     carried = any(p.group != FILM and p.free.any() for p in given.parameters)
     causes = (Cause("principal distance", (0,)), Cause("principal point", (1, 2)), Cause("radial distortion", (3,)),
               Cause("affinity", (4, 5)))  # fmt: skip
     if not carried:
-        yield from _units(place, "camera", block.cameras.id[camera], rows, H, causes)
-    strips = np.append(block.strips.id, "")[block.images.strip[image]]
-    yield from _units(place, "strip", strips, rows, H, (*causes, Cause("camera", tuple(range(6)))))
+        yield from _units(place, "camera", block.cameras.id[images.camera], image, rows, H, causes)
+    strips = np.append(block.strips.id, "")[images.strip]
+    yield from _units(place, "strip", strips, image, rows, H, (*causes, Cause("camera", tuple(range(6)))))
 
 
 def _corner_mm(given: BundleInput) -> Float:

@@ -10,6 +10,9 @@ iteration has left: where Q takes up nearly all of an effect, that counts). The 
 v'v, is the score test (the multiplier of the condition p = 0): chi-square of the rank of M where there is no such
 effect.
 
+Of many units on rays only those need be solved for that could matter: with M of the eliminated blocks alone, the kept
+unknowns held, the gain is less than the true one.
+
 Source: Rao 1948 (score test); Kraus, Photogrammetry, on systematic errors found in residuals.
 """
 
@@ -23,15 +26,17 @@ import numpy as np
 from aatri.adjustment.adjusted import Adjusted
 from aatri.adjustment.constraints import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction
-from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
+from aatri.adjustment.elimination.effects import reduced_effects
+from aatri.adjustment.elimination.right_hand_sides import backward, forward, forward_kept, sides_of
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float, Int
 
 LEAST_SEEN = 1e-6
 """Share of an effect on the observations below which what the unknowns leave of it is rounding, of Q above all."""
 
-MOST_SIDES = 48
-"""Right-hand sides solved for at a time: they are as long as all unknowns."""
+MOST_SIDES, ROOM_BYTES = 48, 2e7
+"""Right-hand sides solved for at a time: they are as long as all unknowns; of rays, as long as those kept."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +85,28 @@ class Score:
 
     def joint(self, unit: int, columns: Sequence[int]) -> Joint:
         """The test of some parameters of a unit, all others held at zero."""
-        some, scale = list(columns), np.sqrt(self.whole[unit])[list(columns)]
-        inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-        size, axes = np.linalg.eigh(self.information[unit][np.ix_(some, some)] * inverse[:, None] * inverse)
+        some = list(columns)
+        size, axes = (part[0] for part in self._axes(columns, slice(unit, unit + 1)))
         seen = size > LEAST_SEEN
-        axes = inverse[:, None] * axes[:, seen]
+        axes = axes[:, seen]
         along = axes.T @ self.gradient[unit, some]
         C = (axes / size[seen]) @ axes.T
         return Joint(float((along**2 / size[seen]).sum()), int(seen.sum()), -C @ self.gradient[unit, some], C)
+
+    def gains(self, columns: Sequence[int]) -> tuple[Float, Int]:
+        """Gain and rank of some parameters of each unit, all others held at zero, (u,) both."""
+        size, axes = self._axes(columns, slice(None))
+        seen = size > LEAST_SEEN
+        along = np.einsum("uka,uk->ua", axes, self.gradient[:, list(columns)])
+        return (np.where(seen, along**2, 0.0) / np.where(seen, size, 1.0)).sum(axis=1), seen.sum(axis=1)
+
+    def _axes(self, columns: Sequence[int], units: slice) -> tuple[Float, Float]:
+        """Shares of directions that the unknowns cannot take up, and these directions, (u, k), (u, k, k)."""
+        some, scale = list(columns), np.sqrt(self.whole[units][:, list(columns)])
+        inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+        M = self.information[units][:, some][:, :, some] * inverse[:, :, None] * inverse[:, None, :]
+        size, axes = np.linalg.eigh(M)
+        return size, inverse[:, :, None] * axes
 
 
 def with_factor(adjusted: Adjusted) -> Adjusted:
@@ -95,7 +114,9 @@ def with_factor(adjusted: Adjusted) -> Adjusted:
     return replace(adjusted, factored=adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state))
 
 
-def score(adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int | None = None) -> Score:
+def score(
+    adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int | None = None, least_gain: float = 0.0
+) -> Score:
     """Try parameters that some records depend on.
 
     Parameters
@@ -110,24 +131,62 @@ def score(adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int |
         Derivative of the residuals, in units of the observation.
     unit : (n,) int, optional
         Whose parameters those of each row are; default: all are of one.
+    least_gain : float
+        A unit whose gain with the kept unknowns held is less may get that gain.
     """
     unit = np.zeros(len(rows), dtype=np.int64) if unit is None else unit
     adjusted = with_factor(adjusted)
     n, k = int(unit.max(initial=-1)) + 1, H.shape[2]
-    gradient, whole, information = np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k))
-    at_a_time = max(1, MOST_SIDES // k)
+    found = Score(np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k)))
+    H, ray = _whitened_effects(records, rows, H), _rays(adjusted.problem, records, rows)
+    sides = MOST_SIDES if ray is None else ROOM_BYTES / 8 / max(adjusted.problem.layout.n_kept, 1)
+    at_a_time = max(1, int(sides) // k)
     for first in range(0, n, at_a_time):
         some = np.flatnonzero((unit >= first) & (unit < first + at_a_time))
-        units = min(at_a_time, n - first)
-        v, white, right = _sides(adjusted, records, rows[some], H[some], unit[some] - first, units)
-        place, here = unit[some], slice(first, first + units)
-        np.add.at(gradient, place, np.einsum("nmk,nm->nk", white, v))
-        np.add.at(information, place, np.einsum("nmk,nml->nkl", white, white))
-        whole[here] = np.einsum("ukk->uk", information[here])
-        taken_up, left = _taken_up(adjusted, right)
-        information[here] -= taken_up.reshape(units, k, units, k)[np.arange(units), :, np.arange(units)]
-        gradient[here] -= left.reshape(units, k)
-    return Score(gradient, whole, information)
+        here = slice(first, min(first + at_a_time, n))
+        part = Score(found.gradient[here], found.whole[here], found.information[here])
+        if ray is None:
+            _add_densely(part, adjusted, records, rows[some], H[some], unit[some] - first)
+        else:
+            _add_rays(part, adjusted, ray[some], H[some], unit[some] - first, least_gain)
+    return found
+
+
+def _rays(problem: IndexedProblem, records: Records, rows: Int) -> Int | None:
+    """Places of records among the rays of eliminated blocks; None where some are not, or there are constraints."""
+    if problem.rays is None or problem.rays.records is not records or problem.constraints:
+        return None
+    place = np.full(len(records.active), -1, dtype=np.int64)
+    place[problem.rays.rows] = np.arange(len(problem.rays.rows))
+    return place[rows] if (place[rows] >= 0).all() else None
+
+
+def _add_rays(found: Score, adjusted: Adjusted, ray: Int, H: Float, unit: Int, least_gain: float) -> None:
+    """Units of rays, in place."""
+    problem, factored, (n, k) = adjusted.problem, adjusted.factored, found.gradient.shape
+    assert factored is not None
+    reduced = reduced_effects(problem, factored, adjusted.state, ray, H, unit, n)
+    found.gradient[:], found.whole[:], found.information[:] = reduced.gradient, reduced.whole, reduced.information
+    some = np.flatnonzero(found.gains(range(k))[0] >= least_gain)
+    if not len(some):
+        return
+    x = reduced.kept.reshape(-1, n, k)[:, some].reshape(-1, len(some) * k)
+    forward_kept(problem, factored, x)
+    found.gradient[some] -= (x.T @ _forward_gradient(adjusted)).reshape(-1, k)
+    of_unit = x.reshape(-1, len(some), k).transpose(1, 0, 2)
+    found.information[some] -= of_unit.swapaxes(1, 2) @ of_unit
+
+
+def _add_densely(found: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int) -> None:
+    """Units of any records, in place."""
+    n, k = found.gradient.shape
+    v, right = _sides(adjusted, records, rows, H, unit, n)
+    np.add.at(found.gradient, unit, np.einsum("nmk,nm->nk", H, v))
+    np.add.at(found.information, unit, np.einsum("nmk,nml->nkl", H, H))
+    found.whole[:] = np.einsum("ukk->uk", found.information)
+    taken_up, left = _taken_up(adjusted, right)
+    found.information[:] -= taken_up.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
+    found.gradient[:] -= left.reshape(n, k)
 
 
 def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dict[str, Float]:
@@ -140,18 +199,23 @@ def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dic
     """
     adjusted = with_factor(adjusted)
     one = np.zeros(len(rows), dtype=np.int64)
-    right = _sides(adjusted, records, rows, effect[:, :, None], one, 1)[2]
+    right = _sides(adjusted, records, rows, _whitened_effects(records, rows, effect[:, :, None]), one, 1)[1]
     return {group: -values[:, :, 0] for group, values in _covariance_times(adjusted, right).items()}
+
+
+def _whitened_effects(records: Records, rows: Int, H: Float) -> Float:
+    """Whitened; zero where a record is not active."""
+    L = records.whitener[rows]
+    L = np.where(records.active[rows].reshape(-1, *[1] * (L.ndim - 1)), L, 0.0)
+    return L[:, :, None] * H if L.ndim == 2 else L @ H
 
 
 def _sides(
     adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int, units: int
-) -> tuple[Float, Float, dict[str, Float]]:
-    """Whitened v and H, and A'H by group, (blocks, scalars, units * k)."""
+) -> tuple[Float, dict[str, Float]]:
+    """Whitened v, and A'H by group, (blocks, scalars, units * k), of whitened H."""
     v, jacobians = whitened(records, adjusted.state, rows)
-    H, k = np.where(records.active[rows, None, None], H, 0.0), H.shape[2]
-    L = records.whitener[rows]
-    H = L[:, :, None] * H if L.ndim == 2 else L @ H
+    k = H.shape[2]
     right: dict[str, Float] = {}
     for u in adjusted.problem.unknowns:
         for (group, block), J in zip(records.touches, jacobians):
@@ -160,7 +224,6 @@ def _sides(
                 np.add.at(found, (block[rows], unit), np.einsum("nma,nmk->nak", J, H))
     return (
         v,
-        H,
         {group: found.swapaxes(1, 2).reshape(len(found), found.shape[2], units * k) for group, found in right.items()},
     )
 
@@ -170,15 +233,22 @@ def _taken_up(adjusted: Adjusted, right: dict[str, Float]) -> tuple[Float, Float
     problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
     assert factored is not None
     u = forward(problem, factored, state, sides_of(problem, right))
-    found, y = u.gram(), np.zeros(problem.layout.n_kept)
-    for node, part in zip(problem.tree.nodes, factored.y):
-        y[node.columns[: node.panel]] = part
-    left = u.kept.T @ y + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
+    found = u.gram()
+    left = u.kept.T @ _forward_gradient(adjusted) + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
     W = covariance_reduction(problem, factored, state)
     if W:
         common = np.asarray(sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items()))
         found = found - common.T @ common
     return found, left
+
+
+def _forward_gradient(adjusted: Adjusted) -> Float:
+    """y of the kept unknowns, (n_kept,)."""
+    y = np.zeros(adjusted.problem.layout.n_kept)
+    assert adjusted.factored is not None
+    for node, part in zip(adjusted.problem.tree.nodes, adjusted.factored.y):
+        y[node.columns[: node.panel]] = part
+    return y
 
 
 def _covariance_times(adjusted: Adjusted, right: dict[str, Float]) -> dict[str, Float]:

@@ -82,6 +82,12 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
         inverse = inverse_factors(factored.block_factor[right.block])
         of_block = inverse @ of_block
         _subtract_blocks(problem, state, right.block, inverse.swapaxes(1, 2) @ of_block, x)
+    forward_kept(problem, factored, x)
+    return Sides(x, right.block, of_block)
+
+
+def forward_kept(problem: IndexedProblem, factored: Factored, x: Float) -> None:
+    """U_x = L_x^-1 x of right-hand sides of the kept unknowns alone, in place."""
     with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
         for k, node in enumerate(problem.tree.nodes):
             some = np.flatnonzero(x[node.columns[: node.panel]].any(axis=0))
@@ -90,7 +96,6 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
             part = np.asfortranarray(x[np.ix_(node.columns, some)])
             lapack.forward_columns(factored.factor.panel(k), part)
             x[np.ix_(node.columns, some)] = part
-    return Sides(x, right.block, of_block)
 
 
 def backward(problem: IndexedProblem, factored: Factored, state: State, u: Sides) -> dict[str, Float]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from aatri.adjustment.adjust import Adjusted, adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.covariance.score import with_factor
 from aatri.adjustment.forecast import forecast
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.reach import scaled, within_reach
@@ -92,6 +93,8 @@ def adjust_bundle(
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
         notes.append(Note("warning", text))
         covariances = False
+    if covariances and settings.keep_factor:
+        adjusted = with_factor(adjusted)
     return _result(given, adjusted, part, covariances, free, tuple(notes))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from aatri.adjustment.adjust import Adjusted
+from aatri.adjustment.records import Records
 from aatri.adjustment.residuals import residuals
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -117,6 +118,14 @@ class BundleResult:
         """Image points that determine the result."""
         rays = [o.used for o in self.observations if POSE in _groups(o) and POINT in _groups(o)]
         return rays[0] if rays else np.zeros(0, dtype=bool)
+
+    def in_problem(self, place: int) -> tuple[Records, Int]:
+        """Observations of a kind as records of the adjustment, and the row of each there; -1 where it takes no part."""
+        taking_part = [k for k, o in enumerate(self.observations) if len(o.rows) and not o.observed.exact]
+        found = self.observations[place]
+        row = np.full(len(found.observed), -1, dtype=np.int64)
+        row[found.rows] = np.arange(len(found.rows))
+        return self.adjusted.problem.records[taking_part.index(place)], row
 
 
 def without_absent(result: BundleResult) -> BundleResult:

@@ -26,6 +26,8 @@ class BundleSettings:
         What a free datum rests on: all points, the projection centres of all images, or the marked points.
     covariances : bool
         There are none where observations are down-weighted.
+    keep_factor : bool
+        Of the covariances, for score tests after the adjustment.
     huber : float, optional
         Bound of Huber's loss of all kinds but priors, in standard deviations; what is exact has none. See
         `aatri.adjustment.loss`.
@@ -38,6 +40,7 @@ class BundleSettings:
     datum: Datum = "given"
     datum_over: DatumOver = "points"
     covariances: bool = True
+    keep_factor: bool = False
     huber: float | None = None
     weights: tuple[Float, ...] = ()
     solution: Settings = field(default_factory=Settings)

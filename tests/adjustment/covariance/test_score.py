@@ -14,11 +14,14 @@ from aatri.adjustment.reference import dense_jacobian, free_columns
 from tests.adjustment.block_problem import made_problem
 
 
+@pytest.mark.parametrize("of_the_problem", [True, False])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_value_and_standard_deviation_are_those_of_an_adjustment_that_carries_the_parameter(seed: int) -> None:
+def test_value_and_standard_deviation_are_those_of_an_adjustment_that_carries_the_parameter(
+    seed: int, of_the_problem: bool
+) -> None:
     unknowns, records, start = made_problem(seed, n_kept=8, n_points=20)
     result = adjust_large(unknowns, records, start)
-    rays, rows = records[0], np.arange(len(records[0].active))
+    rays, rows = result.problem.records[0] if of_the_problem else records[0], np.arange(len(records[0].active))
     effect = np.random.default_rng(seed).normal(size=(len(rows), rays.rows, 2))
     found = score(result, rays, rows, effect)
     J, v = dense_jacobian(unknowns, records, result.state)
@@ -59,6 +62,33 @@ def test_units_are_tested_each_with_the_others_at_zero() -> None:
         found = together.joint(k, [0, 2])
         assert found.gain == pytest.approx(alone.gain, rel=1e-9)
         assert np.allclose(found.covariance, alone.covariance, rtol=1e-9)
+
+
+def test_rays_that_belong_to_several_units_count_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    unknowns, records, start = made_problem(2, n_kept=8, n_points=20)
+    result, rng = adjust_large(unknowns, records, start), np.random.default_rng(2)
+    rows, unit = rng.integers(0, len(records[0].active), 90), np.sort(rng.integers(0, 12, 90))
+    effect = rng.normal(size=(90, records[0].rows, 2))
+    monkeypatch.setattr("aatri.adjustment.covariance.score.ROOM_BYTES", 2e3)  # a few units at a time
+    found = score(result, result.problem.records[0], rows, effect, unit)
+    reference = score(result, records[0], rows, effect, unit)
+    assert np.allclose(found.information, reference.information, rtol=1e-9)
+    assert np.allclose(found.gradient, reference.gradient, atol=1e-9)
+    assert np.allclose(found.whole, reference.whole, rtol=1e-9)
+
+
+def test_units_whose_gain_is_small_with_the_kept_unknowns_held_get_no_more_than_the_true_one() -> None:
+    unknowns, records, start = made_problem(2, n_kept=8, n_points=20)
+    result, rng = adjust_large(unknowns, records, start), np.random.default_rng(3)
+    rays, rows = result.problem.records[0], np.arange(len(records[0].active))
+    effect, unit = rng.normal(size=(len(rows), rays.rows, 2)), np.arange(len(rows)) % 10
+    true = score(result, rays, rows, effect, unit).gains([0, 1])[0]
+    bound = score(result, rays, rows, effect, unit, least_gain=np.inf).gains([0, 1])[0]
+    assert (bound <= true + 1e-9).all()
+    assert (bound < 0.999 * true).any()
+    limit = float(np.median(bound))
+    some = score(result, rays, rows, effect, unit, least_gain=limit).gains([0, 1])[0]
+    assert np.allclose(some, np.where(bound >= limit, true, bound), rtol=1e-9)
 
 
 def test_what_the_unknowns_take_up_wholly_is_not_seen() -> None:

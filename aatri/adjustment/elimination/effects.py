@@ -1,0 +1,76 @@
+"""Effects of further parameters on rays, reduced by the eliminated blocks, unit by unit.
+
+With the whitened effects H of the parameters of a unit on its rays, c = B'H of a block that they meet, D = L L' and
+U = L^-1 c, what is left of them for the kept unknowns x is
+
+    A'(H - B L^-T U),     H'H - U'U,     H'v - U'y            summed over rays and blocks,  y = L^-1 B'v
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.schedule import Stretch
+from aatri.adjustment.kernels.reduce_effects import reduce_effects
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
+
+GAP = 16
+"""Blocks that are linearised without need rather than begin anew behind them."""
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What eliminated blocks leave of effects of units.
+
+    Attributes
+    ----------
+    kept : (n_kept, u * k) float64
+        Right-hand sides of the kept unknowns; zero for held scalars.
+    whole : (u, k) float64
+        Diagonal of H'H.
+    gradient, information : (u, k), (u, k, k) float64
+        With the kept unknowns held.
+    """
+
+    kept: Float
+    whole: Float
+    gradient: Float
+    information: Float
+
+
+def reduced_effects(
+    problem: IndexedProblem, factored: Factored, state: State, ray: Int, H: Float, unit: Int, units: int
+) -> Reduced:
+    """Reduce effects on rays.
+
+    Parameters
+    ----------
+    ray : (e,) int64
+        Place among the rays in their order; one that belongs to several units comes several times.
+    H : (e, m, k) float64
+        Whitened; zero where the ray is not active.
+    unit : (e,) int64
+    units : int
+    """
+    rays, fill, k = problem.rays, problem.ray_lane(state), H.shape[2]
+    assert rays is not None
+    order = np.argsort(ray, kind="stable")
+    ray, unit, H = ray[order], unit[order], np.ascontiguousarray(H[order])
+    found = Reduced(np.zeros((problem.layout.n_kept, units * k)), np.zeros((units, k)), np.zeros((units, k)),
+                    np.zeros((units, k, k)))  # fmt: skip
+    met = np.unique(np.searchsorted(rays.ray_start, ray, side="right") - 1)
+    for blocks in np.split(met, np.flatnonzero(np.diff(met) > GAP) + 1) if len(met) else ():
+        stretch = Stretch(0, 0, int(blocks[0]), int(blocks[-1]) + 1)
+        for p0, p1, v, A, B in linearised(problem, fill, stretch, masked=False):
+            base, last = rays.ray_start[[p0, p1]].tolist()
+            some = slice(*np.searchsorted(ray, [base, last]))
+            reduce_effects(p0, p1, base, rays.ray_start, v, A, B, problem.ray_columns[base:last], rays.parts.size,
+                           rays.parts.start, problem.block_free, factored.block_factor, factored.block_y, ray[some],
+                           unit[some], H[some], found.kept, found.whole, found.gradient, found.information)  # fmt: skip
+    found.kept[problem.layout.held] = 0.0
+    return found
