@@ -23,11 +23,10 @@ from aatri.adjustment.covariance.constrained import covariance_reduction, reduce
 from aatri.adjustment.covariance.gains import Gains, empty_gains, gains_of_rays
 from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.chunks import linearised, of_one_part, predicted_side_by_side
+from aatri.adjustment.elimination.chunks import linearised, predicted_side_by_side
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
-from aatri.adjustment.kernels.covariance_sized import covariances
 from aatri.adjustment.records import predicted
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
@@ -167,6 +166,7 @@ class _Down:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
+        covariances = block_covariances(rays.records.rows, rays.parts.size)
         # S is zero where an unknown is held, so that A need not be; gains are of A itself.
         for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=bool(self.gains)):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
@@ -174,16 +174,11 @@ class _Down:
                 self.ray_residual[base:last] = v
             active = self.active[base:last]
             X = np.empty((last - base if self.gains else 0, A.shape[2], 3))
-            if of_one_part(rays.parts):
-                filled = (self.problem.block_free, self.factored.block_factor, self.block, self.ray, X)
-                covariances(*A.shape[1:])(p0, p1, base, rays.ray_start, active, A, B, rays.loc[base:last], S, *filled)
-                if not self.gains:
-                    continue
-            row = row_of[part_columns(rays.parts, self.problem.layout, slice(base, last))]
-            if not of_one_part(rays.parts):
-                block_covariances(p0, p1, base, rays.ray_start, active, A, B, row, S, self.problem.block_free,
-                                  self.factored.block_factor, self.block, self.ray, X)  # fmt: skip
+            filled = (self.problem.block_free, self.factored.block_factor, self.block, self.ray, X)
+            loc, parts = rays.loc[base:last], rays.parts
+            covariances(p0, p1, base, rays.ray_start, active, A, B, loc, parts.size, parts.start, S, *filled)
             if self.gains:
+                row = row_of[part_columns(parts, self.problem.layout, slice(base, last))]
                 block = np.repeat(np.arange(p0, p1), np.diff(rays.ray_start[p0 : p1 + 1]))
                 gains = self.gains[place_of(self.problem, rays.records)]
                 gains_of_rays(gains, rays.rows[base:last], A, B, row, S, X, block, self.block)

@@ -8,7 +8,7 @@ import numpy as np
 
 from aatri.adjustment.elimination.schedule import Stretch
 from aatri.adjustment.records import Fill, predicted, whitened
-from aatri.adjustment.structure.index import KeptRecords, Parts, part_columns
+from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.unknowns import State
@@ -18,11 +18,6 @@ CHUNK = 4096
 """Rays linearised at once: their Jacobians stay in the cache."""
 
 Chunk = tuple[int, int, Float, Float, Float]
-
-
-def of_one_part(parts: Parts) -> bool:
-    """Whether rays meet one part each: then the faster kernels do."""
-    return len(parts.size) == 1
 
 
 def linearised(problem: IndexedProblem, fill: Fill, some: Stretch, *, masked: bool = True) -> Iterator[Chunk]:

@@ -18,13 +18,12 @@ from threading import Lock
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.chunks import linearised, of_one_part, side_by_side
+from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import DirectFactor, without_factor
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
-from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
-from aatri.adjustment.kernels.eliminate_sized import eliminator
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.structure.tree import Node
@@ -195,14 +194,12 @@ class Work:
         common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
                   self.block_factor, self.block_y, self.determined)  # fmt: skip
         cost, parts = 0.0, rays.parts
+        eliminate = eliminator(rays.records.rows, parts.size)
         for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=False):
             cost += excess(rays.records, v)
             base = int(rays.ray_start[p0])
             loc = rays.loc[base : int(rays.ray_start[p1])]
-            if of_one_part(parts):
-                cost += eliminator(*A.shape[1:])(p0, p1, base, rays.ray_start, v, A, B, loc, *common)
-            else:
-                cost += eliminate(p0, p1, base, rays.ray_start, v, A, B, loc, parts.size, parts.start, *common)
+            cost += eliminate(p0, p1, base, rays.ray_start, v, A, B, loc, parts.size, parts.start, *common)
         return cost
 
     def result(self) -> Factored:

@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
-from aatri.adjustment.kernels.eliminate import substitute
+from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem

@@ -27,7 +27,7 @@ from aatri.adjustment.elimination.fronts import Work
 from aatri.adjustment.elimination.panels import Panels
 from aatri.adjustment.elimination.schedule import of_node
 from aatri.adjustment.kernels.assemble import add_records
-from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
 from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, PartlyFactorised
@@ -159,7 +159,7 @@ class _Pieces:
         rays = self.problem.rays
         if rays is None or work.fill is None:
             return
-        p = rays.parts
+        p, eliminate = rays.parts, eliminator(rays.records.rows, rays.parts.size)
         results = (work.block_factor, work.block_y, work.determined)
         chunks = (chunk for some in of_node(self.problem, k) for chunk in linearised(self.problem, work.fill, some))
         for p0, p1, v, A, B in chunks:

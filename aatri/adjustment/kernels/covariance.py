@@ -5,19 +5,25 @@ Q = L^-T (I + Z S Z') L^-1, and its covariance with the kept unknowns is -L^-T Z
 
     A S A' + A Q_xy B' + (A Q_xy B')' + B Q B'
 
-This is the general form; `covariance_sized` is the same for rays of one part.
+Blocks are worked on in the groups of `eliminate`: the part of S that a group meets is gathered once, and one product S Z
+serves all its blocks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import OPTIONS
+from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS, SIZES, constants_of, group_of
+from aatri.arrays import Int
 
-_SIGNATURE = (
-    "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], "
-    "float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[:,:,::1])"
+_COVARIANCES = (
+    "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], int32[::1], "
+    "int32[::1], float64[::1,:], float64[:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[:,:,::1])"
 )
 
 
@@ -40,97 +46,177 @@ def from_factor(p, Ls, G, free, inverse, Q):
             Q[p, a, b] = s * free[p, a] * free[p, b]
 
 
-@njit(_SIGNATURE, **OPTIONS)
-def block_covariances(p0, p1, base, ray_start, active, A, B, row, S, free, Ls, Q, R, X):
-    """Covariance of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
+def block_covariances(m: int, size: Int) -> Callable[..., Any]:
+    """The compiled function for m residuals and parts of some sizes a ray, see `eliminator`; its parameters are
 
     Parameters
     ----------
+    p0, p1 : int
+        Covariances of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
+    base : int
+        Number of the ray in row 0 of A, B and loc.
+    ray_start : (n_blocks + 1,) int64
     active : (n,) bool
         Others are predicted: they are no part of C.
-    row : (n, columns of A) int64
-        Row of the front of each column of A, -1 where it is held.
+    A, B : (n, m, columns), (n, m, 3) float64
+    loc : (n, parts) int32
+        Row of the front of each part, -1 where it is held.
+    part_size, part_start : (parts,) int32
+        Unknowns of each part and its first column in A.
     S : (k, k) float64, column-major
-    free : (n_blocks, 3) float64
-    Ls : (n_blocks, 6) float64
+        Covariance of the front, zero for unknowns that are held.
+    free, Ls : (n_blocks, 3), (n_blocks, 6) float64
     Q : (n_blocks, 3, 3) float64
         Filled in.
     R : (n_rays, m, m) float64
         Filled in: covariance of the adjusted, whitened value of each ray.
-    X : (n, columns of A, 3) float64, or without rows
+    X : (n, columns, 3) float64, or without rows
         Filled in: minus the covariance of the kept unknowns of each ray with its block.
     """
-    m, columns = A.shape[1], A.shape[2]
-    most = 0
-    for p in range(p0, p1):
-        most = max(most, (ray_start[p + 1] - ray_start[p]) * columns)
-    Z, T, place = np.empty((most, 3)), np.empty((most, 3)), np.empty(most, dtype=np.int64)
-    G, inverse, cross, half = np.empty((3, 3)), np.zeros((3, 3)), np.empty((columns, 3)), np.empty(columns)
-    for p in range(p0, p1):
-        r0, r1 = ray_start[p] - base, ray_start[p + 1] - base
-        L = Ls[p]
-        k = 0
-        for r in range(r0, r1):
-            for a in range(columns):
-                s0, s1, s2 = 0.0, 0.0, 0.0
-                place[k] = row[r, a]
-                if active[r] and row[r, a] >= 0:
+    return _block_covariances(*constants_of(m, size))
+
+
+@cache
+def _block_covariances(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
+    """The function for a pair of sizes, for zeros that of any sizes; for a single part or for any number of them."""
+
+    @njit(_COVARIANCES, **OPTIONS)
+    def covariances(p0, p1, base, ray_start, active, A, B, loc, part_size, part_start, S, free, Ls, Q, R, X):
+        m = of_m if of_m else A.shape[1]
+        parts = 1 if single else loc.shape[1]
+        wide = of_k if of_k else A.shape[2]
+        places = np.empty((2, 2 * MOST_RAYS * parts), dtype=np.int64)
+        gathered, stacked, product = np.empty(0), np.empty(0), np.empty(0)
+        G, inverse, cross = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((wide, 3))
+        half, W, here = np.empty((m, wide)), np.empty((m, 3)), np.zeros(parts, dtype=np.int64)
+        p = p0
+        while p < p1:
+            end, n = group_of(p, p1, base, ray_start, loc, part_size, places)
+            rows, columns = places[1, n], 3 * (end - p)
+            if rows * rows > len(gathered):
+                gathered = np.empty(2 * rows * rows)
+            if rows * columns > len(stacked):
+                stacked, product = np.empty(2 * rows * columns), np.empty(2 * rows * columns)
+            part_S = gathered[: rows * rows].reshape((rows, rows))
+            Z = stacked[: rows * columns].reshape((rows, columns))
+            T = product[: rows * columns].reshape((rows, columns))
+            for q in range(n):
+                for b in range(wide if single else places[1, q + 1] - places[1, q]):
+                    o = wide * q + b if single else places[1, q] + b
+                    for other in range(n):
+                        t = wide * other if single else places[1, other]
+                        for a in range(wide if single else places[1, other + 1] - places[1, other]):
+                            part_S[o, t + a] = S[places[0, other] + a, places[0, q] + b]
+            Z[:] = 0.0
+            for block in range(p, end):  # Z = L^-1 B'A, transposed
+                j = 3 * (block - p)
+                i0, i1, i2 = 1.0 / Ls[block, 0], 1.0 / Ls[block, 3], 1.0 / Ls[block, 5]
+                f0, f1, f2 = free[block, 0] * i0, free[block, 1], free[block, 2]
+                l1, l2, l4 = Ls[block, 1], Ls[block, 2], Ls[block, 4]
+                here[:] = 0
+                for r in range(ray_start[block] - base, ray_start[block + 1] - base):
+                    if not active[r]:
+                        continue
+                    for part in range(parts):
+                        c, q = np.int64(loc[r, part]), here[part]
+                        if c < 0:
+                            continue
+                        if places[0, q] > c:
+                            q = 0
+                        while places[0, q] < c:
+                            q += 1
+                        here[part] = q
+                        k = wide if single else np.int64(part_size[part])
+                        o = k * q if single else places[1, q]
+                        s = 0 if single else np.int64(part_start[part])
+                        for i in range(m):
+                            u0 = B[r, i, 0] * f0
+                            u1 = (B[r, i, 1] * f1 - l1 * u0) * i1
+                            u2 = (B[r, i, 2] * f2 - l2 * u0 - l4 * u1) * i2
+                            for a in range(k):
+                                x, y, z, w = Z[o + a, j], Z[o + a, j + 1], Z[o + a, j + 2], A[r, i, s + a]
+                                Z[o + a, j] = x + w * u0
+                                Z[o + a, j + 1] = y + w * u1
+                                Z[o + a, j + 2] = z + w * u2
+            if n:
+                np.dot(part_S, Z, T)
+            for block in range(p, end):
+                j = 3 * (block - p)
+                g00, g10, g11, g20, g21, g22 = 1.0, 0.0, 1.0, 0.0, 0.0, 1.0  # symmetric, as the part of S is
+                for i in range(rows):
+                    x, y, z = Z[i, j], Z[i, j + 1], Z[i, j + 2]
+                    g00 += T[i, j] * x
+                    g10 += T[i, j + 1] * x
+                    g11 += T[i, j + 1] * y
+                    g20 += T[i, j + 2] * x
+                    g21 += T[i, j + 2] * y
+                    g22 += T[i, j + 2] * z
+                G[0, 0], G[1, 0], G[2, 0], G[0, 1], G[1, 1], G[2, 1] = g00, g10, g20, g10, g11, g21
+                G[0, 2], G[1, 2], G[2, 2] = g20, g21, g22
+                from_factor(block, Ls, G, free, inverse, Q)
+                f0, f1, f2 = free[block, 0], free[block, 1], free[block, 2]
+                i00, i10, i20, i11 = inverse[0, 0] * f0, inverse[1, 0] * f0, inverse[2, 0] * f0, inverse[1, 1] * f1
+                i21, i22 = inverse[2, 1] * f1, inverse[2, 2] * f2
+                here[:] = 0
+                for r in range(ray_start[block] - base, ray_start[block + 1] - base):
                     for i in range(m):
-                        s0 += A[r, i, a] * B[r, i, 0]
-                        s1 += A[r, i, a] * B[r, i, 1]
-                        s2 += A[r, i, a] * B[r, i, 2]
-                z0 = s0 * free[p, 0] / L[0]
-                z1 = (s1 * free[p, 1] - L[1] * z0) / L[3]
-                Z[k, 0], Z[k, 1] = z0, z1
-                Z[k, 2] = (s2 * free[p, 2] - L[2] * z0 - L[4] * z1) / L[5]
-                k += 1
-        for a in range(3):
-            for b in range(3):
-                G[a, b] = 1.0 if a == b else 0.0
-        for j in range(k):
-            t0, t1, t2, pj = 0.0, 0.0, 0.0, place[j]
-            if pj >= 0:
-                for i in range(k):
-                    if place[i] >= 0:
-                        s = S[place[i], pj]
-                        t0 += Z[i, 0] * s
-                        t1 += Z[i, 1] * s
-                        t2 += Z[i, 2] * s
-            T[j, 0], T[j, 1], T[j, 2] = t0, t1, t2
-            for b in range(3):
-                G[0, b] += t0 * Z[j, b]
-                G[1, b] += t1 * Z[j, b]
-                G[2, b] += t2 * Z[j, b]
-        from_factor(p, Ls, G, free, inverse, Q)
-        for r in range(r0, r1):
-            f = (r - r0) * columns
-            for a in range(columns):  # minus the covariance of the block with the kept unknowns
-                for b in range(3):
-                    s = 0.0
-                    for i in range(b, 3):
-                        s += inverse[i, b] * T[f + a, i]
-                    cross[a, b] = s * free[p, b]
-                    if len(X):
-                        X[r, a, b] = cross[a, b]
-            for i in range(m):
-                for b in range(columns):
-                    s = 0.0
-                    if place[f + b] >= 0:
-                        for a in range(columns):
-                            if place[f + a] >= 0:
-                                s += A[r, i, a] * S[place[f + a], place[f + b]]
-                    half[b] = s
-                for j in range(m):
-                    s = 0.0
-                    for b in range(columns):
-                        if place[f + b] >= 0:
-                            s += half[b] * A[r, j, b]
-                            for e in range(3):
-                                s -= cross[b, e] * (A[r, i, b] * B[r, j, e] + A[r, j, b] * B[r, i, e])
-                    for a in range(3):
                         for b in range(3):
-                            s += B[r, i, a] * Q[p, a, b] * B[r, j, b]
-                    R[ray_start[p] + r - r0, i, j] = s
+                            W[i, b] = 0.5 * (
+                                Q[block, b, 0] * B[r, i, 0] + Q[block, b, 1] * B[r, i, 1] + Q[block, b, 2] * B[r, i, 2]
+                            )
+                    for part in range(parts):
+                        c, q = np.int64(loc[r, part]), here[part]
+                        if c < 0:
+                            continue
+                        if places[0, q] > c:
+                            q = 0
+                        while places[0, q] < c:
+                            q += 1
+                        here[part] = q
+                    for part in range(parts):
+                        k = wide if single else np.int64(part_size[part])
+                        o = k * here[part] if single else places[1, here[part]]
+                        s = 0 if single else np.int64(part_start[part])
+                        if loc[r, part] < 0:
+                            half[:, s : s + k], cross[s : s + k] = 0.0, 0.0
+                            continue
+                        for a in range(k):  # minus the covariance of the part's unknowns with the block
+                            t0, t1, t2 = T[o + a, j], T[o + a, j + 1], T[o + a, j + 2]
+                            cross[s + a, 0] = i00 * t0 + i10 * t1 + i20 * t2
+                            cross[s + a, 1] = i11 * t1 + i21 * t2
+                            cross[s + a, 2] = i22 * t2
+                        for i in range(m):
+                            w0, w1, w2 = W[i, 0], W[i, 1], W[i, 2]
+                            for a in range(k):
+                                x = 0.0
+                                for other in range(parts):
+                                    if loc[r, other] < 0:
+                                        continue
+                                    t = k * here[other] if single else places[1, here[other]]
+                                    e = 0 if single else np.int64(part_start[other])
+                                    for b in range(k if single else np.int64(part_size[other])):
+                                        x += part_S[o + a, t + b] * A[r, i, e + b]
+                                half[i, s + a] = x
+                                w0 -= A[r, i, s + a] * cross[s + a, 0]
+                                w1 -= A[r, i, s + a] * cross[s + a, 1]
+                                w2 -= A[r, i, s + a] * cross[s + a, 2]
+                            W[i, 0], W[i, 1], W[i, 2] = w0, w1, w2
+                    if len(X):
+                        for a in range(wide):
+                            for b in range(3):
+                                X[r, a, b] = cross[a, b]
+                    for i in range(m):
+                        for e in range(i + 1):
+                            x = W[i, 0] * B[r, e, 0] + W[i, 1] * B[r, e, 1] + W[i, 2] * B[r, e, 2]
+                            x += W[e, 0] * B[r, i, 0] + W[e, 1] * B[r, i, 1] + W[e, 2] * B[r, i, 2]
+                            for a in range(wide):
+                                x += half[i, a] * A[r, e, a]
+                            R[base + r, i, e] = x
+                            R[base + r, e, i] = x
+            p = end
+
+    found: Callable[..., Any] = covariances
+    return found
 
 
 @njit("float64[::1,:](float64[::1,:], int32[::1])", nogil=True, cache=True)
@@ -142,3 +228,7 @@ def part_of(S, row):
         for i in range(n):
             part[i, j] = S[row[i], row[j]]
     return part
+
+
+for constants in SIZES:
+    _block_covariances(*constants)

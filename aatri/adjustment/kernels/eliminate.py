@@ -1,24 +1,28 @@
-"""Elimination of blocks straight into the front of a node.
+"""Elimination of blocks straight into the front of a node, a group of blocks at a time.
 
 A block (a ground point) is met by rays: records with m residuals, a Jacobian A to the kept unknowns of one or more
 parts (a pose; a camera) and B to the block. With whitened quantities, D = sum B'B + D0, h = sum B'v + h0, D = L L',
 
     front += A'A - Y Y',   Y = A'B L^-T,        gradient += A'v - Y L^-1 h
 
-All rays of a block lie in one front. Entries are the distinct kept blocks a point meets: rays of the same image, or of
-the same camera, share one. `loc` gives the row of each part in the front, -1 where the part is held altogether. The
-lower triangle of the front is filled; rays of a block come in ascending order of their first part.
+All rays of a block lie in one front. `loc` gives the row of each part in the front, its place; -1 where the part is held
+altogether. Rays of the same image, or of the same camera, share a place. The lower triangle of the front is filled.
 
-This is the general form; `eliminate_pose` is the same for two residuals and one part of six unknowns, the case of nearly
-all rays.
+Blocks come in the order of the places they meet, so that neighbours meet nearly the same. The blocks of a group share
+one list of places; their Y' stand below one another in one matrix, zero where a block does not meet a place of its
+group, and the product of that matrix with itself enters the front once for the whole group.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import njit
+
+from aatri.arrays import Int
 
 MOST_RAYS = 256
 """Most rays of an eliminated block; blocks with more are retained as unknowns."""
@@ -26,14 +30,25 @@ MOST_RAYS = 256
 RANK_TOLERANCE = 1e-10
 """A pivot below this share of its diagonal means that the block is not determined."""
 
+GROUP = 16
+"""Most blocks of a group."""
+
+SPARE = 3
+"""Places a group may have beyond those of a block that joins it: with more, groups grow and so do the zeros."""
+
+UNROLLED = 8
+"""Most unknowns a ray for which loops of constant length are faster: 3 times at 7, not at 12 and 15 (measured)."""
+
+SIZES = ((2, 6, True), (3, 7, True), (0, 0, True), (0, 0, False))
+"""What nearly every block needs, compiled with the module: residuals, unknowns, whether they are of a single part."""
+
 OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
 """Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
 
-_ARRAYS = "float64[:,::1], float64[:,:,::1], float64[:,:,::1]"
-GENERAL = (
-    f"float64(int64, int64, int64, int64[::1], {_ARRAYS}, int32[:,::1], int32[::1], int32[::1], float64[:,:,::1], "
-    "float64[:,::1], float64[:,::1], float64, float64[::1,:], float64[::1], float64[::1], float64[:,::1], "
-    "float64[:,::1], float64[::1])"
+_ELIMINATE = (
+    "float64(int64, int64, int64, int64[::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], "
+    "int32[::1], int32[::1], float64[:,:,::1], float64[:,::1], float64[:,::1], float64, float64[::1,:], float64[::1], "
+    "float64[::1], float64[:,::1], float64[:,::1], float64[::1])"
 )
 
 
@@ -72,146 +87,210 @@ def block_factor(D, h, free, damping, L, y):
     return True
 
 
-@njit(GENERAL, **OPTIONS)
-def eliminate(
-    p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys, lowest
-):
-    """Eliminate the blocks p0 ... p1 - 1, for any number of residuals and parts of any size.
+@njit("UniTuple(int64, 2)(int64, int64, int32[:,::1], int32[::1], int64[:,::1], int64, boolean)", **OPTIONS)
+def places_met(r0, r1, loc, part_size, places, n, join):
+    """Number of places that rays r0 ... r1 - 1 meet, and of those not among the first n, which may `join` them."""
+    met, new = 0, 0
+    for part in range(loc.shape[1]):
+        q, previous = 0, np.int64(-1)
+        for r in range(r0, r1):
+            c = np.int64(loc[r, part])
+            if c < 0 or c == previous:
+                continue
+            if c < previous:
+                q = 0
+            met, previous = met + 1, c
+            while q < n and places[0, q] < c:
+                q += 1
+            if q < n and places[0, q] == c:
+                continue
+            new += 1
+            if join:
+                for k in range(n, q, -1):
+                    places[0, k], places[1, k] = places[0, k - 1], places[1, k - 1]
+                places[0, q], places[1, q], n = c, part_size[part], n + 1
+    return met, new
 
-    Parameters are those of `eliminate_pose`, and
+
+@njit("UniTuple(int64, 2)(int64, int64, int64, int64[::1], int32[:,::1], int32[::1], int64[:,::1])", **OPTIONS)
+def group_of(p0, p1, base, ray_start, loc, part_size, places):
+    """End of the group that starts with block p0, and the number of places it meets.
 
     Parameters
     ----------
-    A : (n, m, columns) float64
+    places : (2, most) int64
+        Filled in: the places, ascending, and the first column of each among those of the group, with their end.
+    """
+    n, end = 0, min(p1, p0 + GROUP)
+    for p in range(p0, end):
+        r0, r1 = ray_start[p] - base, ray_start[p + 1] - base
+        met, new = places_met(r0, r1, loc, part_size, places, n, False)
+        if p > p0 and n + new > met + SPARE:
+            end = p
+            break
+        if new:
+            n += places_met(r0, r1, loc, part_size, places, n, True)[1]
+    first = 0
+    for q in range(n):
+        first, places[1, q] = first + places[1, q], first
+    places[1, n] = first
+    return end, n
+
+
+def constants_of(m: int, size: Int) -> tuple[int, int, bool]:
+    """Constants of the code for m residuals and parts of some sizes a ray, as in `SIZES`.
+
+    Where a ray has a single part, of a few unknowns, both sizes are constants, and loops over them are unrolled; else
+    that gains nothing, and one function serves all sizes (zeros), one all numbers of parts.
+    """
+    single = len(size) == 1
+    return (m, int(size[0]), True) if single and size[0] <= UNROLLED else (0, 0, single)
+
+
+def eliminator(m: int, size: Int) -> Callable[..., Any]:
+    """The compiled function for m residuals and parts of some sizes a ray.
+
+    It is compiled when it is first asked for, and found in the cache from then on: a function that encloses nothing but
+    numbers may be cached. It eliminates the blocks p0 ... p1 - 1 and returns the sum of squares of v. Its parameters are
+
+    Parameters
+    ----------
+    p0, p1 : int
+    base : int
+        Number of the ray in row 0 of v, A, B and loc.
+    ray_start : (n_blocks + 1,) int64
+    v, A, B : (n, m), (n, m, columns), (n, m, 3) float64
     loc : (n, parts) int32
     part_size, part_start : (parts,) int32
         Unknowns of each part and its first column in A.
+    D0, h0 : (n_blocks, 3, 3), (n_blocks, 3) float64
+        From observations of the blocks alone.
+    free : (n_blocks, 3) float64
+        0 where the scalar is held.
+    damping : float
+    F : (k, k) float64, column-major; g, diagonal : (k,) float64
+        Front, its gradient, and the diagonal of A'A.
+    Ls, ys : (n_blocks, 6), (n_blocks, 3) float64
+        Factors, for back substitution.
+    lowest : (n_blocks,) float64
+        Set to 0 where a block is not determined.
     """
-    m, parts, columns = v.shape[1], len(part_size), A.shape[2]
-    largest = part_size.max()
-    D, h, L, y = np.empty((3, 3)), np.empty(3), np.empty(6), np.empty(3)
-    Y = np.zeros((MOST_RAYS * parts, largest, 3))
-    at = np.empty(MOST_RAYS * parts, dtype=np.int32)
-    size = np.empty(MOST_RAYS * parts, dtype=np.int32)
-    W = np.empty((columns, 3))
-    cost = 0.0
-    for p in range(p0, p1):
-        r0, r1 = ray_start[p] - base, ray_start[p + 1] - base
-        for a in range(3):
-            h[a] = h0[p, a]
-            for b in range(3):
-                D[a, b] = D0[p, a, b]
-        for r in range(r0, r1):
-            for i in range(m):
-                cost += v[r, i] * v[r, i]
+    return _eliminator(*constants_of(m, size))
+
+
+@cache
+def _eliminator(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
+    """The function for a pair of sizes, for zeros that of any sizes; for a single part or for any number of them."""
+
+    @njit(_ELIMINATE, **OPTIONS)
+    def eliminate(
+        p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys,
+        lowest,
+    ):  # fmt: skip
+        m = of_m if of_m else B.shape[1]
+        parts = 1 if single else loc.shape[1]
+        widest = of_k if of_k else A.shape[2]
+        places = np.empty((2, 2 * MOST_RAYS * parts), dtype=np.int64)
+        stacked, product, N = np.empty(0), np.empty(0), np.empty((0, widest))
+        D, h, here = np.empty((3, 3)), np.empty(3), np.zeros(parts, dtype=np.int64)
+        cost, p = 0.0, p0
+        while p < p1:
+            end, n = group_of(p, p1, base, ray_start, loc, part_size, places)
+            rows, columns = 3 * (end - p), places[1, n]
+            if rows * columns > len(stacked):
+                stacked = np.empty(2 * rows * columns)
+            if columns * columns > len(product):
+                product, N = np.empty(2 * columns * columns), np.empty((2 * columns, widest))
+            Y = stacked[: rows * columns].reshape((rows, columns))
+            S = product[: columns * columns].reshape((columns, columns))
+            Y[:], N[:columns] = 0.0, 0.0
+            for block in range(p, end):
                 for a in range(3):
-                    h[a] += B[r, i, a] * v[r, i]
+                    h[a] = h0[block, a]
                     for b in range(3):
-                        D[a, b] += B[r, i, a] * B[r, i, b]
-        if not block_factor(D, h, free[p], damping, L, y):
-            lowest[p] = 0.0
-            continue
-        for k in range(6):
-            Ls[p, k] = L[k]
-        for k in range(3):
-            ys[p, k] = y[k]
-        n = 0
-        for r in range(r0, r1):
-            for a in range(columns):
-                s0, s1, s2 = 0.0, 0.0, 0.0
-                for i in range(m):
-                    s0 += A[r, i, a] * B[r, i, 0]
-                    s1 += A[r, i, a] * B[r, i, 1]
-                    s2 += A[r, i, a] * B[r, i, 2]
-                t0 = s0 * free[p, 0] / L[0]
-                t1 = (s1 * free[p, 1] - L[1] * t0) / L[3]
-                W[a, 0], W[a, 1] = t0, t1
-                W[a, 2] = (s2 * free[p, 2] - L[2] * t0 - L[4] * t1) / L[5]
-            for part in range(parts):
-                c = loc[r, part]
-                if c < 0:
-                    continue
-                first, wide = part_start[part], part_size[part]
-                q = 0
-                while q < n and at[q] != c:
-                    q += 1
-                if q == n:
-                    at[n], size[n] = c, wide
-                    Y[n, :, :] = 0.0
-                    n += 1
-                for a in range(wide):
-                    s = 0.0
+                        D[a, b] = D0[block, a, b]
+                r0, r1, row = ray_start[block] - base, ray_start[block + 1] - base, 3 * (block - p)
+                for r in range(r0, r1):
                     for i in range(m):
-                        s += A[r, i, first + a] * v[r, i]
-                        diagonal[c + a] += A[r, i, first + a] ** 2
-                    w0, w1, w2 = W[first + a, 0], W[first + a, 1], W[first + a, 2]
-                    g[c + a] += s - w0 * y[0] - w1 * y[1] - w2 * y[2]
-                    Y[q, a, 0] += w0
-                    Y[q, a, 1] += w1
-                    Y[q, a, 2] += w2
-                for other in range(parts):
-                    d = loc[r, other]
-                    if d < 0 or d > c:
-                        continue
-                    for b in range(part_size[other]):
-                        for a in range(wide):
-                            s = 0.0
-                            for i in range(m):
-                                s += A[r, i, first + a] * A[r, i, part_start[other] + b]
-                            F[c + a, d + b] += s
-        for q in range(n):
-            for k in range(n):
-                if at[k] < at[q]:
+                        x, y, z, e = B[r, i, 0], B[r, i, 1], B[r, i, 2], v[r, i]
+                        D[0, 0] += x * x
+                        D[1, 0] += y * x
+                        D[2, 0] += z * x
+                        D[1, 1] += y * y
+                        D[2, 1] += y * z
+                        D[2, 2] += z * z
+                        h[0] += x * e
+                        h[1] += y * e
+                        h[2] += z * e
+                        cost += e * e
+                if not block_factor(D, h, free[block], damping, Ls[block], ys[block]):
+                    lowest[block] = 0.0
                     continue
-                for b in range(size[q]):
-                    for a in range(size[k]):
-                        F[at[k] + a, at[q] + b] -= (
-                            Y[k, a, 0] * Y[q, b, 0] + Y[k, a, 1] * Y[q, b, 1] + Y[k, a, 2] * Y[q, b, 2]
-                        )
-    return cost
+                i0, i1, i2 = 1.0 / Ls[block, 0], 1.0 / Ls[block, 3], 1.0 / Ls[block, 5]
+                f0, f1, f2 = free[block, 0] * i0, free[block, 1], free[block, 2]
+                l1, l2, l4 = Ls[block, 1], Ls[block, 2], Ls[block, 4]
+                y0, y1, y2 = ys[block, 0], ys[block, 1], ys[block, 2]
+                here[:] = 0
+                for r in range(r0, r1):
+                    for part in range(parts):
+                        c, q = np.int64(loc[r, part]), here[part]
+                        if c < 0:
+                            continue
+                        if places[0, q] > c:
+                            q = 0
+                        while places[0, q] < c:
+                            q += 1
+                        here[part] = q
+                        k = widest if single else np.int64(part_size[part])
+                        o = k * q if single else places[1, q]
+                        s = 0 if single else np.int64(part_start[part])
+                        for i in range(m):
+                            # a row of B L^-T, and what is left of v
+                            u0 = B[r, i, 0] * f0
+                            u1 = (B[r, i, 1] * f1 - l1 * u0) * i1
+                            u2 = (B[r, i, 2] * f2 - l2 * u0 - l4 * u1) * i2
+                            e = v[r, i] - u0 * y0 - u1 * y1 - u2 * y2
+                            for a in range(k):
+                                Y[row, o + a] += u0 * A[r, i, s + a]
+                            for a in range(k):
+                                Y[row + 1, o + a] += u1 * A[r, i, s + a]
+                            for a in range(k):
+                                Y[row + 2, o + a] += u2 * A[r, i, s + a]
+                            for a in range(k):
+                                g[c + a] += e * A[r, i, s + a]
+                            for a in range(k):
+                                x = A[r, i, s + a]
+                                for b in range(k):
+                                    N[o + a, b] += x * A[r, i, s + b]
+                        for other in range(parts):
+                            d = np.int64(loc[r, other])
+                            if other == part or d < 0 or d > c:
+                                continue
+                            t = np.int64(part_start[other])
+                            for i in range(m):
+                                for b in range(part_size[other]):
+                                    x = A[r, i, t + b]
+                                    for a in range(k):
+                                        F[c + a, d + b] += A[r, i, s + a] * x
+            if n:
+                np.dot(Y.T, Y, S)
+            for q in range(n):
+                k = widest if single else places[1, q + 1] - places[1, q]
+                c, o = places[0, q], k * q if single else places[1, q]
+                for b in range(k):
+                    diagonal[c + b] += N[o + b, b]
+                    for a in range(k):
+                        S[o + b, o + a] -= N[o + b, a]
+                    for other in range(q, n):
+                        d, t = places[0, other], k * other if single else places[1, other]
+                        for a in range(k if single else places[1, other + 1] - t):
+                            F[d + a, c + b] -= S[o + b, t + a]
+            p = end
+        return cost
+
+    found: Callable[..., Any] = eliminate
+    return found
 
 
-SUBSTITUTE = (
-    "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], int32[::1], int32[::1], "
-    "float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1])"
-)
-
-
-@njit(SUBSTITUTE, **OPTIONS)
-def substitute(p0, p1, base, ray_start, A, B, column, part_size, part_start, dx, free, Ls, ys, dy):
-    """Steps of the eliminated blocks: dy = -L^-T (y + L^-1 sum B' A dx).
-
-    Parameters
-    ----------
-    column : (n, parts) int64
-        First kept column of each part, -1 where it is held.
-    part_size, part_start : (parts,) int32
-    dx : (n_kept,) float64
-        Zero where held.
-    dy : (n_blocks, 3) float64
-        Filled in.
-    """
-    parts = len(part_size)
-    for p in range(p0, p1):
-        s0, s1, s2 = 0.0, 0.0, 0.0
-        for r in range(ray_start[p] - base, ray_start[p + 1] - base):
-            for i in range(A.shape[1]):
-                t = 0.0
-                for part in range(parts):
-                    c, first = column[r, part], part_start[part]
-                    if c >= 0:
-                        for a in range(part_size[part]):
-                            t += A[r, i, first + a] * dx[c + a]
-                s0 += B[r, i, 0] * t
-                s1 += B[r, i, 1] * t
-                s2 += B[r, i, 2] * t
-        z0 = s0 * free[p, 0] / Ls[p, 0]
-        z1 = (s1 * free[p, 1] - Ls[p, 1] * z0) / Ls[p, 3]
-        z2 = (s2 * free[p, 2] - Ls[p, 2] * z0 - Ls[p, 4] * z1) / Ls[p, 5]
-        z0 += ys[p, 0]
-        z1 += ys[p, 1]
-        z2 += ys[p, 2]
-        x2 = z2 / Ls[p, 5]
-        x1 = (z1 - Ls[p, 4] * x2) / Ls[p, 3]
-        x0 = (z0 - Ls[p, 1] * x1 - Ls[p, 2] * x2) / Ls[p, 0]
-        dy[p, 0], dy[p, 1], dy[p, 2] = -x0 * free[p, 0], -x1 * free[p, 1], -x2 * free[p, 2]
+for constants in SIZES:
+    _eliminator(*constants)
