@@ -136,13 +136,8 @@ def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Flo
     return U, excess
 
 
-def refuse_open(found: Conditioning, why: str = "") -> None:
+def refuse_open(found: Conditioning) -> None:
     """Raise if anything but single blocks is open.
-
-    Parameters
-    ----------
-    why : str
-        How it showed.
 
     Raises
     ------
@@ -151,7 +146,7 @@ def refuse_open(found: Conditioning, why: str = "") -> None:
     if found.open:
         more = f" and {len(found.open) - 7} more" if len(found.open) > 7 else ""
         raise GeometryError(
-            f"the observations nearly leave {found.count} combination(s) of unknowns open{why}: "
+            f"the observations nearly leave {found.count} combination(s) of unknowns open: "
             f"{'; '.join(found.open[:7])}{more}",
             remedy="observe more, hold them or weigh them by a prior, or estimate fewer parameters",
         )

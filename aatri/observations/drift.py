@@ -168,11 +168,6 @@ def time_notes(images: Images, image: Int, group: Text) -> tuple[Note, ...]:
     return tuple(Note("warning", text, tuple(names)) for names, text in told if names)
 
 
-def observed_drift(rows: Positions, origin_m: Float, group: Text, time: Float, names: Text) -> tuple[Observed, ...]:
-    """Positions with shift and drift, given group, reduced time and image of each."""
-    return observed_terms(rows, origin_m, [drift_term(group, time)], names)
-
-
 def observed_terms(
     rows: Positions, origin_m: Float, terms: list[Term], names: Text, coordinates: GivenCoordinates | None = None
 ) -> tuple[Observed, ...]:

@@ -19,6 +19,7 @@ from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Bool, Float
 from aatri.observations.coordinates import value_records
 from aatri.observations.observed import Observed, named
+from aatri.observations.parameters import uses_of_vector
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -27,9 +28,7 @@ LEVER_ARM = "lever arm"
 
 LABELS = ("lever x", "lever y", "lever z")
 
-_DISTORTIONS = ("none", "brown", "table", "opencv", "fisheye", "bal", "dbat3")
-
-USES = tuple(f"camera_parameters:{model}.lever_arm.{axis}" for model in _DISTORTIONS for axis in "xyz")
+USES = uses_of_vector("lever_arm")
 
 
 def open_arms(block: Block) -> tuple[Bool, Float]:

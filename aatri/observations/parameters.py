@@ -13,16 +13,14 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
+from aatri.camera.models.distortion import MODELS
 from aatri.observations.coordinates import value_records
 from aatri.observations.poses import POSE
-
-DISTORTIONS = ("none", "table", "brown", "opencv", "fisheye", "bal", "dbat3")
-"""Distortion models of cameras, by which their parameters are named among what a block offers."""
 
 
 def uses_of_vector(name: str) -> tuple[str, ...]:
     """Names of the components of a vector of cameras (lever_arm, boresight) among what a block offers."""
-    return tuple(f"camera_parameters:{model}.{name}.{axis}" for model in DISTORTIONS for axis in "xyz")
+    return tuple(f"camera_parameters:{model}.{name}.{axis}" for model in MODELS for axis in "xyz")
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from aatri.adapters.bundle.set_parts import UNITS, SetPart, names_of_parts, part
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
-from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, named, parameter_set, with_interior
+from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, parameter_set, with_interior
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
@@ -65,6 +65,9 @@ class SelfCalibration(Options):
         None, gt=0, description="r0 of aicon and bauer3, mm, where the radial terms vanish; null: 2/3 of half the "
         "diagonal (aicon), or orthogonal to c over the format (bauer3)",
     )  # fmt: skip
+    orders: tuple[int, int] | None = Field(
+        None, description="orders in x and y of fourier (null: 1, 1), degrees of legendre (null: 4, 4)"
+    )
     user: CodePath | None = Field(
         None, description="Python file with `names` and `basis(x_mm, y_mm)`, for set: user; needs --local-plugins"
     )
@@ -114,7 +117,7 @@ def chosen_set(
         return _calibrated(wanted, calibration_of(solution))
     if wanted is None:
         return None
-    chosen = _set_by_name(wanted.set, wanted)
+    chosen = _wanted_set(wanted)
     has_it = holds_interior(chosen, camera_scale(block, 0))
     if wanted.interior and has_it:
         raise SpecError(f"{chosen.name} has the interior orientation already", remedy="interior: false")
@@ -127,7 +130,7 @@ def chosen_set(
     parts = parts_of_set(full, wanted.per)
     in_parts = {name for part in parts for name in part.parameters.parameters}
     unnamed = tuple(name for name in full.parameters if name not in in_parts)
-    return ChosenSet(named(wanted.set, wanted.balance_radius_mm), interior, _sigma_mm(wanted), parts, unnamed=unnamed)
+    return ChosenSet(chosen.name, interior, _sigma_mm(wanted), parts, unnamed=unnamed)
 
 
 def _sigma_mm(wanted: SelfCalibration) -> float | None:
@@ -135,11 +138,14 @@ def _sigma_mm(wanted: SelfCalibration) -> float | None:
 
 
 def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> ChosenSet:
-    chosen = _set_by_name(calibration.set, wanted)
+    if calibration.set == "user":
+        chosen = _wanted_set(wanted if wanted is not None and wanted.set == "user" else SelfCalibration(set="user"))
+    else:
+        chosen = parameter_set(calibration.set)
     chosen = with_interior(chosen) if calibration.interior else chosen
     parts = parts_of_set(chosen, calibration.per)
     if wanted is not None:
-        same = named(wanted.set, wanted.balance_radius_mm) == calibration.set
+        same = _wanted_set(wanted).name == calibration.set
         mine = names_of_parts(parts_of_set(chosen, wanted.per)) if same else ""
         if mine != names_of_parts(parts):
             per = mine or (f"per {wanted.per}" if isinstance(wanted.per, str) else str(wanted.per))
@@ -153,12 +159,10 @@ def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> Cho
                      parts, calibration)  # fmt: skip
 
 
-def _set_by_name(name: str, wanted: SelfCalibration | None) -> ParameterSet:
-    if name != "user":
-        return parameter_set(
-            name, balance_radius_mm=wanted.balance_radius_mm if wanted and wanted.set == name else None
-        )
-    if wanted is None or wanted.user is None:
+def _wanted_set(wanted: SelfCalibration) -> ParameterSet:
+    if wanted.set != "user":
+        return parameter_set(wanted.set, orders=wanted.orders, balance_radius_mm=wanted.balance_radius_mm)
+    if wanted.user is None:
         raise SpecError("self_calibration with set: user needs a file", remedy="user: my_parameters.py")
     return user_set("\n".join(read_lines(wanted.user)), str(wanted.user))
 

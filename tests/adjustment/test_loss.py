@@ -11,12 +11,12 @@ from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, active_lane, excess, prepared_lane, whitened
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.image_points import ImagePointRows, image_point_records
 from aatri.observations.poses import POINT, POSE, Poses
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+from tests.adjustment.reference import dense_jacobian, free_columns
 from tests.complex_step import complex_step
 
 MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}

@@ -10,12 +10,12 @@ from aatri.adjustment.adjusted import Step
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule as shares
 from aatri.adjustment.iteration import advice_after
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.block_problem import halves_problem, joined_problem, made_problem, shared_problem
+from tests.adjustment.reference import dense_jacobian, free_columns
 
 ORDERINGS: tuple[Ordering, ...] = ("auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips")
 MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}

@@ -12,11 +12,11 @@ from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance import marginal
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.records import Records, whitener_of_covariances, whitener_of_sigmas
-from aatri.adjustment.reference import dense_jacobian
 from aatri.adjustment.solve import solve
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.weights import Weights
 from aatri.adjustment.unknowns import Unknowns, add_step
+from tests.adjustment.reference import dense_jacobian
 
 
 def strips(seed: int = 0, *, n_strips: int = 6, n_points: int = 60):

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -18,6 +17,7 @@ from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.stages.bundle_adjustment._self_calibration import chosen_set, parameters_of
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
+from tests.adjustment.reference import dense_jacobian, free_columns
 
 Float = np.ndarray
 

@@ -47,7 +47,7 @@ def brown_correction(
     return np.column_stack([dx, dy])
 
 
-def brown_basis(xy_mm: npt.NDArray[Any], symmetry_point_mm: npt.ArrayLike = (0.0, 0.0)) -> npt.NDArray[Any]:
+def brown_basis(xy_mm: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Derivative of the correction with respect to its parameters.
 
     Returns
@@ -56,7 +56,7 @@ def brown_basis(xy_mm: npt.NDArray[Any], symmetry_point_mm: npt.ArrayLike = (0.0
         Columns as in `PARAMETERS`.
     """
     x, y = xy_mm.T
-    r2 = ((xy_mm - np.asarray(symmetry_point_mm)) ** 2).sum(axis=1)
+    r2 = (xy_mm**2).sum(axis=1)
     zero = np.zeros_like(x)
     dx = [x * r2, x * r2**2, x * r2**3, r2 + 2 * x**2, 2 * x * y, x, y]
     dy = [y * r2, y * r2**2, y * r2**3, 2 * x * y, r2 + 2 * y**2, zero, zero]

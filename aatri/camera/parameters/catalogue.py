@@ -21,9 +21,7 @@ SETS = ("brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fo
 
 _FIXED = {s.name: s for s in (BROWN_CONRADY, BROWN21, EBNER12, GRUEN44)}
 _BALANCED = {"aicon": aicon, "bauer3": bauer3}
-RADIUS = " r0="
-"""Between the name of a balanced set and its radius, mm, where a Solution tells the set by name."""
-_DEFAULT_ORDERS = {"fourier": (1, 1), "legendre": (4, 4)}
+_SERIES = {"fourier": fourier, "legendre": legendre}
 
 
 def parameter_set(
@@ -34,7 +32,7 @@ def parameter_set(
     Parameters
     ----------
     name : str
-        One of `SETS`; of balanced ones also with their radius, as `named` writes it.
+        One of `SETS`, or the `name` of a set of other orders or radius: `legendre 5x5`, `aicon r0=8.0`.
     orders : (int, int), optional
         Orders or degrees in x and y of `fourier` (1, 1 unless given) and `legendre` (4, 4).
     balance_radius_mm : float, mm, optional
@@ -45,32 +43,32 @@ def parameter_set(
     SpecError
         If the set is unknown or has no such option.
     """
-    name, _, told = name.partition(RADIUS)
-    balance_radius_mm = float(told) if told else balance_radius_mm
+    name, _, told = name.partition(" ")
+    if told.startswith("r0="):
+        balance_radius_mm = float(told.removeprefix("r0="))
+    elif told:
+        order_x, order_y = map(int, told.split("x"))
+        orders = order_x, order_y
     if name not in SETS:
         raise SpecError(
             f"parameter set {name!r} is unknown{did_you_mean(name, SETS)}", remedy=f"one of {', '.join(SETS)}"
         )
-    if orders is not None and name not in _DEFAULT_ORDERS:
-        raise SpecError(f"{name} has no orders", remedy="orders belong to fourier and legendre")
+    if orders is not None and name not in _SERIES:
+        raise SpecError(f"{name} has no orders", remedy=f"they belong to {' and '.join(_SERIES)}")
     if balance_radius_mm is not None and name not in _BALANCED:
         raise SpecError(f"{name} has no balance radius", remedy=f"it belongs to {' and '.join(_BALANCED)}")
-    if name in _BALANCED:
-        return _BALANCED[name](balance_radius_mm)
     if name in _FIXED:
         return _FIXED[name]
-    m, n = orders or _DEFAULT_ORDERS[name]
-    return fourier(m, n) if name == "fourier" else legendre(m, n)
-
-
-def named(name: str, balance_radius_mm: float | None) -> str:
-    """How a Solution tells a set, so that `parameter_set` gives it back."""
-    return name if balance_radius_mm is None else f"{name}{RADIUS}{balance_radius_mm!r}"
+    if name in _BALANCED:
+        found = _BALANCED[name](balance_radius_mm)
+        return found if balance_radius_mm is None else replace(found, name=f"{name} r0={balance_radius_mm!r}")
+    found = _SERIES[name](*orders) if orders else _SERIES[name]()
+    return found if orders is None else replace(found, name=f"{name} {orders[0]}x{orders[1]}")
 
 
 def is_ideal(name: str) -> bool:
-    """Whether the terms of a set that a Solution tells are functions of the ideal coordinates."""
-    return name.partition(RADIUS)[0] == "aicon"
+    """Whether the terms of a set, told by its name, are functions of the ideal coordinates."""
+    return name.partition(" ")[0] in SETS and parameter_set(name).ideal
 
 
 INTERIOR = chosen(BROWN_CONRADY, ("c", "x0", "y0"))

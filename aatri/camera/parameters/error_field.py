@@ -44,11 +44,6 @@ class ErrorField:
         return float(np.sqrt((self.error_mm**2).sum(axis=1).mean()))
 
     @property
-    def rms_shape_mm(self) -> float:
-        """Root mean square length of the error without the exterior orientation."""
-        return float(np.sqrt((self.shape_mm**2).sum(axis=1).mean()))
-
-    @property
     def largest_mm(self) -> float:
         """Largest length of the error."""
         return float(np.linalg.norm(self.error_mm, axis=1).max())
@@ -84,27 +79,6 @@ def without_exterior(xy_mm: Float, field_mm: Float, principal_distance_mm: float
     -------
     (n, 2) float64, mm
     """
-    return _remainder(exterior_effects(xy_mm, principal_distance_mm), field_mm)
-
-
-def outside_span(parameter_set: ParameterSet, scale: SetScale, xy_mm: Float, field_mm: Float) -> Float:
-    """What a set of parameters cannot describe of a field, even with the help of the exterior orientation.
-
-    Parameters
-    ----------
-    xy_mm, field_mm : (n, 2) float64, mm
-        Image errors at places of the image, as of another set or of a test field.
-
-    Returns
-    -------
-    (n, 2) float64, mm
-        The field less its best fit, zero if it lies in the span.
-    """
-    columns = [parameter_set.basis(xy_mm, scale), exterior_effects(xy_mm, scale.principal_distance_mm)]
-    return _remainder(np.concatenate(columns, axis=2), field_mm)
-
-
-def _remainder(columns: Float, field_mm: Float) -> Float:
-    design = columns.reshape(-1, columns.shape[2])
+    design = exterior_effects(xy_mm, principal_distance_mm).reshape(2 * len(xy_mm), -1)
     fit = np.linalg.lstsq(design, field_mm.ravel(), rcond=None)[0]
     return np.asarray(field_mm - (design @ fit).reshape(-1, 2))

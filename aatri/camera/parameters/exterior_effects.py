@@ -1,4 +1,4 @@
-"""What a parameter set has in common with the exterior orientation, with itself and with other sets.
+"""What a parameter set has in common with the exterior orientation.
 
 Over flat terrain the six orientation unknowns of a vertical photograph displace its image points by
 
@@ -11,32 +11,16 @@ points, scaled to unit length.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
+from aatri.camera.parameters.parameter_set import SetScale
+
+RANK_TOLERANCE = 1e-10
+"""Singular values below this share of the largest count as zero, for columns of unit length."""
 
 EXTERIOR = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
 """Names of the columns of `exterior_effects`."""
-
-
-@dataclass(frozen=True)
-class Coincidence:
-    """One combination of parameters that leaves no trace in the image.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Parameters that take part, the largest share first.
-    shares : tuple of float
-        Their coefficients, for columns of unit length.
-    """
-
-    names: tuple[str, ...]
-    shares: tuple[float, ...]
 
 
 def format_grid(scale: SetScale, n: int = 15) -> Float:
@@ -82,58 +66,7 @@ def share_in_span(columns: Float, span: Float) -> Float:
     return np.asarray(((inside.T @ a) ** 2).sum(axis=0))
 
 
-RANK_TOLERANCE = 1e-10
-"""Singular values below this share of the largest count as zero, for columns of unit length."""
-
-
-def coincidences(columns: Float, names: Sequence[str]) -> list[Coincidence]:
-    """Combinations of columns that vanish, in words; the rank is the number of columns less their number.
-
-    Parameters
-    ----------
-    columns : (n, 2, s) float64
-    names : sequence of str
-
-    Returns
-    -------
-    list of Coincidence
-        One per lost rank; the null space is brought to the simplest form by elimination.
-    """
-    a = _unit_columns(columns)
-    _, values, rows = np.linalg.svd(a, full_matrices=True)
-    rank = int((values > RANK_TOLERANCE * values[0]).sum())
-    null = _reduced(rows[rank:])
-    found = []
-    for vector in null:
-        order = np.argsort(-np.abs(vector).round(9), kind="stable")
-        taking_part = [int(i) for i in order if abs(vector[i]) > 1e-6]
-        found.append(Coincidence(tuple(names[i] for i in taking_part), tuple(float(vector[i]) for i in taking_part)))
-    return found
-
-
-def coincidences_with_exterior(parameter_set: ParameterSet, scale: SetScale, n: int = 15) -> list[Coincidence]:
-    """Combinations of the set with the exterior orientation that vertical images of flat terrain leave open."""
-    xy = format_grid(scale, n)
-    columns = [parameter_set.basis(xy, scale), exterior_effects(xy, scale.principal_distance_mm)]
-    return coincidences(np.concatenate(columns, axis=2), (*parameter_set.parameters, *EXTERIOR))
-
-
 def _unit_columns(columns: Float) -> Float:
     a = columns.reshape(-1, columns.shape[2])
     length = np.linalg.norm(a, axis=0)
     return np.asarray(a / np.where(length > 0, length, 1.0))
-
-
-def _reduced(null: Float) -> Float:
-    """Row echelon form with full pivoting: each combination has a parameter of its own."""
-    rows = null.copy()
-    free = np.ones(rows.shape[1], dtype=bool)
-    for k in range(len(rows)):
-        pivot = int(np.argmax(np.where(free, np.abs(rows[k:]).max(axis=0), -1.0)))
-        best = k + int(np.argmax(np.abs(rows[k:, pivot])))
-        rows[[k, best]] = rows[[best, k]]
-        rows[k] /= rows[k, pivot]
-        others = np.arange(len(rows)) != k
-        rows[others] -= np.outer(rows[others, pivot], rows[k])
-        free[pivot] = False
-    return rows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from aatri.artifacts.solution import Solution
-from aatri.camera.parameters.catalogue import RADIUS, SETS, parameter_set
+from aatri.camera.parameters.catalogue import SETS, parameter_set
 from aatri.camera.parameters.parameter_set import ParameterSet
 
 _BY_NAME = {
@@ -32,8 +32,7 @@ def parameter_units(solution: Solution) -> list[str]:
 
 
 def _units_of_set(name: str, solution: Solution) -> dict[str, str]:
-    if name.partition(RADIUS)[0] not in SETS or name in ("fourier", "legendre"):
-        # their parameters are lengths at the border, whatever their orders
+    if name.partition(" ")[0] not in SETS:  # a user's: its parameters are lengths at the border
         return {str(n): "mm" for n, g in zip(solution.parameters.name, solution.parameters.group) if g == "additional"}
     found: ParameterSet = parameter_set(name)
     return dict(zip(found.parameters, found.units))

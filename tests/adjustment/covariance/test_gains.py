@@ -9,10 +9,10 @@ import pytest
 
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.reference import constrained_reference, dense_jacobian, free_columns
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import layout
 from tests.adjustment.covariance.test_predicted import MAKERS, _relation, some_off
+from tests.adjustment.reference import constrained_reference, dense_jacobian, free_columns
 
 
 @pytest.mark.parametrize("most_rays", [2, 200])

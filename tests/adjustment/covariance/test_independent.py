@@ -8,8 +8,8 @@ import pytest
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance import independent
 from aatri.adjustment.covariance.independent import independent_errors, independent_predictions
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from tests.adjustment.block_problem import made_problem
+from tests.adjustment.reference import dense_jacobian, free_columns
 
 
 def _dense(seed: int):

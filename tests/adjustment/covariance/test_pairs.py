@@ -7,9 +7,9 @@ import pytest
 
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.cross import covariances_of_pairs
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.adjustment.structure import index_problem as preparation
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+from tests.adjustment.reference import dense_jacobian, free_columns
 
 PAIRS = {
     made_problem: [(("a", 0), ("a", 13)), (("a", 1), ("p", 30)), (("p", 4), ("p", 39)), (("p", 7), ("a", 2))],

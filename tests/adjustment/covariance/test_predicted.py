@@ -10,9 +10,9 @@ import pytest
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.records import Records, whitener_of_covariances
-from aatri.adjustment.reference import constrained_reference, dense_jacobian
 from aatri.adjustment.structure import index_problem as preparation
 from tests.adjustment.block_problem import joined_problem, made_problem, posed_problem, shared_problem
+from tests.adjustment.reference import constrained_reference, dense_jacobian
 
 MAKERS = {"plain": made_problem, "posed": posed_problem, "joined": joined_problem, "shared": shared_problem}
 

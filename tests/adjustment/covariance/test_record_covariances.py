@@ -7,10 +7,10 @@ import pytest
 
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.reference import dense_jacobian
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import layout
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+from tests.adjustment.reference import dense_jacobian
 
 
 @pytest.mark.parametrize("maker", [made_problem, joined_problem, shared_problem])

@@ -10,8 +10,8 @@ import pytest
 from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.score import moved, score
 from aatri.adjustment.records import whitened
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from tests.adjustment.block_problem import made_problem
+from tests.adjustment.reference import dense_jacobian, free_columns
 
 
 @pytest.mark.parametrize("of_the_problem", [True, False])

@@ -12,8 +12,8 @@ from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.loss import Huber
-from aatri.adjustment.reference import free_columns
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+from tests.adjustment.reference import free_columns
 from tests.adjustment.test_solve import _many_fronts
 
 MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.camera.models.dbat import dbat3, printed_principal_point
 from aatri.camera.models.projection import pinhole
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import exp_rotation, rotation_from_angles, skew
+from tests.camera.models.dbat_reference import dbat3, printed_principal_point
 
 CONTROL = {1001: (0.0, 1.0, 0.0), 1002: (1.0, 1.0, 0.0), 1003: (0.0, 0.0, 0.0), 1004: (1.0, 0.0, 0.0)}
 PIXEL_MM = 5.43764 / 1704

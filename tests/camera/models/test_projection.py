@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.camera.models.dbat import dbat1, dbat3, printed_principal_point
 from aatri.camera.models.distortion import Distortion, corrected
 from aatri.camera.models.projection import MODELS, PARAMETERS
 from aatri.geometry.collinearity import project_derivatives
+from tests.camera.models.dbat_reference import dbat1, dbat3, printed_principal_point
 
 VALUES = {
     "pinhole": [120.0, 0.3, -0.2],

@@ -10,13 +10,13 @@ import pytest
 from aatri.adapters.bundle.bundle_input import origin_of
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
-from aatri.adjustment.reference import dense_jacobian, free_columns
 from aatri.errors import GeometryError
 from aatri.observations.control import Control
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import Positions
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult
+from tests.adjustment.reference import dense_jacobian, free_columns
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, adjust_bundle
 

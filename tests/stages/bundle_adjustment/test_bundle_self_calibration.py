@@ -11,11 +11,11 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.parameters.catalogue import parameter_set
-from aatri.camera.parameters.error_field import outside_span
 from aatri.camera.parameters.parameter_set import scale_of_format
 from aatri.errors import GeometryError, SpecError
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.collocation import collocation
+from tests.camera.parameters.spans import outside_span
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
 

@@ -12,6 +12,8 @@ and the residual is the central projection with c less xy_corr, in mm, weighted 
 measurement times the pixel size (model 3: residuals in corrected square pixels). px' is DBAT's unknown; its reports
 print px = px'/(1 + as) (`printed_principal_point`).
 
+The bundle has model 3 as `brown` of `aatri.camera.models.calibration`; this is the form of the publication, for tests.
+
 Source: Boerlin & Grussenmeyer 2013, 2016; DBAT 0.9.2, Backward (Photogrammetry) models 1 and 3.
 """
 
