@@ -77,7 +77,7 @@ def off(t: Trial, R: Any, b: Any) -> float:
 def ours(trials: list[Trial]) -> tuple[float, list[float]]:
     """Time a pair in ms, errors."""
     from aatri.adjustment import threads
-    from aatri.orientation.relative.essential_pairs import essential_orientations
+    from aatri.orientation.relative.essential import essential_orientations
 
     threads.default_threads = lambda: 1
     rays, start = rays_of(trials)

@@ -42,7 +42,7 @@ from aatri.errors import GeometryError
 from aatri.notes import Note, tell
 from aatri.observations.image_points import rays_of
 from aatri.orientation.graph.free_images import orient_free
-from aatri.orientation.relative.essential_pairs import essential_orientations
+from aatri.orientation.relative.essential import essential_orientations
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -138,7 +138,7 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         images = images[kept]
     pairs = pairs_of(block, image_points, images)
     made = essential_orientations(
-        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points, patient=False,
+        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points,
         reporter=context,
     )  # fmt: skip
     context.progress(len(images), len(images), "models")

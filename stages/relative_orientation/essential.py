@@ -31,7 +31,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.notes import tell
-from aatri.orientation.relative.essential_pairs import SAMPLES, essential_orientations
+from aatri.orientation.relative.essential import SAMPLES, essential_orientations
 from aatri.orientation.relative.image_scale import with_sigmas
 from aatri.plugin import SILENT, Context, Field, Options, stage
 

@@ -33,9 +33,9 @@ from aatri.artifacts.suspects import staying_out
 from aatri.geometry.coplanarity import sampson
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.vectors import tangents
-from aatri.orientation.strips.log_scale import ModelRows, log_scales
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from tests.campaigns.gross_errors import DELTA0, Spoilt, _above, image_points, stays_out
+from tests.orientation.strips.reference import ModelRows, log_scales
 from tests.stages.chain import Chain, run_chain, simulated
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.essential_pairs import essential_orientations
+from aatri.orientation.relative.essential import essential_orientations
 
 C_MM, PIXEL_MM = 8.8, 0.0024
 SIGMA_MM = 0.5 * PIXEL_MM

@@ -11,7 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models, SecondOrientations, Turns
 from aatri.geometry.vectors import finite_rows
-from aatri.orientation.relative.essential_pairs import EssentialOrientations
+from aatri.orientation.relative.essential import EssentialOrientations
 
 
 def essential_models(block: Block, image_points: ImagePoints, pairs: Pairs, made: EssentialOrientations) -> Models:

@@ -20,7 +20,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.geometry.coplanarity import RayPairs, coplanarity, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.pair_loops import RelativeOrientations
+from aatri.orientation.relative.orientations import RelativeOrientations
 
 
 def film_in_orientations(

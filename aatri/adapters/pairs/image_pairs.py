@@ -20,7 +20,7 @@ from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import finite_rows
 from aatri.orientation.relative.common_points import common_points
-from aatri.orientation.relative.pair_loops import RelativeOrientations
+from aatri.orientation.relative.orientations import RelativeOrientations
 
 
 @dataclass(frozen=True)

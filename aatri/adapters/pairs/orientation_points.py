@@ -17,7 +17,7 @@ from aatri.errors import InputError
 from aatri.geometry.coplanarity import RayPairs, parallax
 from aatri.geometry.intersection import intersect_pair
 from aatri.ids import shown
-from aatri.orientation.relative.pair_loops import RelativeOrientations
+from aatri.orientation.relative.orientations import RelativeOrientations
 
 
 def named_points(path: Path, ids: Text) -> Bool:

@@ -18,7 +18,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.notes import Note
 from aatri.orientation.relative.classical_points import classical_points, connection_points
 from aatri.orientation.relative.image_scale import limit_of
-from aatri.orientation.relative.pair_loops import RelativeOrientations
+from aatri.orientation.relative.orientations import RelativeOrientations
 from aatri.orientation.strips.connected import Before, Connected, connected_orientation
 from aatri.progress import Reporter
 

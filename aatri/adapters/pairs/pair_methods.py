@@ -21,7 +21,7 @@ from aatri.orientation.relative.classical_points import classical_points
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
 from aatri.orientation.relative.equal_weights import adjusted_with_equal_weights
 from aatri.orientation.relative.image_scale import limit_of, with_sigmas
-from aatri.orientation.relative.pair_loops import RelativeOrientations
+from aatri.orientation.relative.orientations import RelativeOrientations
 from aatri.orientation.relative.pairs import relative_orientations
 from aatri.progress import Reporter
 

@@ -22,8 +22,7 @@ from aatri.orientation.free_block.datum_analysis import analyse_datum
 from aatri.orientation.free_block.model_ties import LATENT, ModelPoses, ModelRows
 from aatri.orientation.free_block.similarity_ties import Similarities
 from aatri.orientation.free_block.tie_records import EXACT, GivenPoints
-from aatri.orientation.strips.log_scale import root_of
-from aatri.orientation.strips.model_errors import point_errors
+from aatri.orientation.strips.model_errors import point_errors, root_of
 
 FEWEST = 3
 """Points, perspective centres among them, that a body of seven parameters must share."""

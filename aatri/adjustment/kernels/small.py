@@ -20,9 +20,9 @@ from numba import njit
 OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
 """Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
 
-CLEARLY_POSED = 1e-7
-"""With a bound of the smallest eigenvalue above this, normal equations are as good as an orthogonal factorisation, and
-no test of the rank (1e-10 or less) can fail; what is below goes the careful way, outside the compiled loops."""
+DETERMINED = 1e-13
+"""Normal equations with a bound of the smallest eigenvalue below this are singular to rounding: sums of some 1,000
+products are good to 1e-14 or so of their diagonal."""
 
 
 @njit("float64(float64[:,::1], float64[:,::1])", **OPTIONS)

@@ -6,7 +6,7 @@ x are coordinates in the model, base 1: its points, and its two perspective cent
 those of `similarity_ties`. e_m, five latent unknowns, is the error of the model's relative orientation in units of its
 standard deviations: C = W W' its covariance, J_x = (dx / d(d, t)) W. Points and centres of a model share it, so that
 its bend is neither taken for gross errors nor counted as independent errors of the points. Along the left ray a point
-moves with the orientation as `strips.log_scale` has it; the left centre stays, the right one moves by T t.
+moves with the orientation as `strips.model_errors` has it; the left centre stays, the right one moves by T t.
 
 Without latent unknowns the centres have a standard deviation of their own, the classical form.
 

@@ -1,4 +1,4 @@
-"""Critical configurations of a pair, by name, for an orientation that its points leave open or weak.
+"""What is to be said of an orientation: that it is weak or open, and by what critical configuration of its points.
 
 - tiny base: the points are more than 50 bases away; short base: more than 25, where nothing else is found;
 - corner: the points take up a small part of the model only;
@@ -14,8 +14,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float
+from aatri.errors import GeometryError
 from aatri.geometry.vectors import tangents
+
+WEAK_RAD = 0.01
+"""A direction or rotation less certain than this is reported: the geometry is near a singular one."""
+
+OPEN_RAD = 0.3
+"""A direction or rotation less certain than this is not determined."""
+
+MANY_REJECTED = 0.2
+"""A larger share of rejected points is reported."""
 
 FAR, SHORT = 50.0, 25.0
 """Bases to the points beyond which the base is tiny, and short."""
@@ -34,6 +44,9 @@ FLAT = 0.02
 
 BETTER = 0.5
 """Largest RMS deviation from the circle over that from a straight line: rough ground is no cylinder."""
+
+
+GENERAL = "the points lie near a line, in a corner or on a critical surface"
 
 
 def critical_configuration(xyz: Float, base: Float) -> str:
@@ -68,4 +81,32 @@ def critical_configuration(xyz: Float, base: Float) -> str:
     return f"the base is short, 1/{distance:.0f} of the distance to the points" if distance > SHORT else GENERAL
 
 
-GENERAL = "the points lie near a line, in a corner or on a critical surface"
+def judged(
+    covariance: Float, redundancy: int, sigma0: float, active: Bool, limit: float, xyz: Float, base: Float
+) -> tuple[str, ...]:
+    """What is to be said of an orientation; where it is weak or open, why, from its model points and base.
+
+    Raises
+    ------
+    GeometryError
+        If it is open.
+    """
+    found = []
+    largest = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    if largest > OPEN_RAD:
+        raise GeometryError(
+            f"the orientation is open by {largest:.2g} rad: {critical_configuration(xyz[active], base)}",
+            remedy="measure points over the whole overlap, at different heights",
+        )
+    if largest > WEAK_RAD:
+        why = critical_configuration(xyz[active], base)
+        found.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; {why}")
+    if redundancy == 0:
+        found.append("exactly 5 points: no redundancy, nothing is checked")
+    elif redundancy == 1 and sigma0 > limit:
+        found.append(f"sigma0 is {sigma0:.1f} with one redundant point: there is a gross error, but which point "
+                     "has it cannot be told")  # fmt: skip
+    rejected, n = int((~active).sum()), len(active)
+    if n >= 10 and rejected > MANY_REJECTED * n:
+        found.append(f"{rejected} of {n} points are rejected: mismatches, or standard deviations that are too small")
+    return tuple(found)

@@ -1,178 +1,194 @@
-"""Relative orientation without approximate values: the five-point essential matrix, sampled robustly.
+"""Relative orientation of many pairs without any start: five-point samples, then least squares.
 
-The essential matrix E = -[b]x R satisfies u1' E u2 = 0 for every point, det E = 0 and 2 E E' E - tr(E E') E = 0.
-Five points leave a four-dimensional null space E = x E1 + y E2 + z E3 + E4; the ten cubic equations in x, y, z are
-solved through the eigenvectors of the action matrix of x. Planar scenes need no special case.
+A compiled loop over the pairs, in threads, draws samples (`kernels.consensus`) and gives the best orientations that
+differ; the best one is adjusted with the points that fit it, by the rules of `relative.pairs`: data snooping, model
+points, statistics. Nothing is assumed about how the images lie to each other.
 
-Samples of five points (all of them for few points, else drawn by a seeded generator) give hypotheses; each is judged
-by all points with the Cauchy cost sum log(1 + (v / 3)^2) of the Sampson distances v, so that neither gross errors nor
-standard deviations that are too small upset the choice. Of the four (R, b) of an essential matrix the one with the
-points in front of both images is taken; points behind count as gross errors.
+Where a second orientation explains the points as well, the pair is ambiguous: points in a plane have two orientations
+(Longuet-Higgins), and often both have all points in front. It is returned beside the first one. Where a rotation alone
+explains the images there is no base, but the rotation is known.
 
-Source: Nister, PAMI 26 (2004) 756; Stewenius, Engels & Nister, ISPRS Journal 60 (2006) 284.
+Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Longuet-Higgins, Proc. R. Soc. B 227 (1986) 399.
 """
 
 from __future__ import annotations
 
-import itertools
-from math import comb
+from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
-from aatri.geometry.intersection import projection_coefficients
-from aatri.geometry.rotations import log_rotation
-
-SAMPLES = 300
-"""Samples of five points: with half the points wrong, one of them is free of errors with probability 0.9999."""
-
-_CAUCHY = 3.0
-_BEHIND = 100.0
-_ALIKE = 0.02
-_SEED = 5
-
-
-def essential_starts(rays: RayPairs, *, most: int = 4) -> list[tuple[Float, Float]]:
-    """Relative orientations that explain the points, the best first.
-
-    Parameters
-    ----------
-    rays : RayPairs
-        At least five points.
-    most : int
-        Orientations returned at most; they differ by more than 0.02 rad.
-
-    Returns
-    -------
-    list of (left_from_right (3, 3), base (3,))
-    """
-    u1, u2 = (u / np.abs(u[:, 2:]) for u in (rays.left, rays.right))
-    samples = _samples(len(u1))
-    hypotheses = five_point(u1[samples], u2[samples])
-    if not len(hypotheses):
-        return []
-    distance = _sampson_distances(hypotheses, rays)
-    order = _different(hypotheses, np.argsort(_cost(distance), kind="stable"), 5 * most)
-    ranked = sorted(
-        (_best_decomposition(hypotheses[k], distance[k], rays) for k in order), key=lambda candidate: candidate[0]
-    )
-    chosen: list[tuple[Float, Float]] = []
-    for _, R, b in ranked:
-        if all(_differ(R, b, other) for other in chosen):
-            chosen.append((R, b))
-    return chosen[:most]
-
-
-def five_point(left: Float, right: Float) -> Float:
-    """Essential matrices of samples of five points.
-
-    Parameters
-    ----------
-    left, right : (s, 5, 3) float64
-        Ray directions in the left and right image, any length.
-
-    Returns
-    -------
-    (h, 3, 3) float64, of Frobenius norm sqrt(2)
-        All real solutions of all samples, in their order.
-    """
-    equations = (left[:, :, :, None] * right[:, :, None, :]).reshape(-1, 5, 9)
-    null_space = np.linalg.svd(equations)[2][:, 5:].reshape(-1, 4, 3, 3)
-    cubic = _cubic_equations(null_space)
-    reduced = np.linalg.pinv(cubic[:, :, :10]) @ cubic[:, :, 10:]
-    action = np.zeros((len(cubic), 10, 10))
-    for row, source in enumerate(_TIMES_X):
-        if source < 10:
-            action[:, row] = -reduced[:, source]
-        else:
-            action[:, row, source - 10] = 1.0
-    values, vectors = np.linalg.eig(action)
-    scale = vectors[:, 9]
-    real = (np.abs(values.imag) < 1e-9) & (np.abs(scale) > 1e-12)
-    sample, solution = np.nonzero(real)
-    xyz = (vectors[sample, 6:9, solution] / scale[sample, solution][:, None]).real
-    E = np.einsum("hk,hkij->hij", np.column_stack([xyz, np.ones(len(xyz))]), null_space[sample])
-    norm = np.linalg.norm(E, axis=(1, 2), keepdims=True)
-    return np.asarray(np.sqrt(2.0) * E / norm)
-
-
-def decompositions(E: Float) -> list[tuple[Float, Float]]:
-    """The four (R, b) of an essential matrix E = -[b]x R, up to the sign of E.
-
-    Parameters
-    ----------
-    E : (3, 3) float64
-    """
-    U, _, Vt = np.linalg.svd(E)
-    U, Vt = U * np.sign(np.linalg.det(U)), Vt * np.sign(np.linalg.det(Vt))
-    W = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    return [(U @ w @ Vt, sign * U[:, 2]) for w in (W, W.T) for sign in (1.0, -1.0)]
-
-
-# The twenty monomials of degree 3 and less in x, y, z (and 1), the ten of degree 3 first.
-_MONOMIALS = sorted(
-    {tuple(sorted(m)) for m in itertools.product(range(4), repeat=3)}, key=lambda m: (sum(k == 3 for k in m), m)
+from aatri.geometry.rotations import nearest_rotation
+from aatri.geometry.vectors import unit
+from aatri.orientation.relative.degenerate import NO_BASE, angle_sigmas, degenerate_pairs
+from aatri.orientation.relative.image_scale import limit_of, with_image_scale, with_sigmas
+from aatri.orientation.relative.kernels.consensus import JUDGES, KEPT, consensus
+from aatri.orientation.relative.kernels.snooping import SNOOPED
+from aatri.orientation.relative.loops import (
+    ENOUGH,
+    FEWEST,
+    PairSettings,
+    Portion,
+    from_parallel,
+    oriented_from,
 )
-_PLACE = {monomial: k for k, monomial in enumerate(_MONOMIALS)}
-_COLLECT = np.zeros((64, 20))
-for _row, _m in enumerate(itertools.product(range(4), repeat=3)):
-    _COLLECT[_row, _PLACE[tuple(sorted(_m))]] = 1.0
-# Where x times each of the ten lower monomials (x^2 ... z^2, x, y, z, 1) stands among the twenty.
-_TIMES_X = [_PLACE[tuple(sorted((0, *sorted(m)[:2])))] for m in _MONOMIALS[10:]]
+from aatri.orientation.relative.orientations import RelativeOrientations, rows_of_pairs
+from aatri.progress import SILENT, Reporter
+
+SAMPLES = 1_000
+"""Most samples of a pair."""
+
+AS_GOOD = 3.0
+"""A second orientation explains n points as well if its cost, sum log(1 + (v / 3)^2), exceeds the first one's by no
+more than this many standard deviations: the two see other components of the errors, so that the difference of their
+sums of squares has a standard deviation of up to 2 sqrt(n), that of the costs a ninth of it."""
+
+LEAST = 2.0
+"""The same where points are few."""
+
+TURNS = 15
+"""Reweighted fits of a rotation."""
+
+TURNED = 0.5
+"""Share of the points that a rotation has to explain."""
 
 
-def _cubic_equations(X: Float) -> Float:
-    """Coefficients (s, 10, 20) of det E = 0 and 2 E E' E - tr(E E') E = 0 for E = sum of x_k X_k."""
-    s = len(X)
-    square = np.einsum("sapq,sbrq->sabpr", X, X)
-    trace = np.einsum("sabpp->sab", square)
-    cubic = 2.0 * np.einsum("sabpr,scrq->sabcpq", square, X) - np.einsum("sab,scpq->sabcpq", trace, X)
-    minors = np.cross(X[:, :, None, 1], X[:, None, :, 2])
-    determinant = np.einsum("sap,sbcp->sabc", X[:, :, 0], minors)
-    terms = np.concatenate([cubic.reshape(s, 64, 9), determinant.reshape(s, 64, 1)], axis=2)
-    return np.asarray(terms.swapaxes(1, 2) @ _COLLECT)
+class FromConsensus:
+    """Start of pairs by the essential matrix of five points that most points fit.
+
+    Parameters
+    ----------
+    start : (m + 1,) int
+        First point of each pair.
+    max_samples : int
+    fewest : int
+        Pairs with fewer points get no start.
+
+    Attributes
+    ----------
+    second : (m, 3, 4) float64
+        Rotation and base of another orientation that explains the points as well; NaN where there is none.
+    samples : (m,) int64
+        Five-point samples drawn.
+    share : (m,) float64
+        Of the points that fit.
+    """
+
+    def __init__(self, start: Int, max_samples: int = SAMPLES, fewest: int = 5) -> None:
+        m = len(start) - 1
+        self.max_samples, self.fewest = max_samples, fewest
+        self.second, self.samples, self.share = np.full((m, 3, 4), np.nan), np.zeros(m, dtype=np.int64), np.zeros(m)
+
+    def __call__(self, portion: Portion) -> None:
+        """Start the pairs of a portion."""
+        pair, count = portion.pair, portion.count
+        portion.chosen[:] &= count >= self.fewest
+        poses, costs = np.full((len(count), KEPT, 3, 4), np.nan), np.full((len(count), KEPT), np.inf)
+        drawn, fits = np.zeros(len(count), dtype=np.int64), np.zeros(len(portion.active), dtype=bool)
+        portion.all_pairs(consensus, portion.chosen, portion.table, self.max_samples, poses, costs, drawn, fits)
+        portion.chosen[:] &= np.isfinite(costs[:, 0])
+        portion.pose[:] = poses[:, 0]
+        portion.active[:] &= fits
+        row = np.repeat(np.arange(len(count)), count)
+        self.samples[pair] = drawn
+        fitting = np.bincount(row[fits], minlength=len(count))
+        self.share[pair] = fitting / np.maximum(count, 1)
+        for k in np.flatnonzero(portion.chosen & (self.share[pair] < FEWEST)).tolist():
+            portion.reasons[int(pair[k])] = f"only {fitting[k]} of {count[k]} points fit one orientation"
+        limit = np.maximum(LEAST, AS_GOOD * 2.0 * np.sqrt(np.minimum(count, JUDGES)) / 9.0)
+        also = portion.chosen & (costs[:, 1] - np.where(portion.chosen, costs[:, 0], 0.0) <= limit)
+        self.second[pair[also]] = poses[also, 1]
 
 
-def _samples(n: int) -> Int:
-    if comb(n, 5) <= SAMPLES:
-        return np.array(list(itertools.combinations(range(n), 5)), dtype=np.intp)
-    random = np.random.default_rng(_SEED)
-    return np.argsort(random.random((SAMPLES, min(n, 2000))), axis=1)[:, :5] * n // min(n, 2000)
+@dataclass(frozen=True)
+class EssentialOrientations:
+    """Relative orientations without start.
+
+    Attributes
+    ----------
+    found : RelativeOrientations
+    second : (m, 3, 4) float64
+        Rotation and base of another orientation that explains the points as well; NaN where there is none.
+    turned : (m, 3, 3) float64
+        Rotation of the right image into the frame of the left one where the images have no base; else NaN.
+    turned_sigma_rad : (m,) float64, rad
+    turned_points : (m,) int64
+        Points that the rotation explains.
+    samples : (m,) int64
+        Five-point samples drawn.
+    """
+
+    found: RelativeOrientations
+    second: Float
+    turned: Float
+    turned_sigma_rad: Float
+    turned_points: Int
+    samples: Int
 
 
-def _sampson_distances(E: Float, rays: RayPairs) -> Float:
-    """(h, n) Sampson distances of all points for all hypotheses."""
-    of_left, of_right = rays.right @ E.swapaxes(1, 2), rays.left @ E
-    F = np.einsum("ni,hni->hn", rays.left, of_left)
-    variance = (of_left[:, :, :2] ** 2 * rays.left_sigma**2).sum(axis=2)
-    variance += (of_right[:, :, :2] ** 2 * rays.right_sigma**2).sum(axis=2)
-    return np.asarray(F / np.sqrt(np.maximum(variance, 1e-300)))
+def essential_orientations(
+    rays: RayPairs, start: Int, *, snooping_limit: float | None = None, max_iterations: int = 20, min_points: int = 5,
+    max_samples: int = SAMPLES, reporter: Reporter = SILENT,
+) -> EssentialOrientations:  # fmt: skip
+    """Orient the right image of every pair to its left one.
+
+    Pairs of so few points that a wrong one cannot be located begin as parallel images where that leads somewhere.
+
+    Parameters
+    ----------
+    rays, start, snooping_limit, max_iterations, min_points, reporter
+        As of `pairs.relative_orientations`.
+    max_samples : int
+        Most samples of a pair.
+    """
+    settings, count = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points), np.diff(start)
+    last: list[FromConsensus] = []
+
+    def orient(scaled: RayPairs) -> RelativeOrientations:
+        many, few = FromConsensus(start, max_samples, SNOOPED), FromConsensus(start, max_samples)
+
+        def parallel(portion: Portion) -> None:
+            portion.chosen[:] &= (portion.count < SNOOPED) | (many.share[portion.pair] >= FEWEST)
+            from_parallel(portion)
+
+        def five_or_six(portion: Portion) -> None:
+            portion.chosen[:] &= portion.count < SNOOPED
+            few(portion)
+
+        last[:] = [many]
+        starts = ((many, FEWEST), (parallel, ENOUGH), (five_or_six, FEWEST))
+        return oriented_from(scaled, start, starts, settings, reporter)
+
+    found, m = with_image_scale(orient, rays), len(count)
+    second, samples = last[0].second, last[0].samples
+    for pair in np.flatnonzero(np.isfinite(second[:, 0, 0]) & found.formed).tolist():
+        text = "ambiguous: another orientation explains the points as well, as over a plane"
+        found.warnings[pair] = (*found.warnings.get(pair, ()), text)
+    second[~found.formed] = np.nan
+    turned = np.full((m, 3, 3), np.nan), np.full(m, np.nan), np.zeros(m, dtype=np.int64)
+    rest = np.flatnonzero(~found.formed)
+    unformed = with_sigmas(rays.take(rows_of_pairs(start, rest)), found.scale)
+    first = np.concatenate([[0], np.cumsum(count[rest])])
+    for k in degenerate_pairs(unformed, first, max(min_points, 5)):
+        for column, value in zip(turned, _turned(unformed.take(slice(first[k], first[k + 1])))):
+            column[rest[k]] = value
+    return EssentialOrientations(found, second, *turned, samples)
 
 
-def _cost(distance: Float) -> Float:
-    return np.asarray(np.log1p((distance / _CAUCHY) ** 2).sum(axis=-1))
-
-
-def _different(E: Float, order: Int, most: int) -> list[int]:
-    """The first ones of an order that differ: over flat ground a wrong one, with points behind, has many doubles."""
-    chosen: list[int] = []
-    while len(order) and len(chosen) < most:
-        chosen.append(int(order[0]))
-        order = order[np.abs(np.einsum("hij,ij->h", E[order], E[order[0]])) < 2.0 * np.cos(_ALIKE)]
-    return chosen
-
-
-def _best_decomposition(E: Float, distance: Float, rays: RayPairs) -> tuple[float, Float, Float]:
-    """Cost, rotation and base of the decomposition with most points in front."""
-    ranked = []
-    for R, b in decompositions(E):
-        depth = projection_coefficients(rays.left, rays.right @ R.T, b)
-        front = (depth > 0).all(axis=1)
-        ranked.append((float(_cost(np.where(front, distance, _BEHIND))), R, b))
-    return min(ranked, key=lambda candidate: candidate[0])
-
-
-def _differ(R: Float, b: Float, other: tuple[Float, Float]) -> bool:
-    turned = np.linalg.norm(log_rotation(R @ other[0].T))
-    return bool(turned > 0.02 or np.linalg.norm(b - other[1]) > 0.02)
+def _turned(rays: RayPairs) -> tuple[Float | float, float, int]:
+    """Rotation of the right image where it alone explains most points, its standard deviation, and their number."""
+    if len(rays.left) < 5:
+        return np.nan, np.nan, 0
+    u1, u2 = unit(rays.left), unit(rays.right)
+    sigma, weight = angle_sigmas(rays), np.ones(len(u1))
+    for _ in range(TURNS):
+        R = nearest_rotation((weight[:, None] * u1).T @ u2)
+        off = np.linalg.norm(np.cross(u1, u2 @ R.T), axis=1) / sigma
+        weight = 1.0 / np.maximum(off, 0.1)
+    fits: Bool = off < 3.0 * NO_BASE
+    if fits.sum() < max(5, TURNED * len(off)):
+        return np.nan, np.nan, 0
+    moment = np.eye(3) * fits.sum() - u1[fits].T @ u1[fits]
+    least = float(np.linalg.eigvalsh(moment)[0])
+    return R, float(np.median(sigma) / np.sqrt(least)) if least > 0 else np.pi, int(fits.sum())

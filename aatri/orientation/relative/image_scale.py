@@ -13,45 +13,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
 from aatri.adjustment.statistics.class_scales import class_scales
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.pair_loops import RelativeOrientations
-
-A = TypeVar("A")
+from aatri.orientation.relative.orientations import RelativeOrientations
 
 ROUNDS = 5
 SETTLED = 0.05
 """Change of the scale, as a share of it, at which the rounds end."""
 
 
-def with_image_scale(
-    orient: Callable[[RayPairs], A], of: Callable[[A], RelativeOrientations], rays: RayPairs
-) -> tuple[A, float]:
-    """What `orient` makes of pairs, with the scale that their image points ask for; that scale.
+def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: RayPairs) -> RelativeOrientations:
+    """Orientations with the scale that the image points ask for.
 
     Parameters
     ----------
     orient : callable
         Orients all pairs.
-    of : callable
-        The orientations in what it makes.
     rays : RayPairs
     """
-    made, scale = orient(rays), 1.0
+    found, scale = orient(rays), 1.0
     for _ in range(ROUNDS):
-        asked, clear = _scale_of(of(made))
+        asked, clear = _scale_of(found)
         better = max(scale * asked, 1.0)
         settled = abs(better - scale) <= SETTLED * scale
         if settled or (scale == 1.0 and not clear):
             break
         scale = better
-        made = orient(with_sigmas(rays, scale))
-    return made, scale
+        found = orient(with_sigmas(rays, scale))
+    return replace(found, sigma0=scale * found.sigma0, scale=scale)
 
 
 def with_sigmas(rays: RayPairs, scale: float) -> RayPairs:

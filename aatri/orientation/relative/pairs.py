@@ -1,24 +1,35 @@
-"""Dependent relative orientation of many pairs.
+"""Dependent relative orientation of many pairs: the left image is fixed, the right one is oriented to it.
 
-A compiled loop over the pairs, in threads (`pair_loops`), takes those that are plain: their points clearly spread, and
-the parallel start leads to a solution that needs no other start. Rejections, model points and statistics follow the
-rules of `relative.dependent`, which takes all other pairs, one by one, and gives the reasons.
+Unknowns are the rotation R of the right image (increment d, R <- exp([d]x) R) and the direction of the base b (turn t
+along its two tangents T, b <- unit(b + T t)); the length of the base is 1. Every point gives one condition: its
+Sampson distance v = -F / s_F, the coplanarity F = b . (u1 x R u2) over its standard deviation propagated from the
+image coordinates (`geometry.coplanarity`). sum v^2 is minimised with exact derivatives; sigma0 a priori is 1. To first
+order this is the bundle of the two images.
+
+Nothing is assumed about the angles. The start is that of parallel images (`kernels.start`); where that does not lead to
+a solution with few rejections and all points in front, five-point essential matrices give the start
+(`kernels.consensus`).
+
+Only the y-parallax is seen: an error of x in an image point, along the epipolar line, moves the model point and
+nothing else; and whether the left or the right image point is wrong cannot be told.
+
+Source: docs/formulas.md 3.2; Mikhail, Bethel & McGlone, Introduction to Modern Photogrammetry, 5.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
 from aatri.arrays import Int
-from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.geometry.intersection import Intersection
-from aatri.orientation.relative.dependent import relative_orientation
+from aatri.orientation.relative.essential import FromConsensus
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale
-from aatri.orientation.relative.kernels.start import parallel_starts
-from aatri.orientation.relative.pair_loops import Portion, RelativeOrientations, oriented_in_loops
+from aatri.orientation.relative.loops import (
+    ENOUGH,
+    FEWEST,
+    PairSettings,
+    from_parallel,
+    oriented_from,
+)
+from aatri.orientation.relative.orientations import RelativeOrientations
 from aatri.progress import SILENT, Reporter
 
 
@@ -39,62 +50,19 @@ def relative_orientations(
         The points of all pairs, pair by pair.
     start : (m + 1,) int
         First point of each pair; the last is the number of points.
-    snooping_limit, max_iterations, min_points
-        See `dependent.relative_orientation`; without a limit it counts the points tested.
+    snooping_limit : float, optional
+        Points whose y-parallax is wrong by more than this many standard deviations are rejected, the worst first;
+        default: by the number of points.
+    max_iterations : int
+    min_points : int
+        Fewer points, or fewer left after snooping, make no model. At least 5.
     reporter : Reporter
         Told how many pairs are done.
     """
-    limit = limit_of(rays, snooping_limit)
-    found, scale = with_image_scale(
-        lambda scaled: _oriented(scaled, start, limit, max_iterations, min_points, reporter), lambda made: made, rays
-    )
-    return replace(found, sigma0=scale * found.sigma0, scale=scale)
+    settings = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points)
 
+    def orient(scaled: RayPairs) -> RelativeOrientations:
+        starts = ((from_parallel, ENOUGH), (FromConsensus(start), FEWEST))
+        return oriented_from(scaled, start, starts, settings, reporter)
 
-def _oriented(
-    rays: RayPairs, start: Int, snooping_limit: float, max_iterations: int, min_points: int, reporter: Reporter
-) -> RelativeOrientations:
-    found = oriented_in_loops(rays, start, from_parallel, snooping_limit, max_iterations, min_points, reporter)
-    left = [pair for pair in np.flatnonzero(~found.formed).tolist() if pair not in found.reasons]
-    done = len(found.formed) - len(left)
-    for k, pair in enumerate(left):
-        reporter.progress(done + k, len(start) - 1, "models")
-        one_by_one(found, rays, pair, start, snooping_limit, max_iterations, min_points)
-    return found
-
-
-def from_parallel(portion: Portion) -> None:
-    """Start pairs as parallel images."""
-    rays = portion.rays
-    q = np.column_stack([rays.left[:, :2] / -rays.left[:, 2:], rays.right[:, :2] / -rays.right[:, 2:]])
-    portion.all_pairs(parallel_starts, q, portion.chosen, portion.pose)
-
-
-def one_by_one(
-    found: RelativeOrientations,
-    rays: RayPairs,
-    pair: int,
-    start: Int,
-    limit: float,
-    max_iterations: int,
-    min_points: int,
-) -> None:
-    rows = slice(int(start[pair]), int(start[pair + 1]))
-    try:
-        one = relative_orientation(
-            rays.take(np.arange(rows.start, rows.stop)),
-            snooping_limit=limit,
-            max_iterations=max_iterations,
-            min_points=min_points,
-        )
-    except GeometryError as error:
-        found.reasons[pair] = error.what
-        return
-    found.formed[pair] = True
-    found.warnings[pair] = one.warnings
-    for name in ("left_from_right", "base", "covariance", "sigma0", "redundancy", "iterations"):
-        getattr(found, name)[pair] = getattr(one, name)
-    for name in ("active", "parallax_mm", "error_mm", "error_sigma_mm", "test"):
-        getattr(found, name)[rows] = getattr(one, name)
-    points: Intersection = one.points
-    found.xyz[rows], found.point_covariance[rows], found.depth[rows] = points.xyz, points.covariance, points.depth
+    return with_image_scale(orient, rays)

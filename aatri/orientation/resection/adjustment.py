@@ -16,7 +16,6 @@ import numpy as np
 from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.resection.kernels.resection import resect
-from aatri.orientation.resection.reference import resect_in_step
 
 HUBER = 3.0
 MIN_POINTS = 3
@@ -91,25 +90,15 @@ def resect_images(
     xy, sigma, row, X = xy_mm[rays], sigma_mm[rays], image[rays], xyz_m[point[rays]]
     count = np.bincount(row, minlength=n_images)
     origin = np.nanmean(X, axis=0) if len(X) else np.zeros(3)
-    start = (position_m - origin, ground_from_image)
-    X0, R, Q, spread, done = _compiled(xy, sigma, X - origin, c_mm, *start, count, HUBER, DECREMENT, max_iterations)
-    left = (count >= MIN_POINTS) & ~done
-    if left.any():
-        of_left = left[row]
-        part = resect_in_step(
-            xy[of_left],
-            sigma[of_left],
-            row[of_left],
-            X[of_left] - origin,
-            c_mm,
-            *start,
-            left,
-            HUBER,
-            DECREMENT,
-            max_iterations,
-        )
-        for found, carefully in zip((X0, R, Q, spread, done), part):
-            found[left] = carefully[left]
+    first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    X0 = np.array(position_m - origin, dtype=np.float64, order="C")
+    R = np.array(ground_from_image, dtype=np.float64, order="C")
+    Q, spread, done = np.full((n_images, 6, 6), np.nan), np.full(n_images, np.nan), np.zeros(n_images, dtype=bool)
+    arguments = (
+        first, np.ascontiguousarray(X - origin), np.ascontiguousarray(xy), 1.0 / sigma,
+        np.array(c_mm, dtype=np.float64), MIN_POINTS, HUBER, DECREMENT, max_iterations, X0, R, Q, spread, done,
+    )  # fmt: skip
+    in_threads(len(xy), lambda a, b: resect(*items_between(first, a, b), *arguments), worth=WORTH_A_THREAD)
     mean_sigma = np.bincount(row, sigma.mean(axis=1), minlength=n_images) / np.maximum(count, 1)
     return ResectedImages(
         np.where(done[:, None], X0 + origin, position_m),
@@ -119,23 +108,3 @@ def resect_images(
         np.where(done, spread * mean_sigma, np.nan),
         np.where(done, count, 0).astype(np.int32),
     )
-
-
-def _compiled(
-    xy: Float, sigma: Float, X: Float, c_mm: Float, X0: Float, R: Float, count: Int,
-    huber: float, tolerance: float, max_iterations: int,
-) -> tuple[Float, Float, Float, Float, Bool]:  # fmt: skip
-    """Image by image, the images shared out among threads; rays in the order of their images."""
-    n_images = len(c_mm)
-    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-    X0, R = np.array(X0, dtype=np.float64, order="C"), np.array(R, dtype=np.float64, order="C")
-    Q, spread, done = np.full((n_images, 6, 6), np.nan), np.full(n_images, np.nan), np.zeros(n_images, dtype=bool)
-    rays = (np.ascontiguousarray(X), np.ascontiguousarray(xy), 1.0 / sigma)
-    c = np.array(c_mm, dtype=np.float64)
-
-    def work(first: int, last: int) -> None:
-        resect(*items_between(start, first, last), start, *rays, c, MIN_POINTS, huber, tolerance, max_iterations,
-               X0, R, Q, spread, done)  # fmt: skip
-
-    in_threads(len(xy), work, worth=WORTH_A_THREAD)
-    return X0, R, Q, spread, done

@@ -28,7 +28,7 @@ from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.strips.distance_derivatives import log_distances
-from aatri.orientation.strips.log_scale import ModelRows, log_scales, root_of
+from aatri.orientation.strips.joints import ModelTable, observed_scales
 
 ITERATIONS = 30
 SETTLED = 1e-6
@@ -129,17 +129,16 @@ def connected_orientation(
 
 
 def _adjusted(rays: RayPairs, active: Bool, R: Float, base: Float, before: Before, use: Bool) -> Connected | None:
-    root = root_of(before.covariance)
     part, latent, s = rays.take(active), np.zeros(5), 0.0
     for iteration in range(1, ITERATIONS + 1):
         T = tangents(base)
         v_q, J_q = sampson(R, base, T, part)
-        observed, sigma, J_p = _connection(rays, R, base, before, root)
+        observed, sigma, by_latent = _connection(rays, R, base, before)
         if iteration == 1:
             s = float(np.median(observed[use]))
-        J_p[:, :5] = log_distances(R, base, rays.take(before.row))[1]
-        v_p = (s - (observed - J_p[:, 6:] @ latent)) / sigma
-        J_p = J_p / sigma[:, None]
+        v_p = (s - observed) / sigma + by_latent @ latent
+        by_pair = log_distances(R, base, rays.take(before.row))[1]
+        J_p = np.column_stack([by_pair / sigma[:, None], 1.0 / sigma, by_latent])
         A = np.zeros((len(v_q) + int(use.sum()) + 5, 11))
         A[: len(v_q), :5] = J_q
         A[len(v_q) : -5] = J_p[use]
@@ -171,13 +170,13 @@ def _adjusted(rays: RayPairs, active: Bool, R: Float, base: Float, before: Befor
     )  # fmt: skip
 
 
-def _connection(rays: RayPairs, R: Float, base: Float, before: Before, root: Float) -> tuple[Float, Float, Float]:
-    """log r_a - log r_b, its sigma, and the derivatives of s + log r_b - log r_a by d, t, s and the latent errors."""
-    points = intersect_pair(R, base, rays.take(before.row))
-    c = len(before.row)
-    first = ModelRows(before.xyz, before.point_covariance, np.tile(before.base, (c, 1)),
-                      np.tile(before.left_from_right, (c, 1, 1)), np.tile(root, (c, 1, 1)))  # fmt: skip
-    second = ModelRows(points.xyz, points.covariance, np.tile(base, (c, 1)), np.tile(R, (c, 1, 1)),
-                       np.tile(np.eye(5), (c, 1, 1)))  # fmt: skip
-    observed, sigma, J = log_scales(first, second)
-    return observed, sigma, np.column_stack([J[:, 5:10], J[:, 10], J[:, :5]])
+def _connection(rays: RayPairs, R: Float, base: Float, before: Before) -> tuple[Float, Float, Float]:
+    """log r_a - log r_b, its sigma, and its derivatives over sigma by the latent errors of the model before, (c, 5)."""
+    points, c = intersect_pair(R, base, rays.take(before.row)), np.arange(len(before.row))
+    both = ModelTable(
+        np.stack([before.left_from_right, R]), np.stack([before.base, base]),
+        np.stack([before.covariance, np.eye(5)]), np.array([0, len(c), 2 * len(c)]), np.tile(c, 2),
+        np.concatenate([before.xyz, points.xyz]), np.concatenate([before.point_covariance, points.covariance]),
+    )  # fmt: skip
+    observed, sigma, A = observed_scales(both, c, len(c) + c)
+    return observed, sigma, A[:, :5]

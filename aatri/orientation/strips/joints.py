@@ -1,7 +1,20 @@
-"""Scale transfer at many joints: models with a common image, all at once.
+"""Scales of models from those before them: both share an image, seen from which common points are equally far.
 
-The observation equations are those of `log_scale`; a compiled loop over the joints, in threads, adjusts them with data
-snooping by the rules of `scale_transfer`, which takes the joints that are not clearly determined, one by one.
+Model a (images i, j) and model b (images j, k) each have the unit of their own base. With r_a and r_b the distances of
+a common point from the projection centre of j in either model, every point gives the scale of b in units of a:
+
+    l = log r_a - log r_b = s + J_a x_a + J_b x_b + e,   scale = exp(s)
+
+e is the error of the image coordinates with the orientations held. Part of it is the same for both models, the ray of
+image j: turned towards i by an angle d it shortens r_a by d / tan(g_a) and, mostly, lengthens r_b; g is the angle of
+the rays at the point. x_a and x_b are the errors of the two relative orientations, latent unknowns with their
+covariance as prior: common to all points of a model, they bend it and are not gross errors. s is the weighted mean
+that follows, after data snooping from the median; one or two points are all used.
+
+Rotations need no common points: they are chained through the common image. All joints are adjusted by a compiled loop,
+in threads (`kernels.joints`; observation equations in `kernels.log_scale`).
+
+Source: docs/formulas.md 3.5 (of the textbook k = (Z2a - Bza) / Z1b, the mean of three points).
 """
 
 from __future__ import annotations
@@ -15,8 +28,7 @@ from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.strips.kernels.joints import join
 from aatri.orientation.strips.kernels.log_scale import log_scales
-from aatri.orientation.strips.log_scale import root_of
-from aatri.orientation.strips.scale_transfer import Model, scale_transfer
+from aatri.orientation.strips.model_errors import root_of
 
 AT_ONCE = 250_000
 """Common points worked on together; bounds the memory."""
@@ -27,16 +39,19 @@ WORTH_A_THREAD = 2_000
 
 @dataclass(frozen=True)
 class ModelTable:
-    """Models, each in the frame of its left image, base 1; see `scale_transfer.Model`.
+    """Models, each in the frame of its left image, base 1.
 
     Attributes
     ----------
-    left_from_right, base, orientation_covariance : (m, 3, 3), (m, 3), (m, 5, 5) float64
+    left_from_right, base : (m, 3, 3), (m, 3) float64
+    orientation_covariance : (m, 5, 5) float64, rad^2
+        Of the rotation increment and the turn of the base along its tangents.
     start : (m + 1,) int64
         First point of each model; the last is their number.
     point : (n,) int
         Ascending within a model.
     xyz, covariance : (n, 3), (n, 3, 3) float64
+        Covariances from the image coordinates, orientation held.
     """
 
     left_from_right: Float
@@ -47,12 +62,6 @@ class ModelTable:
     xyz: Float
     covariance: Float
 
-    def model(self, k: int) -> Model:
-        """One of them."""
-        rows = slice(int(self.start[k]), int(self.start[k + 1]))
-        return Model(self.left_from_right[k], self.base[k], self.orientation_covariance[k], self.point[rows],
-                     self.xyz[rows], self.covariance[rows])  # fmt: skip
-
     def of_row(self) -> Int:
         """The model of each point."""
         return np.repeat(np.arange(len(self.base)), np.diff(self.start))
@@ -60,20 +69,26 @@ class ModelTable:
 
 @dataclass(frozen=True)
 class JointTable:
-    """Scales of models in the unit of those before; see `scale_transfer.Joint`.
+    """Scales of models in the unit of those before.
 
     Attributes
     ----------
     first, second : (j,) int
         The models.
-    scale, sigma, spread : (j,) float64
+    scale, sigma : (j,) float64
         NaN without common points.
+    spread : (j,) float64
+        Extent of the used points across the track over that of all points of both models.
     start : (j + 1,) int64
         First common point of each joint; the last is their number.
     first_row, second_row : (n,) int64
         Rows of the common points among the points of the models.
     active : (n,) bool
-    log_scale, size, size_sigma, test : (n,) float64
+        Points used.
+    log_scale : (n,) float64
+        Logarithm of each point's own scale minus that of `scale`.
+    size, size_sigma, test : (n,) float64
+        Estimated gross error of log_scale, its standard deviation and |size| / size_sigma; NaN where uncontrolled.
     turn : (j, 3, 3) float64 or None
         Rotation of the second model against the common image, where the points and not the image connect the models.
     """
@@ -117,7 +132,8 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
     first, second : (j,) int
         The right image of the first model is the left one of the second.
     snooping_limit : float
-        See `scale_transfer`.
+        Points whose scale is wrong by more than this many standard deviations are rejected, where three or more
+        points allow to tell which.
     """
     start, first_row, second_row = _common(models, first, second)
     n, j = len(first_row), len(first)
@@ -126,16 +142,13 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
         start, first_row, second_row, np.zeros(n, dtype=bool),
         np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan),
     )  # fmt: skip
-    of_models = _of_models(models)
     pieces = max(round(n / AT_ONCE), 1)
     bounds = np.searchsorted(start[:-1], np.linspace(0, n, pieces + 1)[1:-1])
     edges = np.unique(np.concatenate([[0], bounds, [j]])).tolist()
-    done = np.zeros(j, dtype=bool)
+    of_models = _of_models(models)
     for a, b in pairwise(edges):
         rows = slice(int(start[a]), int(start[b]))
-        done[a:b] = _joined(found, a, b, *_observed(of_models, first_row[rows], second_row[rows]), snooping_limit)
-    for k in np.flatnonzero(~done & (np.diff(start) > 0)).tolist():
-        _one_by_one(found, models, k, snooping_limit)
+        _adjust(found, a, b, *_observed(of_models, first_row[rows], second_row[rows]), snooping_limit)
     found.spread[:] = _spreads(models, found)
     return found
 
@@ -168,8 +181,25 @@ def _of_models(models: ModelTable) -> tuple[Int | Float, ...]:
     return (of_row, *(np.require(column, np.float64, ["C", "W"]) for column in columns))
 
 
+def observed_scales(models: ModelTable, first_row: Int, second_row: Int) -> tuple[Float, Float, Float]:
+    """Observed logarithms of the scale of common points.
+
+    Parameters
+    ----------
+    first_row, second_row : (n,) int
+        Rows of the points in the model before and in the one after it.
+
+    Returns
+    -------
+    observed, sigma : (n,) float64
+    A : (n, 11) float64
+        Derivatives over sigma: by the latent errors of both orientations, of unit variance, and by the scale's
+        logarithm.
+    """
+    return _observed(_of_models(models), first_row, second_row)
+
+
 def _observed(of_models: tuple[Int | Float, ...], first: Int, second: Int) -> tuple[Float, Float, Float]:
-    """Observed logarithms of the scale, their standard deviations and whitened derivatives of common points."""
     n = len(first)
     a, b = (np.ascontiguousarray(rows, dtype=np.int64) for rows in (first, second))
     observed, sigma, A = np.empty(n), np.empty(n), np.empty((n, 11))
@@ -178,8 +208,8 @@ def _observed(of_models: tuple[Int | Float, ...], first: Int, second: Int) -> tu
     return observed, sigma, A
 
 
-def _joined(found: JointTable, a: int, b: int, observed: Float, sigma: Float, A: Float, limit: float) -> Bool:
-    """The compiled loop over the joints a ... b - 1; returns which are done."""
+def _adjust(found: JointTable, a: int, b: int, observed: Float, sigma: Float, A: Float, limit: float) -> None:
+    """Fill in the joints a ... b - 1."""
     start = np.ascontiguousarray(found.start[a : b + 1] - found.start[a], dtype=np.int64)
     n, m = len(observed), b - a
     y = observed / sigma
@@ -198,15 +228,6 @@ def _joined(found: JointTable, a: int, b: int, observed: Float, sigma: Float, A:
     found.log_scale[rows] = observed - x[joint, -1]
     found.size[rows] = np.where(active, -v / r, -v) * sigma
     found.size_sigma[rows] = sigma * np.where(active, r**-0.5, r**0.5)
-    return done
-
-
-def _one_by_one(found: JointTable, models: ModelTable, k: int, limit: float) -> None:
-    one = scale_transfer(models.model(int(found.first[k])), models.model(int(found.second[k])), snooping_limit=limit)
-    rows = slice(int(found.start[k]), int(found.start[k + 1]))
-    found.scale[k], found.sigma[k] = one.scale, one.sigma
-    for name in ("active", "log_scale", "size", "size_sigma", "test"):
-        getattr(found, name)[rows] = getattr(one, name)
 
 
 def _spreads(models: ModelTable, found: JointTable) -> Float:

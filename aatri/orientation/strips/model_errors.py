@@ -1,4 +1,4 @@
-"""How the points of a model move with the errors of its relative orientation."""
+"""Errors of relative orientations as unknowns of unit variance, and how the points of a model move with them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.geometry.vectors import tangents, unit
+
+
+def root_of(orientation_covariance: Float) -> Float:
+    """Matrices (..., 5, 5) that turn unit-variance unknowns into errors of an orientation."""
+    values, vectors = np.linalg.eigh(orientation_covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 def point_errors(xyz: Float, base: Float, root: Float) -> Float:
@@ -19,13 +25,13 @@ def point_errors(xyz: Float, base: Float, root: Float) -> Float:
     xyz : (n, 3) float64, bases
     base : (n, 3) float64
     root : (n, 5, 5) float64
-        Root of the covariance of each point's orientation, `log_scale.root_of`.
+        Root of the covariance of each point's orientation, `root_of`.
 
     Returns
     -------
     (n, 3, 5) float64, bases
     """
-    w, T = xyz - base, np.array([tangents(b) for b in base]).reshape(-1, 3, 2)
+    w, T = xyz - base, tangents(base)
     across = np.cross(np.cross(xyz, w), w)
     u = unit(xyz)
     of_ray = np.concatenate([np.cross(w, across), np.einsum("ni,nik->nk", across, T)], axis=1)

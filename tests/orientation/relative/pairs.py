@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
+from aatri.geometry.intersection import Intersection
+from aatri.orientation.relative.orientations import PER_PAIR, PER_POINT
+from aatri.orientation.relative.pairs import relative_orientations
 
 C_MM = 153.84
 
@@ -45,3 +51,14 @@ def simulate(X, R1, R2, X1, X2, rng=None, sigma=0.005):
 def rotation(rng, spread=0.03, kappa=0.0):
     """Near-vertical rotation with tilts of the given spread and a kappa."""
     return Rotation.from_rotvec(rng.normal(size=3) * spread).as_matrix() @ Rotation.from_euler("z", kappa).as_matrix()
+
+
+def relative_orientation(rays, snooping_limit=4.0, **settings):
+    """One pair alone, by the compiled loops: its rows of `RelativeOrientations`, or a GeometryError with the reason."""
+    found = relative_orientations(rays, np.array([0, len(rays.left)]), snooping_limit=snooping_limit, **settings)
+    if not found.formed[0]:
+        raise GeometryError(found.reasons[0])
+    of_pair = {name: getattr(found, name)[0] for name in PER_PAIR}
+    of_points = {name: getattr(found, name) for name in PER_POINT}
+    points = Intersection(found.xyz, found.point_covariance, found.depth)
+    return SimpleNamespace(**of_pair, **of_points, points=points, warnings=found.warnings.get(0, ()))

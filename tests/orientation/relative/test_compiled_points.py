@@ -15,7 +15,7 @@ def _intersected(left_mm: list[float], right_mm: list[float]) -> np.ndarray:
     pose = np.zeros((1, 3, 4))
     pose[0, :, :3], pose[0, :, 3] = np.eye(3), [1.0, 0.0, 0.0]
     rays = np.array([[*left_mm, *right_mm, *4 * [SIGMA_MM**2]]])
-    model = np.full((1, 15), -1.0)
+    model = np.full((1, 14), -1.0)
     intersect(0, 1, np.array([0, 1]), np.array([True]), pose, rays, model)
     return model[0]
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from aatri.errors import GeometryError
 from aatri.orientation.relative.critical import GENERAL, critical_configuration
-from aatri.orientation.relative.dependent import relative_orientation
-from tests.orientation.relative.pairs import gruber_ground, simulate
+from tests.orientation.relative.pairs import gruber_ground, relative_orientation, simulate
 
 ALONG = np.array([0.6, 0.0, 0.0])
 

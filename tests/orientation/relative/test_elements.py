@@ -12,7 +12,6 @@ import yaml
 from aatri.geometry.coplanarity import RayPairs, ray_directions
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation, rotation_from_angles
 from aatri.geometry.vectors import tangents, unit
-from aatri.orientation.relative.dependent import relative_orientation
 from aatri.orientation.relative.elements import (
     DEPENDENT,
     INDEPENDENT,
@@ -21,7 +20,7 @@ from aatri.orientation.relative.elements import (
     left_rotation,
 )
 from aatri.orientation.relative.equal_weights import adjusted_with_equal_weights, equation_rows
-from tests.orientation.relative.pairs import gruber_ground, rotation, simulate
+from tests.orientation.relative.pairs import gruber_ground, relative_orientation, rotation, simulate
 
 
 @pytest.fixture

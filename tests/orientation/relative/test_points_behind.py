@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from aatri.errors import ConvergenceError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.pair_adjustment import adjust_pair, state_of
+from aatri.orientation.relative.loops import PairSettings, Portion, oriented_from
+from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.progress import SILENT
 
 C_MM = 100.0
 BASE = np.array([1.0, 0.0, 0.0])
@@ -24,14 +24,20 @@ def _rays(in_front: int, behind: int) -> RayPairs:
     return RayPairs(left, right, sigma, sigma)
 
 
+def _from_vertical(rays: RayPairs) -> RelativeOrientations:
+    def start(portion: Portion) -> None:
+        portion.pose[:] = np.column_stack([np.eye(3), BASE])
+
+    return oriented_from(rays, np.array([0, len(rays.left)]), ((start, 0.3),), PairSettings(4.0, 20, 5), SILENT)
+
+
 def test_those_behind_go_and_the_others_orient_the_pair() -> None:
-    rays = _rays(9, 4)
-    found = adjust_pair(rays, state_of(np.eye(3), BASE), np.ones(13, dtype=bool), limit=4.0, max_iterations=20)
+    found = _from_vertical(_rays(9, 4))
     np.testing.assert_array_equal(found.active, np.arange(13) < 9)
-    np.testing.assert_allclose(found.result.state[0], np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(found.left_from_right[0], np.eye(3), atol=1e-9)
 
 
 def test_fewer_than_five_in_front_are_no_orientation() -> None:
-    rays = _rays(4, 9)
-    with pytest.raises(ConvergenceError, match="only 4 of 13 points fit and lie in front of both images"):
-        adjust_pair(rays, state_of(np.eye(3), BASE), np.ones(13, dtype=bool), limit=4.0, max_iterations=20)
+    found = _from_vertical(_rays(4, 9))
+    assert not found.formed[0]
+    assert found.reasons[0] == "no relation between the images fits one orientation"

@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.dependent import relative_orientation
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tests.orientation.relative.pairs import gruber_ground, rays_of, rotation, simulate
+from tests.orientation.relative.pairs import gruber_ground, rays_of, relative_orientation, rotation, simulate
 
 B = np.array([0.6, 0.02, -0.01])
 ORIGIN = np.zeros(3)
@@ -113,7 +112,10 @@ def test_forty_percent_mismatches_are_survived():
         (lambda X, rng: simulate(X, np.eye(3), rotation(rng), ORIGIN, 1e-9 * B, rng)[0], "no base"),
         (lambda X, rng: rays_of(100 * X[:, :2], 100 * X[:, :2]), "identical coordinates"),
         (lambda X, rng: rays_of(rng.uniform(-90, 90, (18, 2)), rng.uniform(-90, 90, (18, 2))), "one orientation"),
-        (lambda X, rng: simulate(_cylinder(rng), np.eye(3), np.eye(3), ORIGIN, np.array([0.6, 0, 0]))[0], "determined"),
+        (
+            lambda X, rng: simulate(_cylinder(rng), np.eye(3), np.eye(3), ORIGIN, np.array([0.6, 0, 0]))[0],
+            "critical cylinder",
+        ),
     ],
 )
 def test_unfavourable_geometry_is_refused_with_the_reason(make, reason):

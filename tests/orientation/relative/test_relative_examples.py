@@ -20,7 +20,8 @@ from aatri.geometry.coplanarity import (
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import angle_covariance, angles_from_rotation, exp_rotation
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.dependent import dependent_angles, relative_orientation
+from aatri.orientation.relative.elements import dependent_elements
+from tests.orientation.relative.pairs import relative_orientation
 
 
 @pytest.fixture
@@ -94,4 +95,5 @@ def test_whu_319_320_in_the_chinese_system(examples):
     found = relative_orientation(_rays(points, example["f_mm"], example["pp_mm"]))
     answer = example["answer"]
     expected = [answer[k] for k in ("phi", "omega", "kappa", "u", "v")]
-    assert dependent_angles(found.left_from_right, found.base) == pytest.approx(expected, abs=5e-5)
+    values, _ = dependent_elements(found.left_from_right[None], found.base[None], found.covariance[None])
+    assert values[0] == pytest.approx(expected, abs=5e-5)

@@ -11,8 +11,8 @@ import numpy as np
 
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import log_rotation
-from aatri.orientation.relative.dependent import relative_orientation
 from aatri.orientation.relative.pairs import relative_orientations
+from tests.orientation.relative.pairs import relative_orientation
 
 # x1, y1, x2, y2 in mm
 MEASURED = [

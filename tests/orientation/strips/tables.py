@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.orientation.strips.joints import ModelTable
-from aatri.orientation.strips.scale_transfer import Model
+from tests.orientation.strips.reference import Model
 
 
 def table_of(models: Sequence[Model]) -> ModelTable:

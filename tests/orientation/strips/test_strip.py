@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aatri.orientation.relative.dependent import relative_orientation
 from aatri.orientation.strips.chain import form_strips
 from aatri.orientation.strips.joints import scale_transfers
-from aatri.orientation.strips.scale_transfer import Model, scale_transfer
+from tests.orientation.strips.reference import Model
 from tests.orientation.strips.tables import table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tests.orientation.relative.pairs import image_coordinates, rays_of, rotation
+from tests.orientation.relative.pairs import image_coordinates, rays_of, relative_orientation, rotation
 
 
 def _strip(rng, n_images, kappa=0.0, density=3):
@@ -55,7 +53,6 @@ def _models(X0, R, ground, image_points):
 def test_an_error_free_strip_is_reproduced_exactly(kappa):
     X0, R, ground, xy = _strip(np.random.default_rng(1), 6, kappa=kappa)
     models = _models(X0, R, ground, xy)
-    joints = [scale_transfer(a, b) for a, b in pairwise(models)]
     table = table_of(models)
     together = scale_transfers(table, np.arange(4), np.arange(1, 5))
     strip = form_strips(table, together, [(range(5), range(4))])
@@ -63,10 +60,9 @@ def test_an_error_free_strip_is_reproduced_exactly(kappa):
     np.testing.assert_allclose(strip.position, (X0 - X0[0]) @ R[0] / base, atol=1e-11)
     np.testing.assert_allclose(strip.strip_from_image, [R[0].T @ r for r in R], atol=1e-11)
     np.testing.assert_allclose(strip.xyz, (ground[strip.point] - X0[0]) @ R[0] / base, atol=1e-10)
-    for joint, k in zip(joints, range(5)):
-        lengths = np.linalg.norm(np.diff(X0, axis=0), axis=1)
-        assert joint.scale == pytest.approx(lengths[k + 1] / lengths[k], abs=1e-12)
-        assert joint.active.all()
+    lengths = np.linalg.norm(np.diff(X0, axis=0), axis=1)
+    np.testing.assert_allclose(together.scale, lengths[1:] / lengths[:-1], atol=1e-12)
+    assert together.active.all()
     assert np.abs(strip.placed[together.first_row] - strip.placed[together.second_row]).max() < 1e-10
 
 
@@ -77,10 +73,10 @@ def test_scale_and_discrepancies_have_the_spread_their_sigmas_say():
     tests, errors = [], []
     for _ in range(100):
         models = _models(X0, R, ground, xy + rng.normal(0, 0.005, xy.shape))
-        joint = scale_transfer(*models)
+        joint = scale_transfers(table_of(models), np.array([0]), np.array([1]))
         assert joint.active.all() or (~joint.active).sum() <= 1
         tests.append(joint.test)
-        errors.append((joint.scale - true) / joint.sigma)
+        errors.append((joint.scale[0] - true) / joint.sigma[0])
     assert np.std(errors) == pytest.approx(1.0, abs=0.25)
     assert np.sqrt(np.mean(np.concatenate(tests) ** 2)) == pytest.approx(1.0, abs=0.1)
 
@@ -92,13 +88,10 @@ def test_a_connection_point_wrong_in_x_is_found_and_left_out():
     wrong = 12
     xy[2, wrong, 0] += 0.15
     models = _models(X0, R, ground, xy)
-    joints = [scale_transfer(a, b) for a, b in pairwise(models)]
-    rejected = [joint.point[~joint.active].tolist() for joint in joints]
-    assert rejected[0] == [wrong]
-    joint = joints[0]
-    k = joint.point.tolist().index(wrong)
-    assert joint.test[k] > 4
     table = table_of(models)
     together = scale_transfers(table, np.arange(2), np.arange(1, 3))
+    out = (together.of_row() == 0) & ~together.active
+    assert table.point[together.first_row[out]].tolist() == [wrong]
+    assert (together.test[out] > 4).all()
     assert wrong not in form_strips(table, together, [(range(3), range(2))]).point
     assert wrong in form_strips(table, together, [([0], []), ([1, 2], [1])]).point  # where the joint is not used

@@ -8,16 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.small import CLEARLY_POSED, OPTIONS, inverse, inverse_root
+from aatri.adjustment.kernels.small import DETERMINED, OPTIONS, inverse, inverse_root
 
 PARALLEL = 1e-12
 """Rays whose directions differ less, as the square of the sine, do not meet."""
 
 STEPS = 2
 """Corrections of the image coordinates towards the common plane of the rays."""
-
-LARGEST_CONDITION = 1e14
-"""Bound of the condition below which it need not be found by singular values."""
 
 
 @njit("void(float64[:,::1], float64[:,::1], int64, float64[:,::1])", **OPTIONS)
@@ -63,9 +60,9 @@ def intersect(first, last, start, chosen, pose, rays, model):
         First point of each pair.
     pose, rays : (n_pairs, 3, 4), (n, 10) float64
         See `sampson`.
-    model : (n, 15) float64
-        Filled in: coordinates (3), covariance (9), the two projection coefficients, NaN where the rays are parallel;
-        and 1 where the nine are the normal matrix instead, to be inverted with care.
+    model : (n, 14) float64
+        Filled in: coordinates (3), covariance (9), the two projection coefficients; NaN where the rays are parallel, the
+        covariance also where the point is as good as infinitely far.
     """
     E, u, w, X = np.empty((3, 3)), np.empty((2, 3)), np.empty(3), np.empty(3)
     N, W, eye = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 3))
@@ -79,7 +76,7 @@ def intersect(first, last, start, chosen, pose, rays, model):
                 E[i, column] = pose[p, j, column] * pose[p, k, 3] - pose[p, k, column] * pose[p, j, 3]
         for n in range(start[p], start[p + 1]):
             correct(E, rays, n, u)
-            square, of_u, of_w, l1, l2, least, most = 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0
+            square, of_u, of_w, l1, l2 = 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(3):
                 w[i] = pose[p, i, 0] * u[1, 0] + pose[p, i, 1] * u[1, 1] + pose[p, i, 2] * u[1, 2]
             for i in range(3):
@@ -100,14 +97,8 @@ def intersect(first, last, start, chosen, pose, rays, model):
             for i in range(3):
                 X[i] -= pose[p, i, 3]
             add_normal(W, X, rays, n, 1, N)
-            for i in range(3):
-                least, most = min(least, N[i, i]), max(most, N[i, i])
-                for j in range(i):
-                    N[j, i] = N[i, j]
-            bound = inverse_root(N, W)
-            clear = bound > CLEARLY_POSED and 3.0 * most < LARGEST_CONDITION * bound * least
-            model[n, 14] = 0.0 if clear else 1.0
-            if clear:
+            determined = inverse_root(N, W) > DETERMINED
+            if determined:
                 inverse(W, N)
             for i in range(9):
-                model[n, 3 + i] = N[i // 3, i % 3]
+                model[n, 3 + i] = N[i // 3, i % 3] if determined else np.nan

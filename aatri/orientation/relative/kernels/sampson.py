@@ -1,8 +1,7 @@
 """Adjustment of the Sampson distances of a pair, compiled.
 
-The equations are those of `geometry.coplanarity.sampson`; the steps, their damping and their end are those of
-`adjustment.dense.adjust`. What does not converge, is not clearly determined or not finite at its start is left to the
-NumPy form, which says why: 0 iterations.
+The equations are those of `geometry.coplanarity.sampson`; the steps, their damping and their end are those of a
+damped Newton iteration (`adjustment.stepping`).
 
 A pair is held in three arrays: `pose` (3, 4), the rotation R and in its last column the base b; `rays` (n, 10), the
 columns (x, y, -c) of the left and the right image and the variances of x1, y1, x2, y2; `work` (n, 9), per point the
@@ -15,17 +14,20 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.small import CLEARLY_POSED, OPTIONS, inverse_root, newton_step
+from aatri.adjustment.kernels.small import DETERMINED, OPTIONS, inverse_root, newton_step
 from aatri.geometry.kernels.rotations import turn
 
 TOLERANCE = 1e-3
-"""Bound of the Newton decrement, as of `adjustment.dense.adjust`."""
+"""Bound of the Newton decrement: a thousandth of the standard deviations."""
+
+OPEN = -1
+"""Instead of iterations, where the points leave something of the orientation open."""
 
 ROUNDING, FIRST, GOOD, SHRINK = 1e-10, 1e-3, 0.75, 0.03
 """Of the damping, as of `adjustment.stepping.damping`."""
 
 FADING, BEND, AHEAD = 0.8, 0.375, 0.1
-"""Of damped steps, as of `adjustment.dense`."""
+"""Of damped steps, as of `adjustment.stepping`."""
 
 
 @njit("void(float64[:,::1], float64[:,::1], float64[:,:,::1])", **OPTIONS)
@@ -165,7 +167,7 @@ def adjust(pose, rays, active, max_iterations, work, W):
     Returns
     -------
     int
-        Iterations; 0 if the pair is left to the NumPy form.
+        Iterations; 0 if they do not converge, `OPEN` if the normal equations are singular.
     """
     N, g, M, h, T, S = np.empty((5, 5)), np.empty((1, 5)), np.empty((5, 5)), np.empty((1, 5)), np.empty((3, 3)), np.empty((3, 3))  # fmt: skip
     trial, there, dx, scale = np.empty((3, 4)), np.empty((len(rays), 9)), np.empty(5), np.zeros(5)
@@ -181,7 +183,7 @@ def adjust(pose, rays, active, max_iterations, work, W):
         if not ahead and damping == 0.0 and decrement <= TOLERANCE and after < np.inf:
             assign(trial, pose)
             assign(there, work)
-            return iteration if inverse_root(M, W) > CLEARLY_POSED else 0
+            return iteration if inverse_root(M, W) > DETERMINED else OPEN
         if not ahead and after <= cost * (1.0 + ROUNDING) and after < np.inf:
             gain = (cost - after) / predicted if predicted > ROUNDING * cost else 1.0
             if damping < threshold and gain > GOOD:
@@ -205,7 +207,9 @@ def adjust(pose, rays, active, max_iterations, work, W):
         assign(N, M)
         for i in range(5):
             M[i, i] += damping * scale[i] * scale[i]
-        if not inverse_root(M, W) > CLEARLY_POSED or iteration > max_iterations:
+        if not inverse_root(M, W) > DETERMINED:
+            return OPEN
+        if iteration > max_iterations:
             return 0
         decrement = newton_step(W, g[0], dx)
         predicted = decrement * decrement

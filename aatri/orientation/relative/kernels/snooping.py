@@ -1,4 +1,7 @@
-"""Data snooping of pairs, compiled: the rules of `pair_adjustment` and `adjustment.statistics.snooping`.
+"""Data snooping of pairs, compiled.
+
+With many points the largest gross errors go several at a time before the snooping, which rejects the worst point while
+its test statistic exceeds the limit, and tests those rejected for re-admission.
 
 `pose`, `rays` and `work` are those of `sampson`; `active` are the points used.
 """
@@ -14,6 +17,9 @@ from aatri.orientation.relative.kernels.sampson import adjust, assign
 
 MANY = 20
 """With more points, gross errors are first rejected several at a time."""
+
+SNOOPED = 7
+"""With fewer points an error is seen, but not located: all are used."""
 
 ROUNDS = 10
 """Most rounds of that: points near the bound may come and go."""
@@ -64,9 +70,9 @@ def snoop(first, last, start, all_rays, chosen, limit, max_iterations, pose, W, 
     W : (n_pairs, 5, 5) float64
         Filled in: the covariance of the unknowns is W'W.
     iterations : (n_pairs,) int64
-        Of the last adjustment; 0 where the pair is left to the NumPy form.
+        Of the last adjustment; as of `sampson.adjust`.
     all_inside : (n,) bool
-        Points that may be used, seven or more of a pair.
+        Points that may be used.
     all_active : (n,) bool
         Points to begin with; changed.
     all_work : (n, 9) float64
@@ -79,13 +85,19 @@ def snoop(first, last, start, all_rays, chosen, limit, max_iterations, pose, W, 
         i, j = start[p], start[p + 1]
         rays, inside, active, work = all_rays[i:j], all_inside[i:j], all_active[i:j], all_work[i:j]
         n, used, cleaned, trial, most, iterations[p] = count(inside), count(active), 0, -1, -1.0, 0
+        if n < SNOOPED:
+            for k in range(len(rays)):
+                active[k] = inside[k]
+            iterations[p] = adjust(pose[p], rays, active, max_iterations, work, W[p])
+            statistics(work, W[p], active)
+            continue
         for _ in range(ROUNDS + 2 * n + 2):
             cleaning = most < 0.0 and cleaned < ROUNDS and used > MANY
             if most < 0.0 and not cleaning:
                 most = min(max(0.4 * n, 0.1 * n + n - used), n - 6.5) / n * n
             done = adjust(pose[p], rays, active, 0 if trial == n else max_iterations, work, W[p])
-            if done == 0 and trial != n:
-                iterations[p] = 0
+            if done <= 0 and trial != n:
+                iterations[p] = done
                 break
             statistics(work, W[p], active)
             if trial == n:

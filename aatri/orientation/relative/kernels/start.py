@@ -1,4 +1,11 @@
-"""Start of pairs from parallel images, compiled; as `relative.start.parallel_start`."""
+"""Start of pairs from parallel images, compiled.
+
+Both images look the same way, the right one turned by kappa about the common axis. With q = (x, y) / c as complex
+numbers, points of equal depth obey q1 = a q2 + t, a = s exp(i kappa). Robustly fitted (weights 1 / |residual|), it
+gives R = Rz(kappa) and a base along t.
+
+Source: docs/formulas.md 3.3.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +20,7 @@ FITS = 6
 
 @njit("void(int64, int64, int64[::1], float64[:,::1], boolean[::1], float64[:,:,::1])", **OPTIONS)
 def parallel_starts(first, last, start, q, chosen, pose):
-    """Fill R and b of the pairs first ... last - 1: q1 = a q2 + t as complex numbers, weights 1 / |residual|.
+    """Fill R and b of the pairs first ... last - 1.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.small import CLEARLY_POSED, OPTIONS, inverse, inverse_root, newton_step, select
+from aatri.adjustment.kernels.small import DETERMINED, OPTIONS, inverse, inverse_root, newton_step, select
 from aatri.geometry.kernels.rotations import turn
 
 
@@ -111,7 +111,7 @@ def resect(first, last, start, X, xy, weight, c, fewest, huber, tolerance, max_i
         robust[:n] = 1.0
         for _ in range(max_iterations):
             total = normal_equations(start[i], start[i + 1], robust, X, xy, weight, c[i], X0[i], R[i], N, g, size)
-            if not (np.isfinite(total) and inverse_root(N, W) > CLEARLY_POSED):
+            if not (np.isfinite(total) and inverse_root(N, W) > DETERMINED):
                 break
             decrement = newton_step(W, g, dx)
             for k in range(3):

@@ -1,4 +1,4 @@
-"""Scale of every joint of two models, compiled; the method is that of `strips.scale_transfer`.
+"""Scale of every joint of two models, compiled; the method is that of `strips.joints`.
 
 The problem is linear: v = A x - y of the common points, all whitened, and v = x of the latent orientation errors, the
 unknowns but the last one, which is the logarithm of the scale; its column of A is 1 / sigma.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.small import CLEARLY_POSED, OPTIONS, inverse_root, leverage, median, newton_step
+from aatri.adjustment.kernels.small import DETERMINED, OPTIONS, inverse_root, leverage, median, newton_step
 from aatri.adjustment.kernels.snooping import UNCONTROLLED, count, worst_and_best
 
 CHECKED = 3
@@ -18,7 +18,7 @@ CHECKED = 3
 
 @njit("boolean(float64[:,::1], float64[::1], boolean[::1], float64[::1], float64[:,::1], float64[:,::1])", **OPTIONS)
 def fit(A, y, active, x, W, work):
-    """Adjust x with the active points and fill residual, redundancy number and test of all; False if not clearly posed.
+    """Adjust x with the active points and fill residual, redundancy number and test of all; False if not determined.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def fit(A, y, active, x, W, work):
                     if step == 0:
                         for j in range(i + 1):
                             N[i, j] += A[k, i] * A[k, j]
-        if step == 0 and not inverse_root(N, W) > CLEARLY_POSED:
+        if step == 0 and not inverse_root(N, W) > DETERMINED:
             return False
         newton_step(W, g, dx)
         for i in range(u):
@@ -98,7 +98,7 @@ def join(first, last, start, A, y, limit, x, sigma, done, active, work):
     sigma : (n_joints,) float64
         Standard deviation of the last unknown.
     done : (n_joints,) bool
-        False where the joint is left to the NumPy form; without points too.
+        False where the points do not determine the scale; without points too.
     active : (n,) bool
     work : (n, 3) float64
         See `fit`.

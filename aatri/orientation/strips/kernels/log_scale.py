@@ -1,4 +1,9 @@
-"""Observation equations of the scale between two models, compiled; formulas and symbols are those of `strips.log_scale`."""
+"""Observation equations of the scale between two models, compiled: l = log r_a - log r_b of their common points.
+
+r_a is the distance from the right projection centre of the first model, r_b that from the left one of the second, of
+the same image. A turn of a ray in its plane with the base changes log r by cot and 1 / sin of the angle g at the point;
+the ray of the common image changes both distances, so that they are correlated. See `strips.joints`.
+"""
 
 from __future__ import annotations
 
@@ -96,7 +101,7 @@ def log_scales(begin, end, first, second, of_row, xyz, covariance, base, left_fr
         The model of each row.
     xyz, covariance : (p, 3), (p, 3, 3) float64
     base, left_from_right, roots : (m, 3), (m, 3, 3), (m, 5, 5) float64
-        Of the models; see `strips.log_scale.ModelRows`.
+        Of the models; a root of the covariance of each orientation.
     observed, sigma : (n,) float64
     A : (n, 11) float64
     """

@@ -1,7 +1,6 @@
-"""Space resection in NumPy, all images in step: the reference of the compiled form, and the way of images it leaves.
+"""Space resection in NumPy, all images in step: the reference of the compiled form, which goes image by image.
 
-The compiled form goes image by image and leaves those that are not clearly determined or do not converge. Here the
-rank is judged by the eigenvalues of the normal equations scaled to unit diagonal.
+The rank is judged by the eigenvalues of the normal equations scaled to unit diagonal.
 """
 
 from __future__ import annotations

@@ -1,0 +1,295 @@
+"""Relative orientations of many pairs by compiled loops, in threads, from one start after the other.
+
+A pair is adjusted from a start, with data snooping; points that come to lie behind an image are taken out and it is
+adjusted again. A solution is good where enough points fit and few lie behind: no other start is tried then. Else the
+best of all starts counts, that with most points and of these the one with the least squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from aatri.adjustment.threads import in_threads, items_between
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import GeometryError
+from aatri.geometry.coplanarity import RayPairs
+from aatri.orientation.relative.critical import MANY_REJECTED, WEAK_RAD, critical_configuration, judged
+from aatri.orientation.relative.degenerate import degenerate_pairs
+from aatri.orientation.relative.kernels.model_points import intersect
+from aatri.orientation.relative.kernels.sampson import OPEN
+from aatri.orientation.relative.kernels.snooping import snoop
+from aatri.orientation.relative.kernels.start import parallel_starts
+from aatri.orientation.relative.orientations import RelativeOrientations, rows_of_pairs
+from aatri.progress import Reporter
+
+AT_ONCE = 500_000
+"""Points of the pairs that are worked on together; bounds the memory."""
+
+WORTH_A_THREAD = 1_000
+"""Points for which a thread of their own pays."""
+
+ENOUGH = 0.6
+"""Share of the points that fit and lie in front of both images in a solution that needs no other start."""
+
+FEWEST = 0.3
+"""A smaller share of points that fit makes no model."""
+
+BEHIND = 0.1
+"""A larger share of points that fit, but behind an image, tells of the other orientation of points in a plane."""
+
+FALLBACKS = 3
+"""Adjustments in all, while points fall behind an image."""
+
+
+@dataclass(frozen=True)
+class Portion:
+    """Pairs that are worked on together: what a start is made of, and filled in.
+
+    Attributes
+    ----------
+    pair : (m,) int
+        Which of all pairs they are.
+    count : (m,) int
+        Points of each.
+    rays : RayPairs
+    table : (n, 10) float64
+        The rays as the compiled loops take them.
+    chosen : (m,) bool
+        Changed: pairs without a start.
+    pose : (m, 3, 4) float64
+        Filled in.
+    active : (n,) bool
+        Points to begin with; changed.
+    reasons : dict
+        Filled in: why a pair makes no model, by `pair`, should the loops find nothing that fits.
+    all_pairs : callable
+        Runs a compiled loop with its arguments, shared out among threads.
+    """
+
+    pair: Int
+    count: Int
+    rays: RayPairs
+    table: Float
+    chosen: Bool
+    pose: Float
+    active: Bool
+    reasons: dict[int, str]
+    all_pairs: Callable[..., None]
+
+
+Start = Callable[[Portion], None]
+
+
+def from_parallel(portion: Portion) -> None:
+    """Start pairs as parallel images."""
+    rays = portion.rays
+    q = np.column_stack([rays.left[:, :2] / -rays.left[:, 2:], rays.right[:, :2] / -rays.right[:, 2:]])
+    portion.all_pairs(parallel_starts, q, portion.chosen, portion.pose)
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """How pairs are adjusted.
+
+    Attributes
+    ----------
+    limit : float
+        Largest test statistic of a point that is used.
+    max_iterations : int
+        Of one adjustment.
+    min_points : int
+        Used points of a model, five at least.
+    """
+
+    limit: float
+    max_iterations: int
+    min_points: int
+
+
+@dataclass(frozen=True)
+class AdjustedPairs:
+    """Pairs adjusted from one start.
+
+    Attributes
+    ----------
+    found : RelativeOrientations
+        `formed` where the adjustment ended with points in front of both images.
+    good : (m,) bool
+        Enough points fit: another start cannot do much better.
+    squares : (m,) float64
+        Of the residuals.
+    """
+
+    found: RelativeOrientations
+    good: Bool
+    squares: Float
+
+
+def oriented_from(
+    rays: RayPairs, start: Int, starts: Sequence[tuple[Start, float]], settings: PairSettings, reporter: Reporter
+) -> RelativeOrientations:
+    """Orientations of all pairs, from one start after the other.
+
+    Parameters
+    ----------
+    rays, start, reporter
+        As of `pairs.relative_orientations`.
+    starts : sequence of (callable, float)
+        How pairs begin, and the share of the points that has to fit for the solution to be a good one.
+    settings : PairSettings
+    """
+    m, count, fewest = len(start) - 1, np.diff(start), max(settings.min_points, 5)
+    reasons = degenerate_pairs(rays, start, fewest)
+    todo = np.array([pair not in reasons for pair in range(m)], dtype=bool)
+    found, squares = RelativeOrientations.empty(m, len(rays.left)), np.full(m, np.inf)
+    for begin, enough in starts:
+        pairs = np.flatnonzero(todo)
+        if not len(pairs):
+            break
+        rows, own_start = rows_of_pairs(start, pairs), np.concatenate([[0], np.cumsum(count[pairs])])
+        part = rays if len(pairs) == m else rays.take(rows)
+        made = _adjusted_from(part, own_start, pairs, begin, enough, settings, reporter)
+        used, before = made.found.redundancy, found.redundancy[pairs]
+        better = (used > before) | (used == before) & (made.squares < squares[pairs])
+        better = made.found.formed & (better | ~found.formed[pairs])
+        own = np.flatnonzero(better)
+        found.put(pairs[own], rows[np.repeat(better, count[pairs])], made.found, own, rows_of_pairs(own_start, own))
+        squares[pairs[own]] = made.squares[own]
+        reasons |= made.found.reasons
+        todo[pairs[made.good]] = False
+    used = np.where(found.formed, found.redundancy + 5, 0)
+    few = np.flatnonzero(found.formed & ((used < fewest) | (used < FEWEST * count)))
+    reasons |= {pair: f"only {used[pair]} of {count[pair]} points fit one orientation" for pair in few.tolist()}
+    found.put(few, rows_of_pairs(start, few), RelativeOrientations.empty(1, 1), 0, 0)
+    found.reasons.update({pair: text for pair, text in reasons.items() if not found.formed[pair]})
+    _judge(found, start, settings.limit)
+    for pair in np.flatnonzero(~found.formed).tolist():
+        found.reasons.setdefault(pair, "no relation between the images fits one orientation")
+    return found
+
+
+def _adjusted_from(
+    rays: RayPairs, start: Int, pairs: Int, begin: Start, enough: float, settings: PairSettings, reporter: Reporter
+) -> AdjustedPairs:
+    """The given pairs adjusted from one start, portion by portion."""
+    m = len(pairs)
+    made = AdjustedPairs(RelativeOrientations.empty(m, len(rays.left)), np.zeros(m, dtype=bool), np.full(m, np.inf))
+    pieces = max(round(int(start[-1]) / AT_ONCE), 1)
+    bounds = np.searchsorted(start[:-1], np.linspace(0, start[-1], pieces + 1)[1:-1])
+    for first, last in pairwise(np.unique(np.concatenate([[0], bounds, [m]])).tolist()):
+        reporter.progress(first, m, "models")
+        rows = slice(int(start[first]), int(start[last]))
+        own = np.ascontiguousarray(start[first : last + 1] - rows.start, dtype=np.int64)
+        _adjust_portion(
+            made, slice(first, last), rows, rays.take(rows), own, pairs[first:last], begin, enough, settings
+        )
+    return made
+
+
+def _adjust_portion(
+    made: AdjustedPairs, mine: slice, rows: slice, rays: RayPairs, start: Int, pairs: Int, begin: Start, enough: float,
+    settings: PairSettings,
+) -> None:  # fmt: skip
+    """The compiled loops over some of the pairs, those of `mine` with the points of `rows`."""
+    m, n, count = len(pairs), len(rays.left), np.diff(start)
+    table = np.concatenate([rays.left, rays.right, rays.left_sigma**2, rays.right_sigma**2], axis=1)
+    pose, W, iterations = np.full((m, 3, 4), np.nan), np.full((m, 5, 5), np.nan), np.zeros(m, dtype=np.int64)
+    inside, active = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
+    work, model = np.full((n, 9), np.nan), np.full((n, 14), np.nan)
+    row, limit = np.repeat(np.arange(m), count), settings.limit
+
+    def all_pairs(loop: Callable[..., None], *arguments: object) -> None:
+        in_threads(n, lambda a, b: loop(*items_between(start, a, b), start, *arguments), worth=WORTH_A_THREAD)
+
+    chosen, settled = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
+    begin(Portion(pairs, count, rays, table, chosen, pose, active, made.found.reasons, all_pairs))
+    for _ in range(FALLBACKS):  # points behind an image are taken out, and it is adjusted again
+        all_pairs(snoop, table, chosen, limit, settings.max_iterations, pose, W, iterations, inside, active, work)
+        all_pairs(intersect, chosen, pose, table, model)
+        chosen &= iterations > 0
+        newly = active & chosen[row] & ~(model[:, 12:14] > 0).all(axis=1)
+        active[newly] = inside[newly] = False
+        hit = np.bincount(row[newly], minlength=m) > 0
+        settled |= chosen & ~hit
+        chosen &= hit & (np.bincount(row[active], minlength=m) >= 5)
+        if not chosen.any():
+            break
+    settled &= np.bincount(row[~np.isfinite(work[:, 0])], minlength=m) == 0
+    used = np.bincount(row[active], minlength=m)
+    few_behind = np.bincount(row[~inside], minlength=m) <= BEHIND * count
+    fits = _fits(settled, row, work, active, limit, enough) & (used >= max(settings.min_points, 5))
+    made.good[mine] = settled & few_behind & fits
+    near = 2 * np.bincount(row[np.abs(work[:, 0]) <= limit], minlength=m) > count
+    for pair in np.flatnonzero(near & (iterations <= 0) & ~settled).tolist():
+        what = "its points do not determine an orientation" if iterations[pair] == OPEN else "it does not converge"
+        why = critical_configuration(model[row == pair, :3], pose[pair, :, 3])
+        made.found.reasons[int(pairs[pair])] = f"{what}: {why}"
+    work[~settled[row]] = np.nan
+    done, found = np.flatnonzero(settled), made.found
+    of_done = mine.start + done
+    found.formed[of_done] = True
+    found.left_from_right[of_done], found.base[of_done] = pose[done, :, :3], pose[done, :, 3]
+    found.covariance[of_done], found.iterations[of_done] = W[done].swapaxes(1, 2) @ W[done], iterations[done]
+    found.redundancy[of_done] = redundancy = used[done] - 5
+    made.squares[of_done] = square = np.bincount(row[active], work[active, 0] ** 2, minlength=m)[done]
+    found.sigma0[of_done] = np.sqrt(square / np.where(redundancy > 0, redundancy, np.nan))
+    _fill_points(found, rows, settled[row], active, work, model)
+
+
+def _fits(settled: Bool, row: Int, work: Float, active: Bool, limit: float, enough: float) -> Bool:
+    """Pairs of which enough points fit.
+
+    Standard deviations that are too small leave misfits everywhere; another start would not mend that. But where most
+    points had to go, those left can fit an orientation that is wrong altogether.
+    """
+    m = len(settled)
+    n, used = np.bincount(row, minlength=m), np.bincount(row[active], minlength=m)
+    size = np.abs(work[:, 0])
+    below = np.bincount(row[size <= limit], minlength=m)
+    near = 2 * below > n
+    for pair in np.flatnonzero(settled & (2 * below == n)).tolist():  # the median is between the middle two
+        near[pair] = np.median(size[row == pair]) <= limit
+    misfits = np.bincount(row[active & (work[:, 6] > limit)], minlength=m)
+    fits = ((misfits == 0) | (used <= 6)) & (used >= ENOUGH * n)
+    return np.asarray((near | fits) & (used >= enough * n))
+
+
+def _fill_points(
+    found: RelativeOrientations, rows: slice, of_done: Bool, active: Bool, work: Float, model: Float
+) -> None:
+    v, test, r, sigma = work[:, 0], work[:, 6], work[:, 7], work[:, 8]
+    root = np.sqrt(r)
+    found.active[rows] = active & of_done
+    for column, values in (
+        (found.parallax_mm, -v * sigma),
+        (found.error_mm, np.where(active, -v * sigma / r, np.where(np.isnan(r), np.nan, -v * sigma))),
+        (found.error_sigma_mm, np.where(active, sigma / root, sigma * root)),
+        (found.test, test),
+    ):
+        column[rows] = np.where(of_done, values, np.nan)
+    for table, values in ((found.xyz, model[:, :3]), (found.depth, model[:, 12:14])):
+        table[rows] = np.where(of_done[:, None], values, np.nan)
+    found.point_covariance[rows] = np.where(of_done[:, None, None], model[:, 3:12].reshape(-1, 3, 3), np.nan)
+
+
+def _judge(found: RelativeOrientations, start: Int, limit: float) -> None:
+    """Warnings of the pairs; those that are open make no model."""
+    pairs = np.flatnonzero(found.formed)
+    largest = np.sqrt(np.linalg.eigvalsh(found.covariance[pairs])[:, -1]) if len(pairs) else np.zeros(0)
+    n = np.diff(start)[pairs]
+    rejected = n - found.redundancy[pairs] - 5
+    doubtful = (largest > 0.99 * WEAK_RAD) | (found.redundancy[pairs] <= 1) | (rejected > MANY_REJECTED * n)
+    for pair in pairs[doubtful].tolist():
+        rows = slice(int(start[pair]), int(start[pair + 1]))
+        try:
+            found.warnings[pair] = judged(
+                found.covariance[pair], int(found.redundancy[pair]), float(found.sigma0[pair]), found.active[rows],
+                limit, found.xyz[rows], found.base[pair],
+            )  # fmt: skip
+        except GeometryError as error:
+            found.formed[pair] = False
+            found.reasons[pair] = error.what
