@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.dense import adjust, undetermined
+from tests.adjustment.dense import adjust, undetermined
 from aatri.errors import ConvergenceError, GeometryError
 
 

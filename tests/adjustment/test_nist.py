@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.adjustment.dense import DenseResult, adjust
+from tests.adjustment.dense import DenseResult, adjust
 
 Model = Callable[..., np.ndarray]
 

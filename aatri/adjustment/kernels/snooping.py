@@ -1,7 +1,10 @@
-"""Data snooping of small problems, compiled: the choices of `adjustment.statistics.snooping`.
+"""Data snooping of small problems, compiled: which record is rejected, and which comes back.
 
-A problem adjusts and tests its records by itself; records are single residuals, `test` stands in a column of an array
-of its own.
+The record with the largest test statistic above the limit goes first; where none is above it, the rejected record with
+the smallest prediction error over its standard deviation sqrt(1 + j'Qj), below the limit, comes back. A problem adjusts and tests its records by itself; records are single residuals, `test`
+stands in a column of an array of its own.
+
+Source: Baarda 1968; Foerstner 1980.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.dense import DenseResult, adjust
-from aatri.adjustment.statistics.snooping import SnoopedResult, snoop, statistics
+from tests.adjustment.dense import DenseResult, adjust
+from tests.adjustment.statistics.snooping import SnoopedResult, snoop, statistics
 
 
 def _problem(seed: int, n: int = 30, errors: dict[int, float] | None = None):

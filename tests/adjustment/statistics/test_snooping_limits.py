@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.dense import DenseResult, adjust
-from aatri.adjustment.statistics.snooping import SnoopedResult, snoop, statistics
+from tests.adjustment.dense import DenseResult, adjust
+from tests.adjustment.statistics.snooping import SnoopedResult, snoop, statistics
 from aatri.errors import ConvergenceError, GeometryError
 
 

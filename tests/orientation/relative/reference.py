@@ -14,8 +14,8 @@ from math import comb
 
 import numpy as np
 
-from aatri.adjustment.dense import DenseResult, Linearise, adjust
-from aatri.adjustment.statistics.snooping import snoop, statistics
+from tests.adjustment.dense import DenseResult, Linearise, adjust
+from tests.adjustment.statistics.snooping import snoop, statistics
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.coplanarity import RayPairs, parallax, sampson

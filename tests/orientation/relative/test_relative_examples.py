@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from aatri.adjustment.dense import adjust
+from tests.adjustment.dense import adjust
 from aatri.geometry.coplanarity import (
     RayPairs,
     coplanarity,

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.dense import DenseResult, adjust
-from aatri.adjustment.statistics.snooping import snoop
+from tests.adjustment.dense import DenseResult, adjust
+from tests.adjustment.statistics.snooping import snoop
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.strips.model_errors import root_of

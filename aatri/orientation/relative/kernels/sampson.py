@@ -1,12 +1,21 @@
-"""Adjustment of the Sampson distances of a pair, compiled.
+"""Adjustment of the Sampson distances of a pair, compiled; the equations are those of `geometry.coplanarity.sampson`.
 
-The equations are those of `geometry.coplanarity.sampson`; the steps, their damping and their end are those of a
-damped Newton iteration (`adjustment.stepping`).
+A Gauss-Newton step solves J'J dx = -J'v; if it does not lower the cost, Levenberg-Marquardt damping takes over:
+
+    (J'J + lambda D^2) dx = -J'v,     D_k = largest norm of column k so far, fading
+    (J'J + lambda D^2) a  = -J'v'',   v'' = second derivative of v along dx, by a difference
+
+A damped step follows the curved valley, dx + a/2; it is refused where a component of D a exceeds 0.375 |D dx|: the
+linear model does not hold that far. Converged when the Newton decrement sqrt(dx'J'J dx), which bounds the step of every
+unknown by as much of its standard deviation, is at most `TOLERANCE`; the last step is applied.
 
 A pair is held in three arrays: `pose` (3, 4), the rotation R and in its last column the base b; `rays` (n, 10), the
 columns (x, y, -c) of the left and the right image and the variances of x1, y1, x2, y2; `work` (n, 9), per point the
 distance v, its five derivatives, its test statistic and redundancy number, and the standard deviation of its
 y-parallax, s_F / |dF/d(x2, y2)|.
+
+Source: More 1978, The Levenberg-Marquardt algorithm (D); Transtrum & Sethna 2012, Improvements to the
+Levenberg-Marquardt algorithm (a).
 """
 
 from __future__ import annotations
@@ -27,7 +36,7 @@ ROUNDING, FIRST, GOOD, SHRINK = 1e-10, 1e-3, 0.75, 0.03
 """Of the damping, as of `adjustment.stepping.damping`."""
 
 FADING, BEND, AHEAD = 0.8, 0.375, 0.1
-"""Of damped steps, as of `adjustment.stepping`."""
+"""Share of D that is kept from step to step, bound of |D a| over |D dx|, and the share of dx at which v'' is taken."""
 
 
 @njit("void(float64[:,::1], float64[:,::1], float64[:,:,::1])", **OPTIONS)

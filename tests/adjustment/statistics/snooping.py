@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from aatri.adjustment.dense import DenseResult
+from tests.adjustment.dense import DenseResult
 from aatri.adjustment.statistics.reliability import UNCONTROLLED
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
