@@ -47,7 +47,7 @@ class RayPairs:
     left_sigma: Float
     right_sigma: Float
 
-    def take(self, rows: Bool | Int) -> RayPairs:
+    def take(self, rows: Bool | Int | slice) -> RayPairs:
         """The rays of the chosen points."""
         return RayPairs(self.left[rows], self.right[rows], self.left_sigma[rows], self.right_sigma[rows])
 

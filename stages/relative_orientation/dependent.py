@@ -16,8 +16,7 @@ q = N1 Y1 - By - N2 Y2 of the model or the triple product itself: for comparison
 Errors of x of a point in two images cannot be seen here, and left and right cannot be told apart: the suspect names
 the right image's measurement.
 
-Source: docs/formulas.md 3.2; see aatri/orientation/relative/dependent.py
-and, for the compiled loop over the pairs, pairs.py.
+Source: docs/formulas.md 3.2; see aatri/orientation/relative/pairs.py.
 """
 
 from __future__ import annotations

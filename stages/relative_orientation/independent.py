@@ -13,7 +13,7 @@ formed in the frame along the base, and the model differs from the dependent one
 
 Pairs, start values, gross errors and what makes no model: as in relative_orientation/dependent.
 
-Source: docs/formulas.md 3.3; see aatri/orientation/relative/elements.py, equal_weights.py and dependent.py.
+Source: docs/formulas.md 3.3; see aatri/orientation/relative/elements.py, equal_weights.py and pairs.py.
 """
 
 from __future__ import annotations

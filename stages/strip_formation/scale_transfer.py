@@ -11,7 +11,7 @@ suspects of kind model_tie; their positions are left out of the strip.
 A missing model or too few connection points split the strip. An image at which models do not connect is the last of
 one free strip and the first of the next.
 
-Source: docs/formulas.md 3.5, 3.6; see aatri/orientation/strips: scale_transfer.py, joints.py and chain.py.
+Source: docs/formulas.md 3.5, 3.6; see aatri/orientation/strips: joints.py and chain.py.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def _defect(rays: RayPairs, fewest: int) -> str:
 def angle_sigmas(rays: RayPairs) -> Float:
     """Standard deviations of the angles between the rays of both images, (n,) rad."""
     left, right = np.linalg.norm(rays.left, axis=1), np.linalg.norm(rays.right, axis=1)
-    return np.hypot(rays.left_sigma.mean(axis=1) / left, rays.right_sigma.mean(axis=1) / right)
+    return np.asarray(np.hypot(rays.left_sigma.mean(axis=1) / left, rays.right_sigma.mean(axis=1) / right))
 
 
 def plain_pairs(rays: RayPairs, start: Int, fewest: int) -> Bool:

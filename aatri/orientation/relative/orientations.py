@@ -88,4 +88,4 @@ class RelativeOrientations:
 def rows_of_pairs(start: Int, pairs: Int) -> Int:
     """Rows of the points of the chosen pairs, pair by pair."""
     count = np.diff(start)[pairs]
-    return np.arange(int(count.sum())) + np.repeat(start[pairs] - np.cumsum(count) + count, count)
+    return np.asarray(np.arange(int(count.sum())) + np.repeat(start[pairs] - np.cumsum(count) + count, count))

@@ -11,9 +11,9 @@ from aatri.orientation.relative.essential import essential_orientations
 from aatri.orientation.relative.kernels.five_point import REAL_ROOTS, five_point
 from aatri.orientation.relative.kernels.plane_twin import twin
 from tests.campaigns.essential import campaign, errors, rays_of, trial
+from tests.orientation.relative.five_point import five_point as in_numpy
 from tests.orientation.relative.pairs import gruber_ground, rotation, simulate
 from tests.orientation.relative.pairs import rays_of as rays_of_pair
-from tests.orientation.relative.reference import five_point as in_numpy
 
 
 @pytest.mark.parametrize("planar", [False, True])

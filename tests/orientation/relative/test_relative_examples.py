@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.adjustment.dense import adjust
 from aatri.geometry.coplanarity import (
     RayPairs,
     coplanarity,
@@ -21,6 +20,7 @@ from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import angle_covariance, angles_from_rotation, exp_rotation
 from aatri.geometry.vectors import tangents
 from aatri.orientation.relative.elements import dependent_elements
+from tests.adjustment.dense import adjust
 from tests.orientation.relative.pairs import relative_orientation
 
 

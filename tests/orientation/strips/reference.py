@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.adjustment.dense import DenseResult, adjust
-from tests.adjustment.statistics.snooping import snoop
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.strips.model_errors import root_of
+from tests.adjustment.dense import DenseResult, adjust
+from tests.adjustment.statistics.snooping import snoop
 
 
 @dataclass(frozen=True)
