@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.adjustment.dense import adjust, undetermined
 from aatri.errors import ConvergenceError, GeometryError
+from tests.adjustment.dense import adjust, undetermined
 
 
 def _line(x: np.ndarray, y: np.ndarray):

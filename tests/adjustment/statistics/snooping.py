@@ -16,10 +16,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from tests.adjustment.dense import DenseResult
 from aatri.adjustment.statistics.reliability import UNCONTROLLED
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
+from tests.adjustment.dense import DenseResult
 
 S = TypeVar("S")
 

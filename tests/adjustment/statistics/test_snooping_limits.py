@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.dense import DenseResult, adjust
 from tests.adjustment.statistics.snooping import SnoopedResult, snoop, statistics
-from aatri.errors import ConvergenceError, GeometryError
 
 
 def snooped(A: np.ndarray, y: np.ndarray, *, fewest: int = 0, **options: object) -> SnoopedResult:

@@ -1,4 +1,4 @@
-"""Essential matrices of five points in NumPy, by the eigenvectors of the action matrix: the reference of the compiled form.
+"""Essential matrices of five points in NumPy, by the action matrix: the reference of the compiled form.
 
 Source: Nister, PAMI 26 (2004) 756; Stewenius, Engels & Nister, ISPRS Journal 60 (2006) 284.
 """

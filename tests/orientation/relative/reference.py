@@ -1,8 +1,7 @@
 """Relative orientation of one pair in NumPy: the reference of the compiled loops (`relative.loops`).
 
 The same rules, with the dense adjustment and data snooping of `tests.adjustment`: the parallel start, else the best of
-the starts by five-point essential matrices, through the eigenvectors of the action matrix (Stewenius, Engels & Nister,
-ISPRS Journal 60 (2006) 284).
+the starts by five-point essential matrices.
 """
 
 from __future__ import annotations
@@ -166,31 +165,7 @@ def _coarsely_cleaned(
 
 @dataclass(frozen=True)
 class RelativeOrientation:
-    """Orientation of the right image to the left one, and the model.
-
-    Attributes
-    ----------
-    left_from_right : (3, 3) float64
-    base : (3,) float64, unit vector
-    covariance : (5, 5) float64, rad^2
-        Of d and t, a priori (sigma0 = 1).
-    sigma0 : float
-        NaN without redundancy.
-    redundancy, iterations : int
-    active : (n,) bool
-        Points used in the orientation.
-    parallax_mm : (n,) float64, mm
-        y-parallax of every point.
-    error_mm, error_sigma_mm : (n,) float64, mm
-        Estimated gross error of the y-parallax and its standard deviation; NaN where uncontrolled.
-    test : (n,) float64
-        |error| / sigma; NaN where uncontrolled.
-    behind : (n,) bool
-        Points behind one of the images, or without intersection; never active.
-    points : Intersection
-        Model points.
-    warnings : tuple of str
-    """
+    """Fields as of `RelativeOrientations`; `behind`: points behind an image, never active."""
 
     left_from_right: Float
     base: Float
