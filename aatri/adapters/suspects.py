@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
@@ -21,7 +22,7 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import tests_of
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round, keys_of, with_keys
 
 

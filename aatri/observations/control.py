@@ -103,7 +103,7 @@ def control(given: Given) -> tuple[Observed, ...]:
 
 
 def observed_control(
-    rows: Control, origin_m: Float, names: Text, coordinates: GivenCoordinates | None = None
+    rows: Control, origin_m: Float, names: Text, coordinates: GivenCoordinates | None = None, kind: str = KIND
 ) -> tuple[Observed, ...]:
     """Control points, given their names and their coordinates in the adjustment; none if there is no point."""
     if not len(rows.row):
@@ -118,6 +118,6 @@ def observed_control(
 
     whitener = whitener_of_covariances(rows.nearly_exact(held), rows.given & ~held)
     active = np.ones(len(rows.row), dtype=bool)
-    records = Records(KIND, ((POINT, rows.point),), evaluate, whitener, active)
+    records = Records(kind, ((POINT, rows.point),), evaluate, whitener, active, linear=given.expanded is None)
     holds = Holds(POINT, rows.point, held, given.place_m) if held.any() else None
     return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=rows.given),)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -19,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.observations.observed import Observed, named
 
@@ -69,7 +68,7 @@ def joined(observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Flo
     for members in sets:
         for i, r in members:
             alone[i][r] = False
-    found = [o if keep.all() else _kept(o, np.flatnonzero(keep)) for o, keep in zip(observed, alone)]
+    found = [o if keep.all() else o.take(np.flatnonzero(keep)) for o, keep in zip(observed, alone)]
     found += [_joined(observed, of_build, value, scalar) for of_build in builds.values()]
     return tuple(o for o in found if len(o) or o.unknowns)
 
@@ -96,18 +95,6 @@ def _build(observed: Sequence[Observed], members: list[Member]) -> tuple[object,
     number = {block: k for k, block in enumerate(_blocks(observed, members))}
     return tuple((i, *((group, number[group, int(block[r])]) for group, block in observed[i].records.touches))
                  for i, r in members)  # fmt: skip
-
-
-def _kept(o: Observed, rows: Int) -> Observed:
-    names = o.names
-
-    def chosen(some: Int) -> tuple[Text, Text]:
-        return names(rows[some])
-
-    sees: tuple[bool, bool, bool] | Bool = o.sees[rows] if isinstance(o.sees, np.ndarray) else o.sees
-    holds = None if o.holds is None else replace(o.holds, block=o.holds.block[rows], scalar=o.holds.scalar[rows],
-                                                 value=o.holds.value[rows])  # fmt: skip
-    return replace(o, records=o.records.take(rows), row=o.row[rows], names=chosen, sees=sees, holds=holds)
 
 
 def _joined(

@@ -122,6 +122,25 @@ class Holds:
 
 
 @dataclass(frozen=True)
+class Spread:
+    """Covariances that turn with unknowns, and that an adjustment may add a variance to: those of points of bodies.
+
+    Attributes
+    ----------
+    values : (n, 3) float64, m^2
+        Eigenvalues.
+    vectors : (n, 3, 3) float64
+        Eigenvectors, by columns.
+    at : callable
+        State -> the same there.
+    """
+
+    values: Float
+    vectors: Float
+    at: Callable[[State], Spread]
+
+
+@dataclass(frozen=True)
 class Observed:
     """Observations of one kind; coordinates reduced to the origin of the adjustment.
 
@@ -162,6 +181,8 @@ class Observed:
         What there is to say of them before they are adjusted.
     remarks : callable, optional
         (state, before the adjustment) -> what its rows say of orientations, beyond their tests.
+    spread : Spread, optional
+        Covariances, where they are not those of the records.
     """
 
     records: Records
@@ -183,6 +204,7 @@ class Observed:
     remarks: Callable[[State, bool], tuple[Note, ...]] | None = None
     units: tuple[str, ...] = ()
     refitted: Callable[[Given], Observed] | None = None
+    spread: Spread | None = None
 
     @property
     def kind(self) -> str:
@@ -197,6 +219,17 @@ class Observed:
     def __len__(self) -> int:
         return len(self.row)
 
+    def take(self, rows: Int) -> Observed:
+        """The chosen ones."""
+
+        def names(some: Int) -> tuple[Text, Text]:
+            return self.names(rows[some])
+
+        sees: tuple[bool, bool, bool] | Bool = self.sees[rows] if isinstance(self.sees, np.ndarray) else self.sees
+        h = self.holds
+        holds = None if h is None else replace(h, block=h.block[rows], scalar=h.scalar[rows], value=h.value[rows])
+        return replace(self, records=self.records.take(rows), row=self.row[rows], names=names, sees=sees, holds=holds)
+
     def demanded(self) -> Bool:
         """Components that are exact, (n, m)."""
         if self.exact:
@@ -206,8 +239,20 @@ class Observed:
 
     def sigmas(self) -> Float:
         """Standard deviations a priori, (n, m): 0 exact, NaN not observed."""
+        if self.spread is not None:
+            return np.asarray(np.sqrt(np.einsum("nij,nj->ni", self.spread.vectors**2, self.spread.values)))
         exact = self.holds.scalar if self.holds is not None else np.zeros((len(self), self.records.rows), dtype=bool)
         return np.where(exact | self.exact, 0.0, self.records.sigmas())
+
+    def covariances(self) -> Float:
+        """Covariances a priori, (n, m, m): zero where exact, and where not observed."""
+        if self.spread is not None:
+            V = self.spread.vectors
+            return np.asarray(V * self.spread.values[:, None, :] @ V.swapaxes(1, 2))
+        used = np.isfinite(self.records.sigmas()) & ~self.demanded()
+        both = used[:, :, None] & used[:, None, :]
+        back = np.linalg.inv(np.where(both, full_whitener(self.records.whitener), np.eye(self.records.rows)))
+        return np.where(both, back @ back.swapaxes(1, 2), 0.0)
 
     def without(self, rejected: Bool) -> Observed:
         """Without the rejected rows; exact coordinates among them are no longer held."""
@@ -225,10 +270,14 @@ class Observed:
         return self if self.whole is None else replace(self.whole, start=self.start)
 
 
+def full_whitener(whitener: Float) -> Float:
+    """A whitener as matrices, (n, m, m), also where the components are independent."""
+    return whitener if whitener.ndim == 3 else whitener[:, :, None] * np.eye(whitener.shape[1])
+
+
 def _nearly_exact(whitener: Float, exact: Bool) -> Float:
-    full = whitener if whitener.ndim == 3 else whitener[:, :, None] * np.eye(whitener.shape[1])
     row, component = np.nonzero(exact)
-    found = full.copy()
+    found = full_whitener(whitener).copy()
     found[row, component, component] = 1.0 / NEARLY_EXACT
     return found
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,19 @@ class Poses:
 
     position_m: Float
     ground_from_image: Float
+
+
+def position(state: State, group: str) -> Float:
+    """Positions of points or projection centres."""
+    found: Any = state[group].position_m if group == POSE else state[group]
+    return np.asarray(found)
+
+
+def by_unknowns(group: str, by_position: Float) -> Float:
+    """Derivatives by the unknowns of an end, (n, m, 3) or (n, m, 6): a place does not tell how an image is turned."""
+    if group == POINT:
+        return by_position
+    return np.concatenate([by_position, np.zeros_like(by_position)], axis=2)
 
 
 def pose_generator(state: State) -> Float:

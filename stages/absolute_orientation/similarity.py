@@ -3,14 +3,14 @@
     component: X_c = T_j + s_j R_j x_j   for every strip j, by common points
     ground:    X   = T + s R X_c         by all control of the component together
 
-Strips are first joined by common points to free components (orientation.free_block); each component then gets one
+Strips are first joined by common points to free components (orientation.bodies); each component then gets one
 robust similarity from all its control points - full, plan only, height only - and observed positions of its projection
-centres (orientation.free_block.absolute). So a block with four corner points, where no strip has three, is oriented.
+centres (orientation.bodies.absolute). So a block with four corner points, where no strip has three, is oriented.
 What control leaves open is named.
 
 sigma0 is the ratio to the a priori standard deviations of strip points and control: how much more the strips are
 deformed than the precision of their points explains. The deformation itself, in metres, is the parameter tau_m; with it
-in the standard deviations sigma0 is tested (orientation.free_block.deformation).
+in the standard deviations sigma0 is tested (orientation.bodies.deformation).
 
 Source: Horn 1987, Umeyama 1991; Kraus, Photogrammetry, block adjustment with independent models.
 """

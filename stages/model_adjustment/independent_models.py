@@ -15,7 +15,7 @@ errors of points and control are searched as in the strip block; the orientation
 the adjusted points.
 
 Source: Ackermann, Ebner & Klein 1970; lecture notes A801-A806 (erratum E15: exact derivatives); docs/formulas.md 4.5;
-see aatri/orientation/free_block/model_ties.py and independent_models.py.
+see aatri/orientation/bodies/model_ties.py and independent_models.py.
 """
 
 from __future__ import annotations

@@ -4,14 +4,14 @@
 
 x are the points of strip j brought to the ground by the similarity that `initial` implies, U and V plan coordinates in
 the strip's own axes (U along the strip, V across, both in [-1, 1]), G_j turns those axes to the ground. Ground points
-in any number of strips, and control, tie the strips together (orientation.free_block.strip_polynomials). The degree
+in any number of strips, and control, tie the strips together (orientation.bodies.strip_polynomials). The degree
 falls to what control and ties determine, for plan and height of every strip apart; what fell and why is reported, and
 the degree used is the model in `transformations`. Ground points are means over the strips; the orientations of the
 images follow by resection on them.
 
 sigma0 is the ratio to the a priori standard deviations of strip points and control; the deformation that the
 polynomials leave, in metres, is the parameter tau_m; with it in the standard deviations sigma0 is tested, and that of
-control alone (orientation.free_block.deformation).
+control alone (orientation.bodies.deformation).
 
 Source: strip block adjustment of the Chinese lecture notes (A603, A701-A703), with their errors put right; Kraus,
 Photogrammetry.

@@ -20,8 +20,8 @@ import numpy as np
 from aatri.adapters.strips.strip_adjustment import on_the_ground
 from aatri.evaluation.differences import is_new
 from aatri.geometry.strip_bases import SECOND_DEGREE
-from aatri.orientation.free_block import strip_polynomials
-from aatri.orientation.free_block.deformed_covariances import deformed_covariances
+from aatri.orientation.bodies import strip_polynomials
+from aatri.orientation.bodies.deformed_covariances import deformed_covariances
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.image_refinement.systematic import systematic
 from aatri.stages.interior_orientation.affine import affine
@@ -54,7 +54,7 @@ def one_block(seed: int, degree: int, control: int, ties: dict[str, int]) -> tup
     deformed = deformed_covariances(found, ground.points, len(block.points), ground.axes, ground.control, models)
     C = np.einsum("nii->ni", deformed.point_covariance_m2)
     new = is_new(block) & np.isfinite(error).all(axis=1) & np.isfinite(C).all(axis=1)
-    return np.array([(error[new] ** 2).mean(axis=0), C[new].mean(axis=0)]), found.tied.given_sigma0
+    return np.array([(error[new] ** 2).mean(axis=0), C[new].mean(axis=0)]), found.tied.ground_sigma0
 
 
 def main(count: int) -> None:

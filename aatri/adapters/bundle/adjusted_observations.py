@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adapters import solution as assemble
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.covariance.gains import Gains
 from aatri.adjustment.statistics.reliability import Reliability, independent_reliability, moved, reliability
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import Residuals, Tests
 from aatri.observations.poses import POINT, POSE
-from aatri.orientation.bundle.result import AdjustedObservations
 
 WIDTH = 3
 """Components of a row of the tables; records with more, those of parameters, get a row for each component."""

@@ -23,6 +23,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from aatri.adapters.bundle.neighbourhoods import moved_together
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.arrays import Float, Int, Text
 from aatri.observations.attitudes import BORESIGHT
@@ -35,7 +36,7 @@ from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.effects import ALL, Cause, Effects
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 
 DISTANCE = "distance"
 

@@ -10,13 +10,14 @@ import numpy as np
 
 from aatri.adapters.bundle.adjusted_observations import WIDTH
 from aatri.adapters.solution import stacked
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
 from aatri.arrays import Float, Int
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.notes import Note
 from aatri.observations.image_points import KIND
 from aatri.observations.poses import FILM
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 
 FILM_PRIOR = f"{FILM}_prior"
 

@@ -11,14 +11,17 @@ from aatri.adapters.ground.initial_observed import SeenAttitudes
 from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.strips import Strips
+from aatri.artifacts.suspects import staying_out
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
-from aatri.orientation.free_block.absolute import orient_component
-from aatri.orientation.free_block.components import Component
-from aatri.orientation.free_block.datum import Datum
-from aatri.orientation.free_block.deformation import expected_ratio
-from aatri.orientation.free_block.given_relations import GivenAttitudes
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.positions import KIND as POSITION
+from aatri.orientation.bodies.absolute import orient_component
+from aatri.orientation.bodies.components import Component
+from aatri.orientation.bodies.datum import Datum
+from aatri.orientation.bodies.deformation import expected_ratio
+from aatri.orientation.bodies.given_relations import GivenAttitudes
 
 UNCERTAIN = 0.1
 """Share of its distance by which a point at infinity, of parallel rays, is uncertain: no part of what is oriented."""
@@ -56,12 +59,12 @@ def oriented_part(
         covariance_m2=np.concatenate([control.covariance_m2[held], positions.covariance_m2[seen]]),
         given=np.concatenate([control.given[held], positions.given[seen]]),
         n_control=len(held),
+        row=np.concatenate([control.row[held], positions.row[seen]]),
+        id=np.concatenate(ids),
     )
-    before = ground.strips.suspects
-    began = ~np.concatenate([
-        pieces.rejected_rows(before, "control", control.row[held]),
-        pieces.rejected_rows(before, "position", positions.row[seen]),
-    ])  # fmt: skip
+    before = ground.strips.suspects.take(np.flatnonzero(staying_out(ground.strips.suspects)))
+    kinds = ((CONTROL, control.row[held]), (POSITION, positions.row[seen]))
+    began = ~np.concatenate([np.isin(row, before.row[before.kind == kind]) for kind, row in kinds])
     spread = np.sqrt(np.einsum("nii->n", component.covariance))
     near = spread < UNCERTAIN * np.linalg.norm(component.xyz - centres.mean(axis=0), axis=1)
     body = np.concatenate([component.xyz[near], centres])
@@ -77,7 +80,7 @@ def oriented_part(
         result = orient_component(with_them, body, up, what=what, active=began, limit=limit)
         text = f"{what}: attitudes of {len(of)} images take part, as control and positions leave it open: {error.what}"
         notes.append(Note("note", text))
-    return OrientedPart(what, component, held, seen, began, result), notes
+    return OrientedPart(what, component, held, seen, result), notes
 
 
 def _attitudes(
@@ -93,7 +96,7 @@ def _attitudes(
     turned = expected_ratio(models) * point / pieces.distance_m(centres, component.xyz)
     back = np.linalg.inv(a.turning)
     own = turned**2 * back @ back.swapaxes(1, 2)
-    return GivenAttitudes("attitude", np.zeros(len(a.row), dtype=np.int32), rotations[row_of[a.image]],
+    return GivenAttitudes("attitude", a.row, ground.block.images.id[a.image], rotations[row_of[a.image]],
                           a.ground_from_image, a.turning, a.covariance_rad2 + own)  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from aatri.adapters.ground.initial_observed import seen_attitudes
 from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips.tied_tables import names_of
 from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -26,8 +27,8 @@ from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.positions import positions_of
-from aatri.orientation.free_block.components import FreeBlock, join_strips, strip_names
-from aatri.orientation.free_block.deformation import Misfit, rms_m, search_notes, sigma0_notes
+from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
+from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes, sigma0_notes
 
 EXTRAPOLATION_WARNED = 3.0
 
@@ -95,7 +96,7 @@ def orient_strips(
             _misfit_m(parts), "absolute orientation",
         )  # fmt: skip
     except ConvergenceError as error:
-        raise ConvergenceError(error.what + _worst(ground, parts), where=error.where, remedy=error.remedy) from error
+        raise ConvergenceError(error.what + _worst(parts), where=error.where, remedy=error.remedy) from error
     return OrientedStrips(ground, tuple(parts), tuple(notes))
 
 
@@ -110,7 +111,7 @@ def _joined_and_oriented(
     strips = ground.strips
     names = strips.strips.id.tolist()
     points, usable = pieces.strip_points_of(strips), pieces.usable_ties(strips)
-    free = join_strips(points, names, active=usable, limit=tie_limit, weakly=weakly)
+    free = join_strips(points, names, point_ids=strips.points.id, active=usable, limit=tie_limit, weakly=weakly)
     parts, failed = list[OrientedPart](), list[GeometryError]()
     notes = list[Note]()
     for number, component in enumerate(free.components, 1):
@@ -121,7 +122,7 @@ def _joined_and_oriented(
             failed.append(error)
             continue
         parts.append(part)
-        notes += [*more, *_height_notes(ground, part), *_part_notes(ground, part)]
+        notes += [*more, *_height_notes(ground, part), *_part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
     joined = [
         Note("note" if weak and not failed else "warning", f"not joined: {text}")
@@ -145,17 +146,17 @@ def _misfit_m(parts: Sequence[OrientedPart]) -> float:
     for part in parts:
         ties = part.component.tied
         if ties is not None:
-            found.append(part.result.ground_from_component.scale * rms_m(ties.residual_m, ties.active))
+            found.append(part.result.ground_from_component.scale * rms_m(ties.residuals, ties.active))
     return max(found, default=0.0)
 
 
-def _worst(ground: Ground, parts: Sequence[OrientedPart]) -> str:
+def _worst(parts: Sequence[OrientedPart]) -> str:
     """The given coordinates that are farthest from where the strips put them, for an error."""
     told = []
     for part in parts:
         off = np.linalg.norm(np.nan_to_num(part.result.residual_m), axis=1)
         rows = np.argsort(-off, kind="stable")[:WORST]
-        names = tables.observation_names(ground, part)[0](rows)
+        names = names_of(part.result.tied, rows + part.result.tied.problem.n_ties)
         told += list(zip(off[rows].tolist(), names))
     worst = [f"{name} {m:.3g} m" for m, name in sorted(told, reverse=True)[:WORST] if m > 0]
     return f"; farthest off: {', '.join(worst)}" if worst else ""
@@ -181,7 +182,7 @@ def _height_notes(ground: Ground, part: OrientedPart) -> list[Note]:
     return height_notes(ground.block, control, part.control, model, part.what)
 
 
-def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:
+def _part_notes(part: OrientedPart) -> list[Note]:
     factor, tied = part.result.analysis.extrapolation, part.result.tied
     notes = [
         Note("note", f"{part.what}: {len(part.control)} control points, {len(part.positions)} positions, errors of "
@@ -191,8 +192,8 @@ def _part_notes(ground: Ground, part: OrientedPart) -> list[Note]:
     if factor > EXTRAPOLATION_WARNED:
         text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
         notes.append(Note("warning", text))
-    for (what, adjusted), names in zip(part.adjusted(), tables.observation_names(ground, part)):
-        notes += search_notes(adjusted, names, what)
+    for what, adjusted in part.adjusted():
+        notes += search_notes(adjusted, names_of, what)
     return notes
 
 
@@ -224,7 +225,7 @@ def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, metho
             name = str(strips.strips.id[strip])
             transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), ground.origin))
         parameters += tables.precisions(ground, part)
-        residuals += tables.residual_tables(ground, part)
+        residuals += tables.residual_tables(part)
         suspects += tables.suspect_tables(ground, part)
     counts, sigma0 = tables.pooled(parts)
     uncontrolled = tables.uncontrolled_tables(ground, parts)

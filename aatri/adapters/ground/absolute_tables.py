@@ -2,28 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters import solution as assemble
 from aatri.adapters.ground.initial_observed import SeenAttitudes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
-from aatri.adapters.uncontrolled_before import not_seen_since, of_observations
-from aatri.arrays import Bool, Float, Int
+from aatri.adapters.strips.tied_tables import (
+    not_rejected,
+    not_tested,
+    residuals_of,
+    suspects_of,
+    uncontrolled_kinds,
+)
+from aatri.adapters.uncontrolled_before import not_seen_since
+from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjusting.tied_adjustment import TiedResult
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Parameters, Residuals
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.geometry.similarity import Similarity
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import Control
+from aatri.observations.observed import Spread
+from aatri.observations.poses import POINT
+from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import Positions
-from aatri.orientation.free_block.absolute import OrientedComponent
-from aatri.orientation.free_block.components import Component, strip_names
-from aatri.orientation.free_block.tied_adjustment import TiedResult
+from aatri.observations.ties import STRIP_TIE
+from aatri.orientation.bodies.absolute import OrientedComponent
+from aatri.orientation.bodies.components import Component, strip_names
 
 ROLE_NAME = "absolute_orientation"
 
@@ -42,18 +54,17 @@ class Ground:
 
 @dataclass(frozen=True)
 class OrientedPart:
-    """A component on the ground; rows of control and positions as in `Ground`, `began` are those not yet rejected."""
+    """A component on the ground; rows of control and positions as in `Ground`."""
 
     what: str
     component: Component
     control: Int
     positions: Int
-    began: Bool
     result: OrientedComponent
 
-    def adjusted(self) -> list[tuple[str, TiedResult[Any]]]:
+    def adjusted(self) -> list[tuple[str, TiedResult]]:
         """Its adjustments: to the ground, and of its strips to each other if they are several."""
-        found: list[tuple[str, TiedResult[Any]]] = [(f"{self.what} to the ground", self.result.tied)]
+        found: list[tuple[str, TiedResult]] = [(f"{self.what} to the ground", self.result.tied)]
         if self.component.tied is not None:
             found.append((f"{self.what}, strips to each other", self.component.tied))
         return found
@@ -64,10 +75,9 @@ def pooled(parts: Sequence[OrientedPart]) -> tuple[tuple[int, int], float]:
     observations, unknowns, squares = 0, 0, 0.0
     for part in parts:
         for k, (_, tied) in enumerate(part.adjusted()):
-            redundancy = tied.observations - tied.unknowns
-            squares += tied.sigma0**2 * redundancy if redundancy > 0 else 0.0
+            squares += tied.sigma0**2 * tied.redundancy if tied.redundancy > 0 else 0.0
             if k:
-                observations, unknowns = observations + tied.observations, unknowns + tied.unknowns
+                observations, unknowns = observations + tied.counts[0], unknowns + tied.counts[1]
             else:  # the component's points are no observations of their own: given coordinates against seven parameters
                 given = np.isfinite(part.result.residual_m)[part.result.active]
                 turned = 3 * int(tied.active[2 * len(part.result.active) :].sum())
@@ -86,108 +96,44 @@ def precisions(ground: Ground, part: OrientedPart) -> list[Parameters]:
     return rows
 
 
-def observation_names(ground: Ground, part: OrientedPart) -> list[Callable[[Int], list[str]]]:
-    """What messages call some of the observations of each adjustment of a part."""
-    block, strips = ground.block, ground.strips
-    control = [f"control point {p}" for p in block.points.id[ground.control.point[part.control]]]
-    images = [f"position of image {i}" for i in block.images.id[ground.positions.image[part.positions]]]
-    table, rows = strips.strip_points, part.component.rows
-    turned = [] if ground.attitudes is None else block.images.id[ground.attitudes.image].tolist()
-    attitudes = [f"attitude of image {i}" for i in turned]
-    twice = 2 * (control + images) + attitudes
-
-    def of_ties(some: Int) -> list[str]:
-        names = zip(block.points.id[table.point[rows[some]]], strips.strips.id[table.strip[rows[some]]])
-        return [f"point {p} in strip {s}" for p, s in names]
-
-    def of_given(some: Int) -> list[str]:
-        return [twice[k] for k in some.tolist()]
-
-    return [of_given] if part.component.tied is None else [of_given, of_ties]
+def residual_tables(part: OrientedPart) -> Iterator[Residuals]:
+    """Component on the ground minus what is observed, and the ties in metres along the ground axes."""
+    tied, ties, to = part.result.tied, part.component.tied, part.result.ground_from_component
+    places = {POINT: tied.state[POINT].copy()}
+    for o in tied.problem.ties:  # the places of the component itself, not what they are adjusted to
+        point = o.records.touches[1][1]
+        places[POINT][point] -= o.records.evaluate(tied.state, np.arange(len(o)))[0]
+    yield residuals_of(tied, {**tied.state, **places})
+    if ties is not None:
+        made = residuals_of(replace(ties, observations=tuple(_on_ground(found, to) for found in ties.observations)))
+        yield replace(made, residual=to.scale * made.residual @ to.rotation.T)
 
 
-def _sigma(covariance: Float, given: Bool) -> Float:
-    return np.where(given, np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
-
-
-def residual_tables(ground: Ground, part: OrientedPart) -> list[Residuals]:
-    """Component on the ground minus control, and the ties in metres along the ground axes."""
-    block, n, result = ground.block, len(part.control), part.result
-    control, image = part.control, ground.positions.image[part.positions]
-    none = np.full(n, ""), np.full(len(image), "")
-    tables = [
-        assemble.residuals(
-            "control", ground.control.row[control], none[0], block.points.id[ground.control.point[control]],
-            result.residual_m[:n], _sigma(ground.control.covariance_m2[control], ground.control.given[control]),
-            result.active[:n],
-        ),
-        assemble.residuals(
-            "position", ground.positions.row[part.positions], block.images.id[image], none[1],
-            result.residual_m[n:],
-            _sigma(ground.positions.covariance_m2[part.positions], ground.positions.given[part.positions]),
-            result.active[n:],
-        ),
-    ]  # fmt: skip
-    tied = part.component.tied
-    if tied is not None:
-        rows, to_ground = part.component.rows, result.ground_from_component
-        table = ground.strips.strip_points
-        shared = np.bincount(table.point[rows])[table.point[rows]] > 1
-        scale = np.empty(len(rows))
-        for strip, pose in zip(part.component.strips, part.component.component_from_strip):
-            scale[table.strip[rows] == strip] = to_ground.scale * pose.scale
-        sigma = scale[:, None] * np.sqrt(np.einsum("nii->n", table.covariance[rows]) / 3)[:, None] * np.ones(3)
-        value = to_ground.scale * tied.residual_m @ to_ground.rotation.T
-        tables.append(assemble.residuals(
-            "strip_tie", np.full(int(shared.sum()), -1), ground.strips.strips.id[table.strip[rows[shared]]],
-            block.points.id[table.point[rows[shared]]], value[shared], sigma[shared], tied.active[shared],
-        ))  # fmt: skip
-    return tables
+def _on_ground(found: AdjustedObservations, to: Similarity) -> AdjustedObservations:
+    """Ties of a component, with their standard deviations on the ground."""
+    spread = found.observed.spread
+    assert spread is not None
+    turned = Spread(to.scale**2 * spread.values, to.rotation @ spread.vectors, spread.at)
+    return replace(found, observed=replace(found.observed, spread=turned))
 
 
 def carried(ground: Ground, parts: Sequence[OrientedPart]) -> Suspects:
     """Suspects of earlier stages but those that were tested here anew."""
     before = ground.strips.suspects
-    again = np.zeros(len(before.kind), dtype=bool)
     for part in parts:
-        again |= (before.kind == "control") & np.isin(before.row, ground.control.row[part.control])
-        again |= (before.kind == "position") & np.isin(before.row, ground.positions.row[part.positions])
-        if part.component.tied is not None:
-            strips = ground.strips.strips.id[part.component.strips]
-            again |= (before.kind == "strip_tie") & np.isin(before.image, strips)
-    return before.take(~again)
+        for _, tied in part.adjusted():
+            before = not_tested(before, tied, ground.strips.strips.id[part.component.strips])
+    return before
 
 
-def suspect_tables(ground: Ground, part: OrientedPart) -> list[Suspects]:
+def suspect_tables(ground: Ground, part: OrientedPart) -> Iterator[Suspects]:
     """Control, positions and ties that were tested and not believed, or believed again."""
-    block, result = ground.block, part.result
-    n, total = len(part.control), len(result.active)
-    tied = result.tied
-    mine = slice(total, 2 * total)  # behind the component's points, before attitudes
-    size, test, above = tied.size_m[mine], tied.test[mine], tied.above[mine]
-    image = ground.positions.image[part.positions]
-    tables = [
-        pieces.tested(
-            kind="control", row=ground.control.row[part.control], image=np.full(n, ""),
-            point=block.points.id[ground.control.point[part.control]], stage=ROLE_NAME,
-            size_m=size[:n], test=test[:n], began=part.began[:n], active=result.active[:n], above=above[:n],
-        ),
-        pieces.tested(
-            kind="position", row=ground.positions.row[part.positions], image=block.images.id[image],
-            point=np.full(len(image), ""), stage=ROLE_NAME,
-            size_m=size[n:], test=test[n:], began=part.began[n:], active=result.active[n:], above=above[n:],
-        ),
-    ]  # fmt: skip
-    ties = part.component.tied
+    tied, ties = part.result.tied, part.component.tied
+    before = dict.fromkeys((CONTROL, POSITION, STRIP_TIE), ground.strips.suspects)
+    yield suspects_of(tied, ROLE_NAME, not_rejected(tied.problem.observed, before))
     if ties is not None:
-        table, rows = ground.strips.strip_points, part.component.rows
-        tables.append(pieces.tested(
-            kind="strip_tie", row=np.full(len(rows), -1), image=ground.strips.strips.id[table.strip[rows]],
-            point=block.points.id[table.point[rows]], stage=ROLE_NAME,
-            size_m=result.ground_from_component.scale * ties.size_m, test=ties.test,
-            began=pieces.usable_ties(ground.strips)[rows], active=ties.active, above=ties.above,
-        ))  # fmt: skip
-    return tables
+        began = not_rejected(ties.problem.observed, before)
+        yield suspects_of(ties, ROLE_NAME, began, part.result.ground_from_component.scale)
 
 
 def uncontrolled_tables(ground: Ground, parts: Sequence[OrientedPart]) -> Uncontrolled:
@@ -195,25 +141,11 @@ def uncontrolled_tables(ground: Ground, parts: Sequence[OrientedPart]) -> Uncont
     block, table = ground.block, ground.strips.strip_points
     held, tables = np.zeros(len(block.points), dtype=bool), list[Uncontrolled]()
     for part in parts:
-        result, n, control = part.result, len(part.control), ground.control
-        rows, ties = part.component.rows, part.component.tied
+        result, rows, ties = part.result, part.component.rows, part.component.tied
         active = np.ones(len(rows), dtype=bool) if ties is None else ties.active
         held |= np.bincount(table.point[rows[active]], minlength=len(block.points)) > 1
-        held[control.point[part.control[result.active[:n]]]] = True
+        held[ground.control.point[part.control[result.active[: len(part.control)]]]] = True
         if ties is not None:
-            names = ground.strips.strips.id[table.strip[rows]], block.points.id[table.point[rows]]
-            few, least, direction = ties.uncontrolled
-            on_ground = direction @ result.ground_from_component.rotation.T
-            tables.append(of_observations((few, least, on_ground), np.full(len(rows), "strip_tie"),
-                                          np.full(len(rows), -1), *names))  # fmt: skip
-        total, image = len(result.active), ground.positions.image[part.positions]
-        few, least, direction = result.tied.uncontrolled
-        given = few >= total  # the component's points are no observations of their own
-        tables.append(of_observations(
-            (few[given] - total, least[given], direction[given]),
-            np.repeat(["control", "position"], [n, len(image)]),
-            np.concatenate([control.row[part.control], ground.positions.row[part.positions]]),
-            np.concatenate([np.full(n, ""), block.images.id[image]]),
-            np.concatenate([block.points.id[control.point[part.control]], np.full(len(image), "")]),
-        ))  # fmt: skip
+            tables.append(uncontrolled_kinds(ties, result.ground_from_component.rotation))
+        tables.append(uncontrolled_kinds(result.tied))
     return stacked([not_seen_since(ground.strips.uncontrolled, block, held), *tables])

@@ -11,7 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.notes import Note
 from aatri.observations.control import Control
-from aatri.orientation.free_block.height_factor import height_factor
+from aatri.orientation.bodies.height_factor import height_factor
 
 
 def height_notes(block: Block, control: Control, rows: Int, model_m: Float, what: str) -> list[Note]:

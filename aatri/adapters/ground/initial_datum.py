@@ -17,8 +17,8 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
-from aatri.orientation.free_block.datum import Datum
-from aatri.orientation.free_block.given_relations import GivenAttitudes, GivenDistances
+from aatri.orientation.bodies.datum import Datum
+from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
 from aatri.orientation.graph.component import Component
 
 PRECISION = 3.0
@@ -26,6 +26,9 @@ PRECISION = 3.0
 
 HELD = 1e-6
 """Standard deviation of what is held, m or rad."""
+
+HELD_ROW = (np.array([-1]), np.array(["held"]))
+"""Row and name of the same: none of the block's."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,9 @@ def datum_of(
         n_control=len(control),
         n_given=n,
         distances=distances,
-        attitudes=_attitudes(ground, component, rays, known.attitude) if attitudes and len(known.attitude) else None,
+        row=np.append(np.concatenate([c.row[control], p.row[position]]), np.full(more, -1)),
+        id=np.array([*block.points.id[c.point[control]], *block.images.id[image], *ends.names(block)], dtype=np.str_),
+        attitudes=_attitudes(block, ground, component, rays, known.attitude) if attitudes else None,
     )  # fmt: skip
 
 
@@ -126,17 +131,18 @@ def held_datum(
     attitudes = made.attitudes
     if attitudes is None:
         eye, R = np.eye(3)[None], component.poses.ground_from_image[first : first + 1]
-        attitudes = GivenAttitudes("held direction", np.zeros(1, dtype=np.int32), R, R, eye, HELD**2 * eye)
-    distances = tuple(GivenDistances(d.kind, d.start + 1, d.end + 1, d.value_m, d.sigma_m, d.plan, d.rise_m)
-                      for d in made.distances)  # fmt: skip
+        attitudes = GivenAttitudes(
+            "held direction", -np.ones(1, dtype=int), np.array(["held"]), R, R, eye, HELD**2 * eye
+        )
+    distances = tuple(replace(d, start=d.start + 1, end=d.end + 1) for d in made.distances)
     x = np.concatenate([spot, made.x])
     if not distances:
         base = np.linalg.norm(component.poses.position_m - spot, axis=1)
         farthest = int(np.nanargmax(base))
         x = np.concatenate([spot, component.poses.position_m[farthest : farthest + 1]])
         one = np.ones(1)
-        distances = (GivenDistances("held base", np.array([0]), np.array([1]), base[farthest] * one, HELD * one,
-                                    one < 0, 0 * one),)  # fmt: skip
+        ends, none = (np.array([0]), np.array([1])), np.zeros(1)
+        distances = (GivenDistances("held base", *HELD_ROW, *ends, base[farthest] * one, HELD * one, none > 0, none),)
     n = len(x)
     held = Datum(
         name=("held", *made.name),
@@ -150,6 +156,7 @@ def held_datum(
         n_given=1,
         distances=distances,
         attitudes=attitudes,
+        row=np.full(n, -1),
     )
     return held, known
 
@@ -202,15 +209,19 @@ def _ends(known: Known, control_point: Int, n_points: int, first: int) -> Ends:
 def _distances(part: Lengths, rows: Int, start: Int, end: Int) -> GivenDistances:
     s = part.sights.take(rows)
     rise = s.target_height_m - s.station_height_m
-    return GivenDistances(part.kind, start, end, s.value, s.sigma, part.plan[rows], rise)
+    return GivenDistances(part.kind, s.row, s.names, start, end, s.value, s.sigma, part.plan[rows], rise)
 
 
-def _attitudes(ground: Ground, component: Component, rays: ImagePointRows, rows: Int) -> GivenAttitudes:
+def _attitudes(
+    block: Block, ground: Ground, component: Component, rays: ImagePointRows, rows: Int
+) -> GivenAttitudes | None:
+    if not len(rows):
+        return None
     a = ground.attitudes
     turned = component.poses.ground_from_image[a.image[rows]]
     back = np.linalg.inv(a.turning[rows])
     own = angle_precision(component, rays) ** 2 * back @ back.swapaxes(1, 2)
-    return GivenAttitudes("attitude", np.zeros(len(rows), dtype=np.int32), turned, a.ground_from_image[rows],
+    return GivenAttitudes("attitude", a.row[rows], block.images.id[a.image[rows]], turned, a.ground_from_image[rows],
                           a.turning[rows], a.covariance_rad2[rows] + own)  # fmt: skip
 
 

@@ -27,8 +27,8 @@ from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
-from aatri.orientation.free_block.absolute import OrientedComponent, orient_component
-from aatri.orientation.free_block.datum_analysis import UNDETERMINED
+from aatri.orientation.bodies.absolute import OrientedComponent, orient_component
+from aatri.orientation.bodies.datum_analysis import UNDETERMINED
 from aatri.orientation.graph.component import Component
 from aatri.orientation.graph.frame import first_base_one
 

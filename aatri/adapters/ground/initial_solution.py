@@ -13,10 +13,10 @@ from aatri.adapters.ground.initial_tests import (
     held_against,
     left_out_table,
     residual_table,
-    suspect_table,
 )
 from aatri.adapters.solution import solved_cameras, stacked
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips.tied_tables import suspects_of
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -51,10 +51,10 @@ def initial_solution(
         own |= c.kept
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
         if part.oriented is not None:
-            first, held = len(part.oriented.tied.point_m), len(part.oriented.active) if free else 0
-            for one in held_against(block, ground, part.known, c, attitudes=part.attitudes, first=first, held=held):
-                tables.append(residual_table(one, part.oriented))
-                found.append(suspect_table(one, part.oriented))
+            tied = part.oriented.tied
+            kinds = held_against(block, ground, part.known, c, attitudes=part.attitudes)
+            tables += [residual_table(one, part.oriented) for one in kinds]
+            found.append(suspects_of(tied, STAGE, np.ones(len(tied.active), dtype=bool)))
         if part.left is not None:
             found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]

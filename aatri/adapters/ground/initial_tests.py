@@ -10,7 +10,6 @@ import numpy as np
 from aatri.adapters.ground.initial_datum import Known
 from aatri.adapters.ground.initial_observed import Ground, Lengths
 from aatri.adapters.solution import residuals
-from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Residuals
@@ -18,7 +17,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.carrier import log_vector
 from aatri.notes import Note
 from aatri.observations.poses import Poses
-from aatri.orientation.free_block.absolute import OrientedComponent
+from aatri.orientation.bodies.absolute import OrientedComponent
 from aatri.orientation.graph.component import Component
 
 STAGE = "initial_orientation"
@@ -49,8 +48,6 @@ class Held:
     residual, sigma : (n, k) float64
         Component on the ground minus given.
     unit : str
-    of : slice
-        Among the observations of the adjustment.
     """
 
     kind: str
@@ -60,11 +57,10 @@ class Held:
     residual: Float
     sigma: Float
     unit: str
-    of: slice
 
 
 def held_against(
-    block: Block, ground: Ground, known: Known, component: Component, *, attitudes: bool, first: int = 0, held: int = 0
+    block: Block, ground: Ground, known: Known, component: Component, *, attitudes: bool
 ) -> Iterator[Held]:
     """What is known of a component on the ground, kind by kind.
 
@@ -74,10 +70,6 @@ def held_against(
         On the ground, reduced to the origin.
     attitudes : bool
         Attitudes are among it.
-    first : int
-        How many observations come before in the adjustment: points of the component.
-    held : int
-        How many of the control of a free datum are no control of the block.
     """
     c, p, poses = ground.control, ground.positions, component.poses
     control, position = known.control, known.position
@@ -94,22 +86,17 @@ def held_against(
         sigma = np.where(np.isfinite(value), np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
         if n:
             yield Held(kind, row, none if images is None else images, none if points is None else points, value,
-                       sigma, "m", slice(first, first + n))  # fmt: skip
-        first += n
-    first += held
+                       sigma, "m")  # fmt: skip
     for part, rows in known.lengths:
         s = part.sights.take(rows)
         off = (lengths_in(component, part, rows) - s.value)[:, None]
-        yield Held(part.kind, s.row, np.full(len(s), ""), s.names, off, s.sigma[:, None], "m",
-                   slice(first, first + len(s)))  # fmt: skip
-        first += len(s)
+        yield Held(part.kind, s.row, np.full(len(s), ""), s.names, off, s.sigma[:, None], "m")
     if attitudes:
         a, rows = ground.attitudes, known.attitude
         R = poses.ground_from_image[a.image[rows]] @ a.ground_from_image[rows].swapaxes(1, 2)
         w = np.einsum("nij,nj->ni", np.linalg.inv(a.turning[rows]), log_vector(R))
         sigma = np.sqrt(np.einsum("nii->ni", a.covariance_rad2[rows]))
-        yield Held("attitude", a.row[rows], block.images.id[a.image[rows]], np.full(len(rows), ""), w, sigma, "rad",
-                   slice(first, first + len(rows)))  # fmt: skip
+        yield Held("attitude", a.row[rows], block.images.id[a.image[rows]], np.full(len(rows), ""), w, sigma, "rad")
 
 
 def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
@@ -127,27 +114,20 @@ def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
 def residual_table(held: Held, oriented: OrientedComponent) -> Residuals:
     """Residuals of one kind."""
     return residuals(held.kind, held.row, held.image, held.point, held.residual, held.sigma,
-                     oriented.tied.active[held.of], unit=held.unit)  # fmt: skip
-
-
-def suspect_table(held: Held, oriented: OrientedComponent) -> Suspects:
-    """What of one kind does not fit."""
-    everything = np.ones(len(held.row), dtype=bool)
-    found = pieces.tested(
-        kind=held.kind, row=held.row, image=held.image, point=held.point, stage=STAGE, size_m=held.residual,
-        test=oriented.tied.test[held.of], began=everything, active=oriented.tied.active[held.of], above=~everything,
-    )  # fmt: skip
-    return replace(found, unit=np.full(len(found), held.unit))
+                     oriented.tied.active[oriented.tied.of(held.kind)], unit=held.unit)  # fmt: skip
 
 
 def left_out_table(held: Held) -> Suspects:
     """All of one kind, left out as it contradicts all else: the bundle begins without it and tests it again."""
-    nobody = np.zeros(len(held.row), dtype=bool)
+    n, size = len(held.row), np.sqrt(np.nansum(held.residual**2, axis=1))
     with np.errstate(divide="ignore"):
         test = np.sqrt(np.nanmean((held.residual / np.maximum(held.sigma, LEAST_SIGMA)) ** 2, axis=1))
-    found = pieces.tested(kind=held.kind, row=held.row, image=held.image, point=held.point, stage=STAGE,
-                          size_m=held.residual, test=test, began=~nobody, active=nobody, above=nobody)  # fmt: skip
-    return replace(found, unit=np.full(len(found), held.unit))
+    known = np.isfinite(test) & (test > 0)
+    return Suspects(
+        kind=np.full(n, held.kind), row=held.row.astype(np.int32), image=held.image, point=held.point,
+        stage=np.full(n, STAGE), size=size, unit=np.full(n, held.unit),
+        sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test, verdict=np.full(n, "rejected"),
+    )  # fmt: skip
 
 
 def without_one(known: Known) -> Iterator[tuple[str, Known, Known]]:

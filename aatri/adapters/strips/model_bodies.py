@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aatri.adapters.strips import strips as pieces
+from aatri.adjusting.added_variance import EXACT, observed_components
+from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
@@ -16,12 +19,14 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import tangents
 from aatri.notes import Note
-from aatri.observations.control import control_of
-from aatri.observations.positions import positions_of
-from aatri.orientation.free_block.datum_analysis import analyse_datum
-from aatri.orientation.free_block.model_ties import LATENT, ModelPoses, ModelRows
-from aatri.orientation.free_block.similarity_ties import Similarities
-from aatri.orientation.free_block.tie_records import EXACT, GivenPoints
+from aatri.observations.control import control_of, observed_control
+from aatri.observations.observed import Given, Observed
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.observations.positions import PositionOptions, positions, positions_of
+from aatri.observations.ties import MODEL_TIE, PERSPECTIVE_CENTRE
+from aatri.orientation.bodies.datum_analysis import analyse_datum
+from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, latent_errors, model_ties
+from aatri.orientation.bodies.similarity_ties import Similarities
 from aatri.orientation.strips.model_errors import point_errors, root_of
 
 FEWEST = 3
@@ -32,42 +37,51 @@ WEAKEST = 1e-4
 
 
 @dataclass(frozen=True)
-class GivenRows:
-    """Control points, or projection centres with an observed position: rows of the Block, and their coordinates."""
-
-    row: Int
-    image: Text
-    point: Text
-    points: GivenPoints
-
-    def take(self, some: Int | Bool) -> GivenRows:
-        """The chosen rows."""
-        p = self.points
-        return GivenRows(
-            self.row[some], self.image[some], self.point[some],
-            GivenPoints(p.kind, p.point[some], p.xyz_m[some], p.covariance_m2[some], p.given[some]),
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Bodies:
+class ModelsAsBodies:
     """Oriented models with their rows; `model` are rows in the orientations of Models.
 
-    The first `n_model_points` rows are points, the others perspective centres; these have the numbers of their images
-    after those of the ground points. `given` is reduced to `origin`.
+    `points` are their points, `centres` their perspective centres; `start` are the models, `poses` and `points` of all
+    images and points of the block. `ground` is control, and observed positions. All is reduced to `origin`.
     """
 
     model: Int
-    rows: ModelRows
-    n_model_points: int
+    names: Text
+    points: ModelRows
+    centres: ModelRows
     start: ModelPoses
+    poses: Poses
     origin: Float
-    given: tuple[GivenRows, ...]
+    ground: tuple[Observed, ...]
+    latent: bool
+
+    def problem(self, block: Block) -> TiedProblem:
+        """Points and perspective centres of the models as observations, with what is observed of the ground."""
+        points = model_ties(self.points, names=self.names, latent=self.latent)
+        centres = model_ties(self.centres, names=self.names, latent=self.latent, group=POSE)
+        ids = {POINT: block.points.id, POSE: block.images.id}
+        observed = [
+            ties.observed(kind, self.names[ties.body], ids[ties.group][ties.block], self.start)
+            for kind, ties in ((MODEL_TIE, points), (PERSPECTIVE_CENTRE, centres))
+        ]
+        priors = [latent_errors(self.names)] if self.latent else []
+        start = {POINT: points.places(self.start, len(block.points)), POSE: self.poses}
+        return tied_problem([*observed, *self.ground, *priors], start, ids, "independent models")
+
+    def shared(self, block: Block) -> tuple[Int, Int]:
+        """Model and object, ground points before images, of all rows."""
+        return (np.concatenate([self.points.model, self.centres.model]),
+                np.concatenate([self.points.block, len(block.points) + self.centres.block]))  # fmt: skip
+
+    def known(self, block: Block) -> Iterator[tuple[Observed, Int]]:
+        """What is observed of the ground, and of which objects."""
+        for o in self.ground:
+            ((group, of),) = o.records.touches
+            yield o, of + (len(block.points) if group == POSE else 0)
 
 
 def bodies_of(
     block: Block, models: Models, initial: Solution, centre_sigma_m: float | None
-) -> tuple[Bodies, list[Note]]:
+) -> tuple[ModelsAsBodies, list[Note]]:
     """The models that `initial` orients, without those that hang on too little, and what is left out.
 
     Parameters
@@ -84,11 +98,15 @@ def bodies_of(
     oriented = np.flatnonzero(images.oriented[o.left] & images.oriented[o.right])
     if not len(oriented):
         raise GeometryError("`initial` orients no model", remedy="check `from`: initial wants the absolute orientation")
-    origin, given, notes = _given(block, initial)
+    origin, poses, ground, notes = _ground(block, initial)
     chosen = oriented
+
+    def made(chosen: Int) -> ModelsAsBodies:
+        return _bodies(models, chosen, centre_sigma_m, origin, poses, ground)
+
     while True:
-        bodies = _bodies(block, models, initial, chosen, centre_sigma_m, origin, given)
-        loose = _loose(bodies)
+        bodies = made(chosen)
+        loose = _loose(bodies, block)
         if not loose.any():
             break
         chosen = chosen[~loose]
@@ -100,62 +118,50 @@ def bodies_of(
     if len(left):
         text = f"models that share fewer than {FEWEST} points with others, perspective centres counted, are left out"
         notes.append(Note("warning", text, tuple(o.id[left].tolist())))
-    label, n = _components(bodies, len(block.points) + len(block.images))
-    why = [_open(bodies, np.flatnonzero(label == k), o.id[chosen]) for k in range(n)]
+    label, n = _components(bodies, block)
+    why = [_open(bodies, block, np.flatnonzero(label == k)) for k in range(n)]
     lost = np.isin(label, [k for k, text in enumerate(why) if text])
     texts = [text for text in why if text]
     if lost.all():
         raise GeometryError("; ".join(texts), remedy="more control, or observed positions of the images")
     if lost.any():
         notes += [Note("warning", f"left out: {text}") for text in texts]
-        bodies = _bodies(block, models, initial, chosen[~lost], centre_sigma_m, origin, given)
+        bodies = made(chosen[~lost])
     return bodies, notes
 
 
-def _given(block: Block, initial: Solution) -> tuple[Float, list[GivenRows], list[Note]]:
-    """Control, and positions reduced to the projection centres by the initial attitudes.
+def _ground(block: Block, initial: Solution) -> tuple[Float, Poses, list[Observed], list[Note]]:
+    """Origin, poses of the images, control and positions of those that are oriented.
 
     Positions whose group has a shift of its own take no part: that is for the bundle.
     """
-    control, positions = control_of(block), positions_of(block)
-    origin = pieces.origin_of(control, positions)
-    drifting = block.exterior.drift_group[positions.row] != ""
-    arm = initial.images.ground_from_image[positions.image] @ positions.lever_arm_m[:, :, None]
-    use = ~drifting & initial.images.oriented[positions.image]
+    control, images = control_of(block), initial.images
+    origin = pieces.origin_of(control, positions_of(block))
+    poses = Poses(images.position_m - origin, images.ground_from_image)
+    observed = positions(Given(block, None, origin, {POSE: poses}), PositionOptions())
+    ground = [*observed_control(control, origin, block.points.id[control.point])]
+    ground += [o.take(np.flatnonzero(images.oriented[o.records.touches[0][1]])) for o in observed]
+    drifting = positions_of(block).image[block.exterior.drift_group[positions_of(block).row] != ""]
     notes = []
-    if drifting.any():
+    if len(drifting):
         text = "positions of drift groups take no part here"
-        notes.append(Note("note", text, tuple(block.images.id[positions.image[drifting]].tolist())))
-    ids = block.points.id[control.point]
-    of_control = GivenPoints("control", control.point, control.xyz_m - origin, control.covariance_m2, control.given)
-    given = [GivenRows(control.row, np.full(len(ids), ""), ids, of_control)]
-    if use.any():
-        p = positions.take(use)
-        both = p.given[:, :, None] & p.given[:, None, :]
-        xyz_m = np.where(p.given, p.position_m - arm[use, :, 0] - origin, 0.0)
-        number = len(block.points) + p.image.astype(np.int64)
-        centre = GivenPoints("position", number, xyz_m, np.where(both, p.covariance_m2, 0.0), p.given)
-        given.append(GivenRows(p.row, block.images.id[p.image], np.full(len(p.row), ""), centre))
-    return origin, given, notes
+        notes.append(Note("note", text, tuple(block.images.id[drifting].tolist())))
+    return origin, poses, ground, notes
 
 
 def _bodies(
-    block: Block, models: Models, initial: Solution, chosen: Int, centre_sigma_m: float | None, origin: Float,
-    given: list[GivenRows],
-) -> Bodies:  # fmt: skip
-    o, p, images = models.orientations, models.model_points, initial.images
-    left, right = o.left[chosen], o.right[chosen]
-    scale = np.linalg.norm(images.position_m[right] - images.position_m[left], axis=1)
-    similarity = Similarities(images.position_m[left] - origin, scale, images.ground_from_image[left].copy())
-    start = ModelPoses(similarity, np.zeros((len(chosen), LATENT)))
+    models: Models, chosen: Int, centre_sigma_m: float | None, origin: Float, poses: Poses, ground: Sequence[Observed]
+) -> ModelsAsBodies:
+    o, p = models.orientations, models.model_points
+    left, right, m = o.left[chosen], o.right[chosen], len(chosen)
+    scale = np.linalg.norm(poses.position_m[right] - poses.position_m[left], axis=1)
+    similarity = Similarities(poses.position_m[left], scale, poses.ground_from_image[left].copy())
     place = np.full(len(o), -1)
-    place[chosen] = np.arange(len(chosen))
+    place[chosen] = np.arange(m)
     rows = np.flatnonzero(p.active & (place[p.model] >= 0))
-    model, m = place[p.model[rows]], len(chosen)
+    model = place[p.model[rows]]
     root = root_of(o.covariance[chosen])
-    of_points = np.zeros((len(rows), 3, 5))
-    centres = np.concatenate([np.zeros((m, 3)), o.base[chosen]])
-    of_centres = np.zeros((2 * m, 3, 5))
+    of_points, of_centres = np.zeros((len(rows), 3, 5)), np.zeros((2 * m, 3, 5))
     if centre_sigma_m is None:
         of_points = point_errors(p.xyz[rows], o.base[chosen][model], root[model])
         T = np.array([tangents(b) for b in o.base[chosen]])
@@ -164,51 +170,56 @@ def _bodies(
         variance = np.full(2 * m, EXACT**2 * typical)
     else:
         variance = np.tile((centre_sigma_m / scale) ** 2, 2)
-    every = ModelRows(
-        np.concatenate([model, np.tile(np.arange(m), 2)]),
-        np.concatenate([p.point[rows].astype(np.int64), len(block.points) + np.concatenate([left, right])]),
-        np.concatenate([p.xyz[rows], centres]),
-        np.concatenate([p.covariance[rows], variance[:, None, None] * np.eye(3)]),
-        np.concatenate([of_points, of_centres]),
-    )
-    present = [g.take(np.isin(g.points.point, every.point)) if g.points.kind != "control" else g for g in given]
-    return Bodies(chosen, every, len(rows), start, origin, tuple(present))
+    centres = ModelRows(np.tile(np.arange(m), 2), np.concatenate([left, right]).astype(np.int64),
+                        np.concatenate([np.zeros((m, 3)), o.base[chosen]]), variance[:, None, None] * np.eye(3),
+                        of_centres)  # fmt: skip
+    points = ModelRows(model, p.point[rows].astype(np.int64), p.xyz[rows], p.covariance[rows], of_points)
+    start, seen = ModelPoses(similarity, np.zeros((m, LATENT))), list[Observed]()
+    for g in ground:
+        ((group, of),) = g.records.touches
+        seen.append(g if group == POINT else g.take(np.flatnonzero(np.isin(of, centres.block))))
+    return ModelsAsBodies(chosen, o.id[chosen], points, centres, start, poses, origin, tuple(seen),
+                          centre_sigma_m is None)  # fmt: skip
 
 
-def _loose(bodies: Bodies) -> Bool:
+def _loose(bodies: ModelsAsBodies, block: Block) -> Bool:
     """Models that share too few points, perspective centres among them, with others or with what is given."""
-    r = bodies.rows
-    known = np.isin(r.point, np.concatenate([g.points.point for g in bodies.given]))
-    shared = known | (np.bincount(r.point)[r.point] > 1)
-    return np.asarray(np.bincount(r.model[shared], minlength=len(bodies.model)) < FEWEST)
+    model, of = bodies.shared(block)
+    known = np.isin(of, np.concatenate([objects for _, objects in bodies.known(block)]))
+    shared = known | (np.bincount(of)[of] > 1)
+    return np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
 
 
-def _components(bodies: Bodies, n_points: int) -> tuple[Int, int]:
+def _components(bodies: ModelsAsBodies, block: Block) -> tuple[Int, int]:
     """Which models hang together by common points: label of each, and how many there are."""
-    m, r = len(bodies.model), bodies.rows
-    graph = coo_array((np.ones(len(r.model)), (r.model, m + r.point)), shape=(m + n_points,) * 2)
+    m, n = len(bodies.model), len(block.points) + len(block.images)
+    model, of = bodies.shared(block)
+    graph = coo_array((np.ones(len(model)), (model, m + of)), shape=(m + n,) * 2)
     label = connected_components(graph, directed=False)[1][:m]
     labels, label = np.unique(label, return_inverse=True)
     return np.asarray(label), len(labels)
 
 
-def _open(bodies: Bodies, models: Int, names: Text) -> str:
+def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     """What control and positions leave open of some models that hang together; empty where they determine all."""
-    r, s = bodies.rows, bodies.start.similarity
-    mine = np.flatnonzero(np.isin(r.model, models))
-    k = r.model[mine]
-    xyz = s.translation[k] + s.scale[k][:, None] * np.einsum("nij,nj->ni", s.rotation[k], r.x[mine])
-    point, first = np.unique(r.point[mine], return_index=True)
+    s, names = bodies.start.similarity, bodies.names
+    k, of = bodies.shared(block)
+    mine = np.isin(k, models)
+    x = np.concatenate([bodies.points.x, bodies.centres.x])[mine]
+    k, of = k[mine], of[mine]
+    xyz = s.translation[k] + s.scale[k][:, None] * np.einsum("nij,nj->ni", s.rotation[k], x)
+    point, first = np.unique(of, return_index=True)
     ids, at, given = list[str](), list[Float](), list[Bool]()
-    for g in bodies.given:
-        there = np.flatnonzero(np.isin(g.points.point, point) & g.points.given.any(axis=1))
-        ids += [f"image {i}" if i else f"point {p}" for i, p in zip(g.image[there], g.point[there])]
-        at.append(xyz[first[np.searchsorted(point, g.points.point[there])]])
-        given.append(g.points.given[there])
-    of = f"{len(models)} models, {names[models[0]]} to {names[models[-1]]}"
+    for o, objects in bodies.known(block):
+        known = observed_components(o)
+        there = np.flatnonzero(np.isin(objects, point) & known.any(axis=1))
+        ids += [f"image {i}" if i else f"point {p}" for i, p in zip(*o.names(there))]
+        at.append(xyz[first[np.searchsorted(point, objects[there])]])
+        given.append(known[there])
+    of_models = f"{len(models)} models, {names[models[0]]} to {names[models[-1]]}"
     if not ids:
-        return f"{of}: they hold no control point and no observed position"
+        return f"{of_models}: they hold no control point and no observed position"
     found = analyse_datum(np.concatenate(at), np.concatenate(given), ids, xyz[first], weakest=WEAKEST)
     if not (found.open or found.defect):
         return ""
-    return f"{of}: not determined: {', '.join(found.open) or f'{found.defect} of the seven parameters'}"
+    return f"{of_models}: not determined: {', '.join(found.open) or f'{found.defect} of the seven parameters'}"

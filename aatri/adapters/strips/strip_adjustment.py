@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +10,12 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
-from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
-from aatri.arrays import Bool, Float, Int
+from aatri.adapters.uncontrolled_before import NOT_SEEN, not_seen_since, notes_of
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -26,21 +27,27 @@ from aatri.geometry.similarity import Similarity, transform, transform_covarianc
 from aatri.geometry.strip_bases import StripBasis
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT
 from aatri.observations.positions import positions_of
-from aatri.orientation.free_block.component_growth import StripPoints
-from aatri.orientation.free_block.deformation import Misfit, given_note, rms_m, search_notes, sigma0_notes
-from aatri.orientation.free_block.deformed_covariances import (
+from aatri.observations.ties import STRIP_TIE
+from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.deformation import Misfit, given_note, rms_m, search_notes, sigma0_notes
+from aatri.orientation.bodies.deformed_covariances import (
     DeformedCovariances,
     covariance_notes,
     deformed_covariances,
 )
-from aatri.orientation.free_block.strip_polynomials import (
+from aatri.orientation.bodies.strip_polynomials import (
     StripPolynomials,
     adjust_strip_polynomials,
     fall_notes,
 )
 from aatri.orientation.resection.adjustment import resect_images
+
+STAGE = "strip_adjustment"
 
 
 @dataclass(frozen=True)
@@ -125,20 +132,20 @@ def adjust_strips(
     """
     ground = on_the_ground(block, strips, initial)
     control, names = ground.control, strips.strips.id[ground.strips]
-    strip, point = tables.tie_names(block, strips, ground)
-    began = ~np.concatenate([
-        pieces.rejected_before(initial.suspects, "strip_tie", strip, point),
-        pieces.rejected_rows(initial.suspects, "control", control.row),
-    ])  # fmt: skip
+
+    def begin(observed: Sequence[Observed]) -> Bool:
+        return tied_tables.not_rejected(observed, dict.fromkeys((STRIP_TIE, CONTROL), initial.suspects))
+
     result = adjust_strip_polynomials(
         ground.points,
         len(block.points),
         ground.axes,
         control,
         names=names,
+        point_ids=block.points.id,
         degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
         basis=basis,
-        active=began,
+        begin=begin,
         limit=limit,
     )
     left = np.setdiff1d(np.arange(len(strips.strips)), ground.strips)
@@ -149,14 +156,9 @@ def adjust_strips(
     notes += fall_notes(result, names.tolist(), "warning" if asked else "note")
     notes += strip_notes(block, ground, result, names)
 
-    def called(rows: Int) -> list[str]:
-        ties, given = rows[rows < len(point)], rows[rows >= len(point)] - len(point)
-        names = [f"point {p} in strip {s}" for p, s in zip(point[ties], strip[ties])]
-        return names + [f"control point {p}" for p in block.points.id[control.point[given]]]
-
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
-    notes += [Note("note", text), *search_notes(tied, called, "strip block")]
+    notes += [Note("note", text), *search_notes(tied, tied_tables.names_of, "strip block")]
     misfit = Misfit(max_sigma0, pieces.distance_m(initial.images.position_m - ground.origin, ground.points.xyz))
     notes += sigma0_notes(
         [tied],
@@ -164,12 +166,13 @@ def adjust_strips(
         tied.sigma0,
         pieces.most_models(strips),
         misfit,
-        rms_m(tied.residual_m, tied.active),
+        rms_m(tied.residuals, tied.active),
         "strip block adjustment",
     )
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
     deformed = deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
-    return AdjustedStrips(ground, began, result, deformed, (*notes, given_note(tied), *covariance_notes(deformed)))
+    notes += [given_note(tied), *covariance_notes(deformed)]
+    return AdjustedStrips(ground, begin(tied.problem.observed), result, deformed, tuple(notes))
 
 
 def strip_block_solution(
@@ -179,20 +182,25 @@ def strip_block_solution(
     ground, result = adjusted.ground, adjusted.result
     point_m = result.point_m + ground.origin
     position, rotation, notes = resected_on(block, image_points, initial, point_m)
-    uncontrolled = tables.uncontrolled_tables(block, strips, ground, result)
+    tied = result.tied
+    uncontrolled = assemble.stacked([
+        not_seen_since(strips.uncontrolled, block, tied_tables.seen_points(tied)), tied_tables.uncontrolled_kinds(tied)
+    ])  # fmt: skip
     notes += notes_of(uncontrolled, NOT_SEEN)
+    tested = tied_tables.suspects_of(tied, STAGE, adjusted.began)
+    before = tied_tables.not_tested(initial.suspects, tied, strips.strips.id[ground.strips])
     solution = pieces.solution_of(
         block,
         image_points,
         pieces.Placed(position, rotation, point_m),
         method=method,
-        counts=(result.tied.observations, result.tied.unknowns),
-        sigma0=result.tied.sigma0,
-        iterations=result.tied.iterations,
+        counts=tied.counts,
+        sigma0=tied.sigma0,
+        iterations=tied.iterations,
         transformations=tables.transformation_tables(result, ground, strips, adjusted.covariances.coefficient_sigma_m),
-        parameters=pieces.precision_row("all strips", result.tied.tau_m),
-        residuals=tables.residual_tables(block, strips, ground, result),
-        suspects=tables.suspect_tables(block, strips, initial.suspects, ground, result, adjusted.began),
+        parameters=pieces.precision_row("all strips", tied.tau_m),
+        residuals=tied_tables.residuals_of(tied, {**tied.state, POINT: result.point_m}),
+        suspects=assemble.stacked([before, tested]),
         point_covariance_m2=adjusted.covariances.point_covariance_m2,
         uncontrolled=uncontrolled,
     )

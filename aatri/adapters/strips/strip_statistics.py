@@ -10,8 +10,8 @@ from aatri.adapters.strips.strip_tables import StripsOnGround
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import Block
 from aatri.notes import Note
-from aatri.orientation.free_block.polynomial_ties import in_axes
-from aatri.orientation.free_block.strip_polynomials import StripPolynomials, textbook_counts
+from aatri.orientation.bodies.polynomial_ties import in_axes
+from aatri.orientation.bodies.strip_polynomials import StripPolynomials, textbook_counts
 
 BEYOND = 2**0.5 - 1
 """Share of the half range of a strip by which points may lie beyond its control and ties: there a polynomial of the

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
@@ -21,7 +21,8 @@ from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.observations.positions import Positions
-from aatri.orientation.free_block.component_growth import StripPoints
+from aatri.observations.ties import STRIP_TIE
+from aatri.orientation.bodies.component_growth import StripPoints
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
 
@@ -39,61 +40,13 @@ def strip_points_of(strips: Strips) -> StripPoints:
     return StripPoints(table.strip.astype(np.int64), table.point.astype(np.int64), table.xyz, table.covariance)
 
 
-def tested(
-    *, kind: str, row: Int, image: Text, point: Text, stage: str, size_m: Float, test: Float, began: Bool, active: Bool,
-    above: Bool,
-) -> Suspects:  # fmt: skip
-    """Suspects of one kind of observation: what was rejected, was rejected before and is believed again, or is kept.
-
-    Parameters
-    ----------
-    row, image, point : (n,)
-        Of all observations.
-    size_m : (n, 3) float64, m
-        Estimated gross errors; NaN where a coordinate is not observed.
-    test : (n,) float64
-    began, active : (n,) bool
-        Used before and after the test.
-    above : (n,) bool
-        Used although above the limit.
-    """
-    listed = np.flatnonzero(~active | ~began | above)
-    size, statistic = np.sqrt(np.nansum(size_m[listed] ** 2, axis=1)), test[listed]
-    known = np.isfinite(statistic) & (statistic > 0)
-    return Suspects(
-        kind=np.full(len(listed), kind),
-        row=row[listed].astype(np.int32),
-        image=image[listed],
-        point=point[listed],
-        stage=np.full(len(listed), stage),
-        size=size,
-        unit=np.full(len(listed), "m"),
-        sigma=np.where(known, size / np.where(known, statistic, 1.0), np.nan),
-        test=statistic,
-        verdict=np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected"),
-    )
-
-
-def rejected_before(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
-    """Which observations, by the ids of image (or strip) and point, an earlier stage has rejected: (n,) bool."""
-    rows = np.flatnonzero((suspects.kind == kind) & staying_out(suspects))
-    if not len(rows):
-        return np.zeros(len(image), dtype=bool)
-    known = set(zip(suspects.image[rows].tolist(), suspects.point[rows].tolist()))
-    return np.array([pair in known for pair in zip(image.tolist(), point.tolist())], dtype=bool)
-
-
-def rejected_rows(suspects: Suspects, kind: str, row: Int) -> Bool:
-    """Which observations of a kind, by their rows in the Block, an earlier stage has rejected: (n,) bool."""
-    rejected = suspects.row[(suspects.kind == kind) & staying_out(suspects)]
-    return np.asarray(np.isin(row, rejected[rejected >= 0]))
-
-
 def usable_ties(strips: Strips) -> Bool:
     """Strip points that no earlier stage has rejected, (n,) bool."""
     table = strips.strip_points
-    names = strips.strips.id[table.strip], strips.points.id[table.point]
-    return ~rejected_before(strips.suspects, "strip_tie", *names)
+    out = strips.suspects.take(np.flatnonzero((strips.suspects.kind == STRIP_TIE) & staying_out(strips.suspects)))
+    listed = set(zip(out.image.tolist(), out.point.tolist()))
+    names = zip(strips.strips.id[table.strip].tolist(), strips.points.id[table.point].tolist())
+    return np.array([not listed or pair not in listed for pair in names], dtype=bool)
 
 
 def most_models(strips: Strips) -> int:

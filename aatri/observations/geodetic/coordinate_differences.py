@@ -13,9 +13,10 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
-from aatri.observations.geodetic.sights import Sights, alike, by_unknowns, groups_of, position, sights_of
+from aatri.observations.geodetic.sights import Sights, alike, groups_of, sights_of
 from aatri.observations.level import Level
 from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
+from aatri.observations.poses import by_unknowns, position
 
 KIND = "coordinate_difference"
 

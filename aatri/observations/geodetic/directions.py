@@ -28,16 +28,14 @@ from aatri.observations.geodetic.sights import (
     Sights,
     alike,
     around,
-    by_unknowns,
     observed_sights,
-    position,
     rows_of_ends,
     sight_records,
     sights_of,
 )
 from aatri.observations.level import Level, line_between
 from aatri.observations.observed import Given, Observed, named
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.poses import POINT, POSE, by_unknowns, position
 
 DIRECTION, AZIMUTH, ANGLE, ORIENTATION = "direction", "azimuth", "angle", "orientation"
 """Names of the kinds, and of the group of unknowns."""

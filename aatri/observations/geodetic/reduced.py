@@ -22,9 +22,9 @@ from aatri.arrays import Float
 from aatri.errors import AatriError, InputError
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import slope
-from aatri.observations.geodetic.sights import Between, Measured, Sights, position
+from aatri.observations.geodetic.sights import Between, Measured, Sights
 from aatri.observations.level import Level
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.poses import POINT, POSE, position
 
 if TYPE_CHECKING:
     from aatri.frames.tangent import TangentFrame

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.ids import rows_of
 from aatri.observations.level import Level, line_between
 from aatri.observations.observed import NEARLY_EXACT, Observed, named
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.poses import POINT, POSE, by_unknowns, position
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -108,19 +108,6 @@ def alike(sights: Sights) -> Iterator[tuple[Sights, bool]]:
 def groups_of(sights: Sights) -> tuple[str, str]:
     """Groups of unknowns of station and target of sights that are alike."""
     return (POSE if sights.station_is_image[0] else POINT), (POSE if sights.target_is_image[0] else POINT)
-
-
-def position(state: State, group: str) -> Float:
-    """Positions of points or projection centres."""
-    found: Any = state[group].position_m if group == POSE else state[group]
-    return np.asarray(found)
-
-
-def by_unknowns(group: str, by_position: Float) -> Float:
-    """Derivatives by the unknowns of an end, (n, m, 3) or (n, m, 6): no sight sees how an image is turned."""
-    if group == POINT:
-        return by_position
-    return np.concatenate([by_position, np.zeros_like(by_position)], axis=2)
 
 
 Measured = Callable[[Float], tuple[Float, Float]]

@@ -18,10 +18,10 @@ from pydantic import Field
 from aatri.arrays import Float
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import horizontal, zenith
-from aatri.observations.geodetic.sights import Measured, Sights, observed_sights, position, sights_of
+from aatri.observations.geodetic.sights import Measured, Sights, observed_sights, sights_of
 from aatri.observations.level import Level
 from aatri.observations.observed import Given, Observed
-from aatri.observations.poses import POINT
+from aatri.observations.poses import POINT, position
 from aatri.options import Options
 
 KIND = "zenith"

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.adjust import Adjusted, adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.score import with_factor
@@ -33,7 +34,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
-from aatri.orientation.bundle.result import AdjustedObservations, AdjustedParameters, BundleResult
+from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.settings import BundleSettings, Datum
 from aatri.progress import SILENT, Reporter
 

@@ -15,11 +15,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.global_test import GlobalTest, global_test
 from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 
 OFF = 3.0
 """Standard deviations wrong by less than this factor, either way, are left to variance components."""

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.global_test import global_test, refuse_misfit, sigma0_note
 from aatri.adjustment.unknowns import State
 from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, touched_points
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 
 WHICH = "`variance_components: {groups: [kind]}` estimates those of each kind of observation"
 """Told where sigma0 does not fit."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool
-from aatri.orientation.bundle.result import AdjustedObservations
 
 
 def readmitted(found: AdjustedObservations, state: State, limit: float = 3.0) -> Bool:

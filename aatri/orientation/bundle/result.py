@@ -7,13 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.records import Records
-from aatri.adjustment.residuals import residuals
-from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
-from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
@@ -35,32 +33,6 @@ class AdjustedParameters:
     given: ParameterRows
     value: Float
     covariance: Float
-
-
-@dataclass(frozen=True)
-class AdjustedObservations:
-    """Observations of one kind after the adjustment.
-
-    Attributes
-    ----------
-    observed : Observed
-    rows : (k,) int
-        Rows that take part: used, or rejected and predicted.
-    used : (n,) bool
-        Of all rows: they determine the result.
-    covariance : (n, m, m) float64
-        Covariance of the adjusted (rejected: predicted) values over the a-priori standard deviations: I minus it is the
-        cofactor of the whitened residuals (I plus it that of the prediction error); NaN unknown.
-    """
-
-    observed: Observed
-    rows: Int
-    used: Bool
-    covariance: Float
-
-    def residuals(self, state: State) -> Float:
-        """Computed minus observed of the rows that take part, (k, m)."""
-        return residuals(self.observed.records, state, self.rows)
 
 
 @dataclass(frozen=True)

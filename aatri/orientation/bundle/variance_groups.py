@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.variance_components import GroupSigmas, group_sigmas, sigma_limits
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, ResourceError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+from aatri.orientation.bundle.result import BundleResult, from_result
 
 SAME = 0.003
 """Relative change of a standard deviation below which it is found."""

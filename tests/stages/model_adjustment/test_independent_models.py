@@ -57,7 +57,7 @@ def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
 def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
     """Models of one strip share images, whose errors they have in common: theory and sigma0 are somewhat too small.
 
-    Of models that share nothing they are right, see tests/orientation/free_block/test_independent_models.py. Single
+    Of models that share nothing they are right, see tests/orientation/bodies/test_independent_models.py. Single
     blocks scatter by 12 %, for errors of control go through all points: eight together.
     """
     squares, count, sigma0 = 0.0, 0, []

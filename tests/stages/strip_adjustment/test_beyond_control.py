@@ -10,7 +10,7 @@ import pytest
 
 from aatri.errors import ConvergenceError
 from aatri.geometry.similarity import Similarity
-from aatri.orientation.free_block.similarity_ties import moved, similarities_of
+from aatri.orientation.bodies.similarity_ties import moved, similarities_of
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.image_refinement.systematic import systematic
 from aatri.stages.interior_orientation.calibrated import calibrated

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.weight_functions import weights
 from aatri.arrays import Float
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.notes import down_weighted
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult, from_result
+from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, with_readmission
 
 ROUNDS = 40

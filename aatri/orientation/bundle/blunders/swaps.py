@@ -18,12 +18,13 @@ from itertools import combinations
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 
 MOST_IN_AN_IMAGE = 200
 """Rejected image points of an image up to which pairs are tried: with more the image itself is wrong."""

@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.tau import tau_limit
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.result import AdjustedObservations, BundleResult
+from aatri.orientation.bundle.result import BundleResult
 
 WELL_CONTROLLED = 1e-3
 """Components with a smaller redundancy number are not tested: what controls them could not be told apart."""

@@ -1,0 +1,161 @@
+"""Observations of tied bodies - strips, models, components - as tables of a Solution: every kind in the same way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.bundle.adjusted_observations import residual_table
+from aatri.adapters.solution import stacked
+from aatri.adapters.uncontrolled_before import of_observations
+from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjusting.tied_adjustment import TiedResult
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.artifacts.solution import Residuals
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT
+from aatri.observations.ties import BODY, COMPONENT_POINT
+
+CALLED = {
+    "control": "control point {1}",
+    "position": "position of image {0}",
+    "attitude": "attitude of image {0}",
+    "strip_tie": "point {1} in strip {0}",
+    "model_tie": "point {1} in model {0}",
+    "perspective_centre": "centre of image {1} in model {0}",
+}
+"""What messages call an observation of a kind, by its ids of image (or body) and point."""
+
+
+def names_of(result: TiedResult, rows: Int) -> list[str]:
+    """What messages call some of all observations."""
+    found = []
+    for row in rows.tolist():
+        k = int(np.searchsorted(result.problem.edges, row, side="right")) - 1
+        o = result.problem.observed[k]
+        image, point = o.names(np.array([row - result.problem.edges[k]]))
+        found.append(CALLED.get(o.kind, f"{o.kind} {{0}}{{1}}").format(image[0], point[0]))
+    return found
+
+
+def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -> Bool:
+    """Which observations no earlier stage has rejected, (n,), kind by kind.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+    before : mapping
+        Suspects of earlier stages, by kind. What has no row in the Block is known by its names.
+    """
+    return np.concatenate([~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool)
+                           for o in observed])  # fmt: skip
+
+
+def _rejected(o: Observed, before: Suspects) -> Bool:
+    table = before.take(np.flatnonzero((before.kind == o.kind) & staying_out(before)))
+    if not len(table) or (o.row >= 0).any():
+        return np.asarray(np.isin(o.row, table.row[table.row >= 0]))
+    listed = set(zip(table.image.tolist(), table.point.tolist()))
+    image, point = o.names(np.arange(len(o)))
+    return np.array([pair in listed for pair in zip(image.tolist(), point.tolist())], dtype=bool)
+
+
+def _native(result: TiedResult) -> Iterator[tuple[Observed, slice]]:
+    """Kinds of observation that are the block's, and where they are among all: points of a component are none."""
+    for o, first in zip(result.problem.observed, result.problem.edges):
+        if o.kind != COMPONENT_POINT:
+            yield o, slice(first, first + len(o))
+
+
+def residuals_of(result: TiedResult, state: State | None = None) -> Residuals:
+    """Residuals of what is observed of the ground, then of ties of several bodies.
+
+    Parameters
+    ----------
+    result : TiedResult
+    state : mapping, optional
+        Other values of the unknowns, such as points that are held against control.
+    """
+    tables = sorted(result.observations, key=lambda found: found.observed.spread is not None)
+    values = result.state if state is None else state
+    return stacked([Residuals.empty(), *(residual_table(_of_several(found), values) for found in tables
+                                         if found.observed.kind != COMPONENT_POINT)])  # fmt: skip
+
+
+def _of_several(found: AdjustedObservations) -> AdjustedObservations:
+    of = [block for group, block in found.observed.records.touches if group != BODY]
+    if found.observed.spread is None or not of:
+        return found
+    shared = np.bincount(of[0])[of[0]] > 1
+    return replace(found, rows=found.rows[shared[found.rows]])
+
+
+def suspects_of(result: TiedResult, stage: str, began: Bool, scale: float = 1.0) -> Suspects:
+    """What was rejected, was rejected before and is believed again, or is kept although above the limit.
+
+    Parameters
+    ----------
+    result : TiedResult
+    stage : str
+    began : (n,) bool
+        Observations used before the test.
+    scale : float
+        Unit of the bodies, m.
+    """
+    tables = [Suspects.empty()]
+    for o, mine in _native(result):
+        active, above = result.active[mine], result.above[mine]
+        listed = np.flatnonzero(~active | ~began[mine] | above)
+        test = result.test[mine][listed]
+        size = scale * np.sqrt(np.nansum(result.size[mine][listed] ** 2, axis=1))
+        known = np.isfinite(test) & (test > 0)
+        image, point = o.names(listed)
+        n = len(listed)
+        tables.append(Suspects(
+            kind=np.full(n, o.kind), row=o.row[listed].astype(np.int32), image=image, point=point,
+            stage=np.full(n, stage), size=size, unit=np.full(n, o.unit),
+            sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test,
+            verdict=np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected"),
+        ))  # fmt: skip
+    return stacked(tables)
+
+
+def not_tested(before: Suspects, result: TiedResult, bodies: Text) -> Suspects:
+    """Suspects of earlier stages but those tested here anew: ties of some bodies, and what was observed."""
+    again = np.zeros(len(before), dtype=bool)
+    for o, _ in _native(result):
+        mine = np.isin(before.row, o.row) if (o.row >= 0).any() else np.isin(before.image, bodies)
+        again |= (before.kind == o.kind) & mine
+    return before.take(~again)
+
+
+def seen_points(result: TiedResult) -> Bool:
+    """Points that several bodies hold, or control, (n_points,)."""
+    n = len(result.state[POINT])
+    bodies, seen = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=bool)
+    for o, mine in _native(result):
+        touched = [block for group, block in o.records.touches if group == POINT]
+        if len(touched) == 1:
+            points = touched[0][result.active[mine]]
+            if o.spread is None:
+                seen[points] = True
+            else:
+                bodies += np.bincount(points, minlength=n)
+    return np.asarray(seen | (bodies > 1))
+
+
+def uncontrolled_kinds(result: TiedResult, turned: Float | None = None) -> Uncontrolled:
+    """What the others do not control; `turned`, (3, 3), to the ground from the axes of the bodies."""
+    few, least, direction = result.uncontrolled
+    along = direction if turned is None else direction @ turned.T
+    tables = [Uncontrolled.empty()]
+    for o, part in _native(result):
+        mine = np.flatnonzero((few >= part.start) & (few < part.stop))
+        every = np.full(len(o), o.kind), o.row, *o.names(np.arange(len(o)))
+        tables.append(of_observations((few[mine] - part.start, least[mine], along[mine]), *every))
+    return stacked(tables)

@@ -1,0 +1,58 @@
+"""Weights of ties and of what is observed of the ground, with the variance that bodies are deformed by.
+
+Bodies are deformed: their points disagree by more than their covariances C_o say. tau is what must be added,
+W_o = (C_o + tau^2 I)^-1. What is exact, or far better than any point of a body, gets a standard deviation of `EXACT`
+times that of these.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.small_matrices import inverse_cholesky
+from aatri.arrays import Bool, Float
+from aatri.observations.observed import Observed, Spread, full_whitener
+
+EXACT = 1e-2
+"""Standard deviation of exact control, as a share of that of the bodies' points: its residuals stay below 1e-4 of the
+discrepancies, and its redundancy can still be told from rounding."""
+
+
+def tie_whitener(spread: Spread, tau_m: float) -> Float:
+    """T with T'T = (C + tau^2 I)^-1; of equal weights where there is neither."""
+    values = spread.values + tau_m**2
+    if not values.any():
+        values = np.ones_like(values)
+    return np.divide(spread.vectors.swapaxes(1, 2), np.sqrt(values)[:, :, None], order="C")
+
+
+def typical_variance(spread: Spread, tau_m: float) -> float:
+    """Median variance of a coordinate of the bodies' points, m^2; 1 where they have none."""
+    values = spread.values
+    variance = float(np.median(values @ np.full(3, 1 / 3))) + tau_m**2 if len(values) else 0.0
+    return variance or 1.0
+
+
+def observed_components(o: Observed) -> Bool:
+    """Components that are observed or exact, (n, m)."""
+    return np.asarray(o.records.observed_components() | o.demanded())
+
+
+def whitener_beside(o: Observed, covariance: Float, typical_m2: float) -> Float:
+    """T with T'T = C^-1 of observations beside points of bodies; rows of what is not observed are zero.
+
+    Parameters
+    ----------
+    o : Observed
+    covariance : (n, m, m) float64
+        A priori, zero where exact.
+    typical_m2 : float, m^2
+        Typical variance of a coordinate of a body's point.
+    """
+    if o.unit != "m":  # angles know nothing of lengths
+        return full_whitener(o.records.whitener)
+    used, m = observed_components(o), o.records.rows
+    exact = np.einsum("nii->ni", covariance) < EXACT**2 * typical_m2
+    C = covariance + np.where(exact, EXACT**2 * typical_m2, 0.0)[:, :, None] * np.eye(m)
+    both = used[:, :, None] & used[:, None, :]
+    return np.asarray(np.where(both, inverse_cholesky(np.where(both, C, np.eye(m))), 0.0))

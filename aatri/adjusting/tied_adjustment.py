@@ -1,0 +1,262 @@
+"""Bodies tied by common points and by what is observed of the ground, adjusted together: weights, gross errors, tau.
+
+Bodies are deformed: tau, what their points disagree by beyond their covariances, is estimated with the unknowns
+(adjustment.statistics.variance_components); it is zero where the bodies agree as well as they should. Gross errors are
+found by data snooping, and observations rejected before, here or in an earlier stage, are re-admitted where they fit
+(adjustment.statistics.search).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjusting.tied_problem import TiedProblem, in_three
+from aatri.adjusting.tied_solution import TiedSolution, solve_tied
+from aatri.adjusting.uncontrolled_ties import uncontrolled_observations
+from aatri.adjusting.weighted_means import weighted_means
+from aatri.adjustment.records import whitened
+from aatri.adjustment.statistics.rejection import Pool, Snooping, pool_of, room_left
+from aatri.adjustment.statistics.room import room_of
+from aatri.adjustment.statistics.search import Searched, clearest_controlled, search
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.poses import POINT, POSE
+from aatri.observations.ties import BODY
+
+SIMILARITY = 7
+"""Coordinates that bring a body to the ground."""
+
+
+@dataclass(frozen=True)
+class TiedResult:
+    """Result of a tied adjustment; all observations are the ties, then what is observed of the ground, kind by kind.
+
+    Attributes
+    ----------
+    problem : TiedProblem
+    observations : tuple of AdjustedObservations
+        Kind by kind.
+    state : State
+        All unknowns.
+    covariances : dict of str to (n, k, k) float64
+        Of their groups, a priori; zero where held, NaN where they take no part.
+    xyz_m : (n_points, 3) float64, m
+        Adjusted ground points; NaN where no body holds the point.
+    mean_m, mean_covariance_m2 : (n_points, 3), (n_points, 3, 3) float64, m, m^2
+        Weighted means over the bodies, what is observed of the ground not counted, and their covariances with the
+        unknowns of the bodies held; tau is in them.
+    residuals : (n, 3) float64
+        Adjusted minus observed; NaN where not observed. For rejected observations that of a predicted value.
+    active : (n,) bool
+    size : (n, 3) float64
+        Estimated gross error of each observation.
+    test : (n,) float64
+        Test statistic; NaN where it cannot be tested.
+    above : (n,) bool
+        Used, though the test is above the limit: too many of the same body or kind are rejected already.
+    tau_m : float, m
+        What had to be added to the standard deviation of the bodies' points.
+    counts : (int, int)
+        Observations, coordinate by coordinate, and unknowns, with the ground points.
+    sigma0 : float
+        Ratio to the a priori standard deviations, tau not counted; NaN without redundancy.
+    weighted_sigma0 : float
+        The same with tau counted: near 1 where tau had to be added.
+    ground_sigma0, ground_redundancy : float
+        That of what is observed of the ground alone, and the sum of its redundancy numbers.
+    iterations : int
+    settled : bool
+        False if the search for gross errors was broken off.
+    uncontrolled : (k,) int64, (k,) float64, (k, 3) float64
+        Active observations that others at their point should control, and do not: rows, redundancy number, direction.
+    """
+
+    problem: TiedProblem
+    observations: tuple[AdjustedObservations, ...]
+    state: State
+    covariances: dict[str, Float]
+    xyz_m: Float
+    mean_m: Float
+    mean_covariance_m2: Float
+    residuals: Float
+    active: Bool
+    size: Float
+    test: Float
+    above: Bool
+    tau_m: float
+    counts: tuple[int, int]
+    sigma0: float
+    weighted_sigma0: float
+    ground_sigma0: float
+    ground_redundancy: float
+    iterations: int
+    settled: bool
+    uncontrolled: tuple[Int, Float, Float]
+
+    @property
+    def redundancy(self) -> int:
+        """Observations less unknowns."""
+        return self.counts[0] - self.counts[1]
+
+    def of(self, kind: str) -> Int:
+        """Where the observations of a kind are among all, in the order of their rows."""
+        mine = [(o.row, first + np.arange(len(o))) for o, first in zip(self.problem.observed, self.problem.edges)
+                if o.kind == kind]  # fmt: skip
+        if not mine:
+            return np.zeros(0, dtype=np.int64)
+        row, place = (np.concatenate(parts) for parts in zip(*mine))
+        return np.asarray(place[np.argsort(row, kind="stable")])
+
+
+def adjust_tied(
+    problem: TiedProblem, rule: Snooping, *, active: Bool | None = None, deformed: bool = True
+) -> TiedResult:
+    """Adjust all bodies together, with data snooping and an estimate of their deformation.
+
+    Parameters
+    ----------
+    problem : TiedProblem
+    rule : Snooping
+    active : (n,) bool, optional
+        Observations to begin with; the others are tested for re-admission.
+    deformed : bool
+        Estimate the deformation of the bodies; else there is none.
+
+    Raises
+    ------
+    GeometryError
+        If the unknowns are not determined.
+    ConvergenceError
+        If the iteration does not converge.
+    """
+    near = (POINT, POSE) if POSE in problem.start else (POINT,)
+    rule = replace(rule, neighbourhood=near, share=(BODY, rule.share[1]))
+    variances = np.concatenate([problem.spread(problem.start).values.sum(axis=1), problem.ground_variance])
+    pool = pool_of(rule, problem.records, [variances])
+
+    def solve(before: TiedSolution | None, use: Bool, tau_m: float) -> TiedSolution:
+        return solve_tied(problem, problem.start if before is None else before.state, use, tau_m, before)
+
+    room: list[Int] = []
+
+    def wrong(solved: TiedSolution, use: Bool) -> Bool:
+        if not room:
+            room.append(_room(solved, rule, pool))
+        return clearest_controlled(rule, replace(pool, room=room[0]), solved, use)
+
+    begin = np.ones(len(variances), dtype=bool) if active is None else active
+    found = search(solve, begin, rule, pool, wrong, added=deformed)
+    # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
+    full = replace(pool, room=room[0]) if room else pool
+    crowded = np.unique(pool.source[found.above & ~pool.carrier])
+    crowded = crowded[room_left(rule, full, found.active)[crowded] <= 0] if room else crowded[:0]
+    if (np.isin(pool.source, crowded) & begin & ~found.active).any():
+        room[0][crowded] = 0
+        found = search(solve, begin, rule, pool, wrong, added=deformed)
+    return _result(found)
+
+
+def _room(solved: TiedSolution, rule: Snooping, pool: Pool) -> Int:
+    """How many may be rejected: of a body the share of the rule; of a kind also what the others answer for."""
+    none = np.ones(len(pool.source), dtype=bool)
+    room, sources = room_left(rule, pool, none), int(pool.source.max()) + 1
+    weights = np.where(pool.counted, solved.answered, 0.0)
+    answered: Float = np.bincount(pool.source, weights, sources).astype(np.float64)
+    # Whatever goes, seven coordinates and one to test them are left of all that is observed of the ground.
+    problem = solved.problem
+    spare = max(int(problem.components[problem.n_ties :].sum()) - SIMILARITY - 1, 0) // 3
+    return np.maximum(room, np.minimum(room_of(answered, np.bincount(pool.source, minlength=sources)), spare))
+
+
+def _result(found: Searched[TiedSolution]) -> TiedResult:
+    solved, use = found.solved, found.active
+    problem, state, n = solved.problem, solved.state, solved.problem.n_ties
+    observed = problem.components
+    mean, covariance = _means(solved, use)
+    counted, n_unknowns = _counted(problem, use & solved.held)
+    of_priors = [whitened(o.records, state, np.arange(len(o)))[0] for o in problem.priors]
+    observations = int(observed[counted].sum()) + sum(v.size for v in of_priors)
+    redundancy = observations - n_unknowns
+    residual = np.where(observed, np.nan_to_num(solved.residuals), 0.0)
+    prior = sum(float((v**2).sum()) for v in of_priors)
+    apriori = _squares(problem.whiteners(solved.spread, 0.0), residual)
+    squares = _squares(solved.whiteners, residual)
+    of_ground = use & solved.held & (np.arange(len(use)) >= n)
+    return TiedResult(
+        problem=problem,
+        observations=tuple(_observations(solved)),
+        state=state,
+        covariances=solved.solved.covariances().groups,
+        xyz_m=np.where(np.isfinite(mean), state[POINT], np.nan),
+        mean_m=mean,
+        mean_covariance_m2=covariance,
+        residuals=np.where(observed, solved.residuals, np.nan),
+        active=use,
+        size=np.where(observed, solved.size, np.nan),
+        test=solved.test,
+        above=found.above,
+        tau_m=found.tau,
+        counts=(observations, n_unknowns),
+        sigma0=_ratio(apriori[counted].sum() + prior, redundancy),
+        weighted_sigma0=_ratio(squares[counted].sum() + prior, redundancy),
+        ground_sigma0=_ratio(squares[of_ground].sum(), solved.redundancy[of_ground].sum()),
+        ground_redundancy=float(solved.redundancy[of_ground].sum()),
+        iterations=solved.iterations,
+        settled=found.settled,
+        uncontrolled=uncontrolled_observations(solved, counted),
+    )
+
+
+def _observations(solved: TiedSolution) -> Iterator[AdjustedObservations]:
+    """Kind by kind, with the weights of the adjustment."""
+    problem, found = solved.problem, solved.solved.covariances().records
+    for o, first, r, T, covariance in zip(problem.observed, problem.edges, problem.records, solved.whiteners, found):
+        mine = slice(first, first + len(o))
+        rows, used = np.flatnonzero(solved.held[mine]), (solved.use & solved.held)[mine]
+        yield AdjustedObservations(o, rows, used, covariance, replace(r, whitener=T, active=used))
+
+
+def _means(solved: TiedSolution, use: Bool) -> tuple[Float, Float]:
+    """Weighted means of the ground points over the bodies."""
+    problem, state = solved.problem, solved.state
+    n_points, first = len(state[POINT]), 0
+    for o, T in zip(problem.ties, solved.whiteners):
+        touched = dict(o.records.touches)
+        if POINT in touched:
+            point = touched[POINT]
+            mine = slice(first, first + len(o))
+            mean, covariance = weighted_means(point, -solved.residuals[mine], T, use[mine], n_points)
+            return state[POINT] + mean, covariance  # of small numbers: they keep their digits
+        first += len(o)
+    return np.full((n_points, 3), np.nan), np.full((n_points, 3, 3), np.nan)
+
+
+def _counted(problem: TiedProblem, used: Bool) -> tuple[Bool, int]:
+    """Observations in use that more than themselves determine, and how many unknowns there are with what they touch."""
+    counted, unknowns = used.copy(), 0
+    for group in (POINT, POSE):
+        touched = [(first, b) for o, first in zip(problem.observed, problem.edges) for g, b in o.records.touches
+                   if g == group]  # fmt: skip
+        if touched:
+            size = 1 + max(int(b.max(initial=0)) for _, b in touched)
+            mine = np.concatenate([b[used[first : first + len(b)]] for first, b in touched])
+            often = np.bincount(mine, minlength=size)
+            for first, b in touched:
+                counted[first : first + len(b)] &= often[b] > 1
+            met = [b[counted[first : first + len(b)]] for first, b in touched]
+            unknowns += 3 * len(np.unique(np.concatenate(met)))
+    own = {u.name: int(u.free.sum()) for o in problem.observed for u in o.unknowns}
+    return counted, unknowns + sum(own.values())
+
+
+def _squares(whiteners: Sequence[Float], residual: Float) -> Float:
+    """Sum of squares of each observation's whitened residuals."""
+    return np.asarray((np.einsum("nij,nj->ni", in_three(whiteners), residual) ** 2).sum(axis=1))
+
+
+def _ratio(squares: float, redundancy: float) -> float:
+    return float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")

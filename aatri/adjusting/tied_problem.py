@@ -1,0 +1,175 @@
+"""Bodies tied by common points and by what is observed of the ground: what is adjusted, with its index and weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from aatri.adjusting.added_variance import observed_components, tie_whitener, typical_variance, whitener_beside
+from aatri.adjustment.records import Records, keys_of
+from aatri.adjustment.structure.index_problem import prepare
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.structure.weights import Weights, with_weights
+from aatri.adjustment.unknowns import Ids, State, Unknowns, add_step
+from aatri.arrays import Bool, Float, Int
+from aatri.observations.observed import Observed, Spread, full_whitener
+from aatri.observations.poses import POINT, POSE, pose_unknowns
+from aatri.observations.ties import BODY
+
+
+@dataclass(frozen=True)
+class TiedProblem:
+    """Ties and what is observed of the ground, with the index of their adjustment.
+
+    Attributes
+    ----------
+    ties : tuple of Observed
+    ground : tuple of Observed
+        Of ground points, of images, and of the bodies themselves.
+    priors : tuple of Observed
+        Of the bodies' unknowns: they are not tested.
+    index : IndexedProblem
+    start : State
+    what : str
+        For messages.
+    """
+
+    ties: tuple[Observed, ...]
+    ground: tuple[Observed, ...]
+    priors: tuple[Observed, ...]
+    index: IndexedProblem
+    start: State
+    what: str
+
+    @property
+    def observed(self) -> tuple[Observed, ...]:
+        """All that is tested: ties, then what is observed of the ground."""
+        return (*self.ties, *self.ground)
+
+    @property
+    def records(self) -> tuple[Records, ...]:
+        """Of the same."""
+        return self.index.records[: len(self.observed)]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the same, each once."""
+        return keys_of(self.index.records)[: len(self.observed)]
+
+    @cached_property
+    def edges(self) -> list[int]:
+        """Where the kinds begin among all observations, and where the last one ends."""
+        return [0, *np.cumsum([len(o) for o in self.observed]).tolist()]
+
+    @property
+    def n_ties(self) -> int:
+        """How many of the observations are ties: the first ones."""
+        return sum(len(o) for o in self.ties)
+
+    @cached_property
+    def components(self) -> Bool:
+        """Components of all observations that are observed, (n, 3)."""
+        return in_three([observed_components(o).astype(float) for o in self.observed]) > 0
+
+    @cached_property
+    def covariances(self) -> tuple[Float, ...]:
+        """Of what is observed of the ground, kind by kind, a priori."""
+        return tuple(o.covariances() for o in self.ground)
+
+    @cached_property
+    def ground_variance(self) -> Float:
+        """Traces of these."""
+        return np.concatenate([np.zeros(0), *(np.einsum("nii->n", C) for C in self.covariances)])
+
+    def spread(self, state: State) -> Spread:
+        """Covariances of all ties at a state, tau not counted."""
+        parts = [o.spread.at(state) for o in self.ties if o.spread is not None]
+        if len(parts) == 1:
+            return parts[0]
+        values, vectors = (np.concatenate(columns) for columns in zip(*((p.values, p.vectors) for p in parts)))
+        return Spread(values, vectors, self.spread)
+
+    def whiteners(self, spread: Spread, tau_m: float) -> tuple[Float, ...]:
+        """Of all observations, kind by kind."""
+        typical = typical_variance(spread, tau_m) if self.ground else 1.0
+        ties = np.split(tie_whitener(spread, tau_m), self.edges[1 : len(self.ties)])
+        return (*ties, *(whitener_beside(o, C, typical) for o, C in zip(self.ground, self.covariances)))
+
+    def weights(self, use: Bool, whiteners: Sequence[Float]) -> dict[str, Weights]:
+        """Weights of all observations, of which some are in use."""
+        parts = np.split(use, self.edges[1:-1])
+        return {key: Weights(mine, T) for key, mine, T in zip(self.keys, parts, whiteners)}
+
+    def weighted(self, state: State, use: Bool) -> IndexedProblem:
+        """The problem with the weights of a state, tau not counted, and some active observations."""
+        weights = self.weights(use & self.held(use), self.whiteners(self.spread(state), 0.0))
+        return with_weights(self.index, weights)
+
+    def held(self, use: Bool) -> Bool:
+        """Observations whose points and images, if they have any, some active tie holds, (n,)."""
+        tied = {POINT: np.zeros(len(self.start[POINT]), dtype=bool)}
+        tied |= {POSE: np.zeros(len(self.start[POSE].position_m), dtype=bool)} if POSE in self.start else {}
+        for o, first in zip(self.ties, self.edges):
+            for group, block in o.records.touches:
+                if group in tied:
+                    tied[group][block[use[first : first + len(o)]]] = True
+        found = []
+        for o in self.observed:
+            of = [tied[group][block] for group, block in o.records.touches if group in tied]
+            found.append(np.logical_and.reduce([np.ones(len(o), dtype=bool), *of]))
+        return np.concatenate(found)
+
+
+def tied_problem(observed: Sequence[Observed], start: State, ids: Mapping[str, Ids], what: str) -> TiedProblem:
+    """State and index a problem.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+        Ties, what is observed of the ground, priors of the bodies.
+    start : mapping
+        Points, and poses where ties or others touch images; of these the positions alone are unknown.
+    ids : mapping
+        Ids of points and images.
+    what : str
+        For messages.
+    """
+    ties = tuple(o for o in observed if o.spread is not None)
+    priors = tuple(o for o in observed if o.spread is None and o.components)
+    ground = tuple(o for o in observed if o.spread is None and not o.components)
+    touched: dict[str, list[Int]] = {POINT: [], POSE: []}
+    for o in ties:
+        for group, block in o.records.touches:
+            if group != BODY:
+                touched[group].append(block)
+    own = {u.name: u for o in observed for u in o.unknowns}
+    values = {name: value for o in observed for name, value in o.start.items()}
+    unknowns = list(own.values())
+    if touched[POSE]:
+        place = start[POSE].position_m
+        free = np.zeros((len(place), 6), dtype=bool)
+        free[np.concatenate(touched[POSE]), :3] = True
+        unknowns.append(pose_unknowns(ids[POSE], free, place))
+    tied = np.zeros((len(start[POINT]), 3), dtype=bool)
+    tied[np.concatenate([np.zeros(0, dtype=np.int32), *touched[POINT]])] = True
+    unknowns.append(Unknowns(POINT, tied, ("X", "Y", "Z"), ids[POINT], add_step, eliminated=True))
+    every = [o.records for o in (*ties, *ground, *priors)]
+    records = [replace(r, whitener=full_whitener(r.whitener)) for r in every]
+    return TiedProblem(ties, ground, priors, prepare(unknowns, records), {**start, **values}, what)
+
+
+def is_coordinates(o: Observed) -> bool:
+    """Whether these are given coordinates: of points, or of projection centres."""
+    return o.unit == "m" and o.records.rows == 3
+
+
+def in_three(parts: Sequence[Float]) -> Float:
+    """Columns (n,), residuals (n, k) or matrices (n, k, k) of all observations, k filled up to three with zeros."""
+    filled = []
+    for part in parts:
+        lacking = 0 if part.ndim == 1 else 3 - part.shape[-1]
+        filled.append(np.pad(part, [(0, 0), *[(0, lacking)] * (part.ndim - 1)]) if lacking else part)
+    return np.concatenate(filled)

@@ -1,0 +1,208 @@
+"""One adjustment of bodies tied by common points and by what is observed of the ground, with the tests of all.
+
+An observation whose gross error could be told only with a standard deviation of `WEAK` times that of the observation
+and of a body's point together is not rejected: hardly anything else determines what it determines, and without it the
+bodies would extrapolate.
+
+Rejected observations stay in the index and are predicted by the others. Points and images without an active tie take no
+part: what is observed of them counts for nothing, and has no test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from aatri.adjusting.added_variance import typical_variance
+from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
+from aatri.adjustment.solve import Solved, solve
+from aatri.adjustment.statistics.record_tests import RecordTests
+from aatri.adjustment.statistics.variance_components import common_sigma
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.observations.observed import Spread
+from aatri.observations.poses import POINT
+
+MAX_ITERATIONS = 30
+LINEAR = 1e-5
+"""An iteration ends when no residual departs from the linear model by more of its standard deviation."""
+
+WEAK = 10.0
+"""A redundancy number of 0.01: the limit of what counts as controlled at all (Foerstner 1980)."""
+
+
+@dataclass(frozen=True)
+class TiedSolution:
+    """An adjustment with its tests; see adjustment.statistics.search.
+
+    Attributes
+    ----------
+    problem : TiedProblem
+    solved : Solved
+    whiteners : tuple of (n, m, m) float64
+        Kind by kind.
+    spread : Spread
+        Of the ties, tau not counted.
+    tau_m : float, m
+    held : (n,) bool
+        Observations whose point some active tie holds.
+    use : (n,) bool
+        Active observations.
+    iterations : int
+        Up to here.
+    """
+
+    problem: TiedProblem
+    solved: Solved
+    whiteners: tuple[Float, ...]
+    spread: Spread
+    tau_m: float
+    held: Bool
+    use: Bool
+    iterations: int
+
+    @property
+    def state(self) -> State:
+        """All unknowns."""
+        return self.solved.state
+
+    @cached_property
+    def tests(self) -> tuple[RecordTests, ...]:
+        """Kind by kind."""
+        found = self.solved.tests()
+        return tuple(found[key] for key in self.problem.keys)
+
+    def _all(self, column: str) -> Float:
+        """A column of the tests of all observations; NaN where no tie holds the point."""
+        found = in_three([getattr(tests, column) for tests in self.tests])
+        if not self.held.all():
+            found[~self.held] = np.nan
+        return found
+
+    @cached_property
+    def test(self) -> Float:
+        """Test statistics of all observations; NaN where not defined."""
+        return self._all("test")
+
+    @cached_property
+    def residuals(self) -> Float:
+        """Adjusted minus observed, (n, 3); NaN where no tie holds the point."""
+        of_ties = self._of_ties(np.concatenate([tests.whitened for tests in self._tests_of_ties]))
+        found = in_three([of_ties, *(tests.v for tests in self.tests[len(self.problem.ties) :])])
+        found[~self.held] = np.nan
+        return found
+
+    @cached_property
+    def redundancy(self) -> Float:
+        """Sum of the redundancy numbers of each observation, (n,)."""
+        return np.concatenate([np.einsum("nii->n", tests.redundancy) for tests in self.tests])
+
+    @cached_property
+    def answered(self) -> Float:
+        """How well the others know what is observed of the ground, (n,): 1 where as well as a single point of a body.
+
+        0 for ties. The redundancy number does not tell it: precise control beside rough bodies has one near zero, and
+        its gross errors show in the bodies all the same (see `uncontrolled_ties`).
+        """
+        problem, k = self.problem, len(self.problem.ties)
+        s2, found = self.variance_with_body / 3, [np.zeros(problem.n_ties)]
+        for o, first, tests, T in zip(problem.ground, problem.edges[k:], self.tests[k:], self.whiteners[k:]):
+            R = tests.redundancy
+            own = np.einsum("nii->n", R)
+            if is_coordinates(o):
+                own = s2[first : first + len(R)] * (T * (R @ T)).sum(axis=(1, 2))
+            components = np.maximum(problem.components[first : first + len(R)].sum(axis=1), 1)
+            found.append(np.clip(np.nan_to_num(own / components), 0.0, 1.0))
+        return np.concatenate(found)
+
+    @cached_property
+    def size(self) -> Float:
+        """Estimated gross errors, (n, 3)."""
+        return self._sizes(np.arange(len(self.use)))
+
+    def _sizes(self, rows: Int) -> Float:
+        """Those of some observations, ascending."""
+        size, n = self._all("size")[rows], self.problem.n_ties
+        ties = rows[rows < n]
+        own = self._of_ties(size[: len(ties)], ties)
+        others: list[Float] = [np.linalg.pinv(T).astype(np.float64) for T in self.whiteners[len(self.problem.ties) :]]
+        if not others:
+            return own
+        ground = np.einsum("nij,nj->ni", in_three(others)[rows[len(ties) :] - n], size[len(ties) :])
+        return np.concatenate([own, ground])
+
+    @property
+    def _tests_of_ties(self) -> tuple[RecordTests, ...]:
+        return self.tests[: len(self.problem.ties)]
+
+    def _of_ties(self, whitened: Float, rows: Int | slice = slice(None)) -> Float:
+        """Whitened values of ties in metres: along the eigenvectors of their covariances (`tie_whitener`)."""
+        scaled = whitened * np.sqrt(self._variances(rows))
+        found: Float = np.einsum("nij,nj->ni", self.spread.vectors[rows], scaled)
+        return found
+
+    def _variances(self, rows: Int | slice = slice(None)) -> Float:
+        values = self.spread.values[rows] + self.tau_m**2
+        return values if self.tau_m > 0 or self.spread.values.any() else np.ones_like(values)
+
+    @cached_property
+    def variance_with_body(self) -> Float:
+        """Variances of all observations and a body's point together, summed over the axes, (n,)."""
+        own = np.concatenate([self._variances().sum(axis=1), self.problem.ground_variance])
+        return own + 3 * typical_variance(self.spread, self.tau_m)
+
+    def controlled(self, rows: Int) -> Bool:
+        """Whether the gross errors of some observations, ascending, would be known well enough to reject them."""
+        sigma = np.sqrt(self.variance_with_body[rows])
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.linalg.norm(self._sizes(rows), axis=1) < WEAK * sigma * self.test[rows])
+
+    def added_sigma(self, *, robust: bool) -> float:
+        """The deformation that the residuals of the bodies' points ask for, m."""
+        values = self.spread.values
+        if not values.any():
+            return 0.0
+        whitened = np.concatenate([tests.whitened for tests in self._tests_of_ties])
+        share = np.concatenate([np.einsum("nii->n", tests.redundancy) / 3 for tests in self._tests_of_ties])
+        share = np.where((self.use & self.held)[: len(share)], share, np.nan)
+        return common_sigma(whitened**2 * self._variances(), values, share, robust=robust)
+
+
+def solve_tied(
+    problem: TiedProblem, state: State, use: Bool, tau_m: float, before: TiedSolution | None
+) -> TiedSolution:
+    """Adjust with some active observations and an added standard deviation.
+
+    Raises
+    ------
+    GeometryError
+        If the unknowns are not determined.
+    ConvergenceError
+        If the iteration does not converge.
+    """
+    spread, index = problem.spread(state), problem.index
+    if before is not None and before.tau_m == tau_m and before.spread.values is spread.values:
+        index, whiteners = before.solved.problem, before.whiteners  # with what was put in order for them
+    else:
+        whiteners = problem.whiteners(spread, tau_m)
+    held = problem.held(use)
+    weights = problem.weights(use & held, whiteners)
+    full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
+    done = before.iterations if before else 0
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        try:
+            solved = solve(index, full, weights)
+        except (GeometryError, ConvergenceError) as error:
+            raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
+        if solved.departure <= LINEAR:
+            return TiedSolution(problem, solved, whiteners, spread, tau_m, held, use, done + iteration)
+        full = solved.state
+    raise ConvergenceError(
+        f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
+        remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "
+        "and whether X and Y of the control are exchanged or left-handed against the observed positions",
+    )

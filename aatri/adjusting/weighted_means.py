@@ -1,0 +1,41 @@
+"""Weighted means of ground points over the bodies that hold them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+
+
+def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -> tuple[Float, Float]:
+    """Weighted means of the bodies' points.
+
+    Parameters
+    ----------
+    point : (n,) int
+    xyz : (n, 3) float64, m
+    T : (n, 3, 3) float64, 1/m
+        Whitener of each.
+    use : (n,) bool
+    n_points : int
+
+    Returns
+    -------
+    mean : (n_points, 3) float64, m
+        NaN where no body holds the point.
+    covariance : (n_points, 3, 3) float64, m^2
+    """
+    point, W = point[use], T[use].swapaxes(1, 2) @ T[use]
+    total = _summed(W, point, n_points)
+    held = np.bincount(point, minlength=n_points) > 0
+    total[~held] = np.eye(3)
+    covariance: Float = np.linalg.inv(total).astype(np.float64)
+    mean = np.einsum("nij,nj->ni", covariance, _summed(np.einsum("nij,nj->ni", W, xyz[use]), point, n_points))
+    mean[~held], covariance[~held] = np.nan, np.nan
+    return mean, covariance
+
+
+def _summed(values: Float, point: Int, n_points: int) -> Float:
+    flat = values.reshape(len(values), -1)
+    sums: Float = np.stack([np.bincount(point, column, n_points).astype(np.float64) for column in flat.T], axis=1)
+    return sums.reshape(n_points, *values.shape[1:])

@@ -1,0 +1,217 @@
+"""Components of strips grow pair by pair, the best tied pair first.
+
+How well a pair of components is tied is the standard deviation of its weakest rotation, about the line along which the
+common points lie:
+
+    sigma_rotation = sigma_point / sqrt(sum of squared distances from that line),
+
+sigma_point from the covariances of the points or from their discrepancies, whichever is larger. Above `WEAKEST_RAD` the
+points count as collinear and the pair is not joined; so it is with fewer than 3 points. Where the smaller component
+reaches farther from that line than `LONGEST_LEVER` times the denominator, errors of the points grow as many times at
+its edge: such a pair is joined only if asked for (`weakly`). The similarity of a pair is that with the least sum of
+distances (geometry.similarity), which wrong points hardly disturb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.similarity import IDENTITY, Similarity, compose
+from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
+
+WEAKEST_RAD = 0.05
+"""A tie whose weakest rotation is known worse than this joins nothing."""
+
+LONGEST_LEVER = 20.0
+"""How many times the errors of common points may grow at the edge of the smaller component."""
+
+ITERATIONS = 50
+
+
+@dataclass(frozen=True)
+class StripPoints:
+    """Points of all strips, in the strips' own frames.
+
+    Attributes
+    ----------
+    strip : (n,) int
+    point : (n,) int
+    xyz : (n, 3) float64, unit of the strip
+    covariance : (n, 3, 3) float64, unit of the strip squared
+    """
+
+    strip: Int
+    point: Int
+    xyz: Float
+    covariance: Float
+
+    def take(self, rows: Bool | Int) -> StripPoints:
+        """The chosen rows."""
+        return StripPoints(self.strip[rows], self.point[rows], self.xyz[rows], self.covariance[rows])
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Similarity from one component to another, how well it is determined, and the number of common points.
+
+    `lever` is how many times errors of these grow at the edge of the smaller component.
+    """
+
+    similarity: Similarity
+    sigma_rad: float
+    common: int
+    lever: float
+
+    def joins(self, *, weakly: bool) -> bool:
+        """Whether it is good enough."""
+        return self.sigma_rad <= WEAKEST_RAD and (weakly or self.lever <= LONGEST_LEVER)
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Points of a component, ascending: sums over its strips of coordinates and variances, and how many they are."""
+
+    point: Int
+    xyz: Float
+    variance: Float
+    count: Float
+
+
+@dataclass(frozen=True)
+class _Common:
+    """Common points of two components, in the frame of the second and of the first, and their variances."""
+
+    source: Float
+    target: Float
+    source_variance: Float
+    target_variance: Float
+
+
+def grow_components(
+    points: StripPoints, n_strips: int, *, weakly: bool = True
+) -> tuple[Int, list[Similarity], dict[tuple[int, int], Tie]]:
+    """Join components pair by pair, the best tied first; returns label, pose of every strip and the ties left over."""
+    member = np.arange(n_strips)
+    pose = [IDENTITY] * n_strips
+    bodies = {k: _body(points, k) for k in range(n_strips)}
+    ties = _ties(bodies, _neighbours(points, n_strips))
+    while True:
+        good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.joins(weakly=weakly)]
+        if not good:
+            return member, pose, ties
+        _, (a, b) = min(good)
+        joined = ties[a, b].similarity
+        for k in np.flatnonzero(member == b):
+            pose[k] = compose(joined, pose[k])
+        member = np.where(member == b, a, member)
+        bodies[a] = _merged(bodies[a], bodies.pop(b), joined)
+        ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
+        held = np.zeros(int(points.point.max()) + 1, dtype=bool)
+        held[bodies[a].point] = True
+        near = np.flatnonzero(np.bincount(member[points.strip[held[points.point]]])).tolist()
+        ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near if label != a])
+
+
+def _neighbours(points: StripPoints, n_strips: int) -> list[tuple[int, int]]:
+    """Pairs of strips with common points, in order."""
+    key = np.unique(points.point.astype(np.int64) * n_strips + points.strip)
+    point, strip = np.divmod(key, n_strips)
+    pairs = [np.zeros(0, dtype=np.int64)]
+    for step in range(1, int(np.bincount(point).max(initial=0))):
+        same = point[:-step] == point[step:]
+        pairs.append(np.unique(strip[:-step][same] * n_strips + strip[step:][same]))
+    return [(k // n_strips, k % n_strips) for k in np.unique(np.concatenate(pairs)).tolist()]
+
+
+def _body(points: StripPoints, strip: int) -> _Body:
+    rows = np.flatnonzero(points.strip == strip)
+    variance = np.einsum("nii->n", points.covariance[rows]) / 3
+    return _summed(points.point[rows], points.xyz[rows], variance, np.ones(len(rows)))
+
+
+def _merged(first: _Body, second: _Body, similarity: Similarity) -> _Body:
+    """One body of two, the second moved."""
+    moved = second.count[:, None] * similarity.translation + similarity.scale * second.xyz @ similarity.rotation.T
+    return _summed(
+        np.concatenate([first.point, second.point]),
+        np.concatenate([first.xyz, moved]),
+        np.concatenate([first.variance, similarity.scale**2 * second.variance]),
+        np.concatenate([first.count, second.count]),
+    )
+
+
+def _summed(point: Int, xyz: Float, variance: Float, count: Float) -> _Body:
+    distinct, of = np.unique(point, return_inverse=True)
+    n = len(distinct)
+    columns = [*xyz.T, variance, count]
+    sums: Float = np.stack([np.bincount(of, c, n).astype(np.float64) for c in columns], axis=1)
+    return _Body(distinct, sums[:, :3], sums[:, 3], sums[:, 4])
+
+
+def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict[tuple[int, int], Tie]:
+    """For each pair of components the similarity from the second to the first, and how well it is determined."""
+    common = [_common(bodies[a], bodies[b]) for a, b in pairs]
+    enough = [k for k, c in enumerate(common) if len(c.target) >= 3]
+    similarity, distance = _robust([common[k] for k in enough])
+    found = {pair: Tie(IDENTITY, np.inf, len(c.target), np.inf) for pair, c in zip(pairs, common)}
+    for k, s, d in zip(enough, similarity, distance):
+        a, b = (bodies[label] for label in pairs[k])
+        found[pairs[k]] = Tie(s, *_weakest_rotation(common[k], s, d, (a, b)))
+    return found
+
+
+def _common(a: _Body, b: _Body) -> _Common:
+    """Common points of two components."""
+    there = np.minimum(np.searchsorted(a.point, b.point), len(a.point) - 1)
+    second = np.flatnonzero(a.point[there] == b.point)
+    first = there[second]
+    count_a, count_b = a.count[first], b.count[second]
+    return _Common(
+        b.xyz[second] / count_b[:, None], a.xyz[first] / count_a[:, None],
+        b.variance[second] / count_b**2, a.variance[first] / count_a**2,
+    )  # fmt: skip
+
+
+def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
+    """The similarities with the least sums of distances, and these; see geometry.similarity.robust_closed_form."""
+    if not pairs:
+        return [], []
+    start = np.concatenate([[0], np.cumsum([len(c.source) for c in pairs])]).astype(np.int64)
+    n, distance = len(pairs), np.empty(start[-1])
+    shift, scale, rotation = np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
+    source, target = np.concatenate([c.source for c in pairs]), np.concatenate([c.target for c in pairs])
+    robust_similarities(start, source, target, ITERATIONS, shift, scale, rotation, distance)
+    found = [Similarity(shift[k], float(scale[k]), rotation[k]) for k in range(n)]
+    return found, np.split(distance, start[1:-1])
+
+
+def _weakest_rotation(
+    common: _Common, similarity: Similarity, distance: Float, bodies: tuple[_Body, _Body]
+) -> tuple[float, int, float]:
+    """Standard deviation of the rotation about the line along which the common points lie, rad; their number; lever."""
+    X, n = common.target, len(distance)
+    noise = float(np.sqrt(np.median(common.target_variance + similarity.scale**2 * common.source_variance)))
+    middle = float(np.median(distance))
+    # Three points are fitted by seven parameters: two of nine coordinates are left over.
+    sigma = max(noise, middle / 1.5 if n > 3 else float(np.linalg.norm(distance)) / 1.5)
+    fitting = distance <= 10 * max(sigma, middle)
+    if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
+        return np.inf, n, np.inf
+    centre = X[fitting].mean(0)
+    _, spread, directions = np.linalg.svd(np.linalg.qr(X[fitting] - centre, mode="r"))
+    across = float(np.hypot(*spread[1:3]))
+    if across <= 1e-9 * spread[0]:
+        return np.inf, n, np.inf
+    first, second = (body.xyz / body.count[:, None] for body in bodies)
+    second = similarity.translation + similarity.scale * second @ similarity.rotation.T
+    return sigma / across, n, min(_reach(xyz - centre, directions[0]) for xyz in (first, second)) / across
+
+
+def _reach(xyz: Float, direction: Float) -> float:
+    """Largest distance from a line through the origin."""
+    away = xyz - np.outer(xyz @ direction, direction)
+    return float(np.sqrt(np.einsum("ni,ni->n", away, away).max()))

@@ -1,0 +1,220 @@
+"""Free components: strips, each in a frame of its own, joined to each other by common points.
+
+1. Components grow from single strips, the best tied pair first (component_growth).
+2. All strips of a component are then adjusted together as similarities of seven unknowns each, the common points
+   eliminated (tied_adjustment), one strip held; wrong ties are found by data snooping.
+
+The frame and unit of a component are those of the strip with most points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
+from aatri.adjusting.tied_problem import tied_problem
+from aatri.adjustment.statistics.rejection import Snooping
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
+from aatri.observations.poses import POINT
+from aatri.observations.ties import BODY, STRIP_TIE
+from aatri.orientation.bodies.component_growth import StripPoints, Tie, grow_components
+from aatri.orientation.bodies.similarity_ties import similarities_of, similarity_ties
+
+GROSS = 30.0
+"""Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
+
+TIE_LIMIT = 6.0
+"""Test statistic of a wrong tie. Strips are deformed smoothly, so that good ties reach larger values than noise."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """Strips joined to one free body.
+
+    Attributes
+    ----------
+    strips : (k,) int
+        Numbers of the strips, ascending.
+    component_from_strip : tuple of Similarity
+        For each of them.
+    rows : (m,) int
+        Rows of its points in the StripPoints.
+    point : (p,) int
+        Numbers of its points, ascending.
+    xyz : (p, 3) float64, unit of the component
+    covariance : (p, 3, 3) float64, unit of the component squared
+    tied : TiedResult or None
+        The adjustment; None for a single strip. Its observations are the rows.
+    """
+
+    strips: Int
+    component_from_strip: tuple[Similarity, ...]
+    rows: Int
+    point: Int
+    xyz: Float
+    covariance: Float
+    tied: TiedResult | None
+
+
+@dataclass(frozen=True)
+class FreeBlock:
+    """Free components, and why they were not joined further.
+
+    Attributes
+    ----------
+    components : tuple of Component
+        Largest first (number of points, then first strip).
+    active : (n,) bool
+        Rows of the StripPoints not rejected.
+    unjoined : tuple of str
+        For each pair of components with few or bad ties: what is missing.
+    weak : tuple of bool
+        For each of these: it could be joined weakly, by points nearly on a line.
+    """
+
+    components: tuple[Component, ...]
+    active: Bool
+    unjoined: tuple[str, ...]
+    weak: tuple[bool, ...] = ()
+
+
+def join_strips(
+    points: StripPoints, names: Sequence[str], *, point_ids: Text | None = None, active: Bool | None = None,
+    limit: float = TIE_LIMIT, weakly: bool = True,
+) -> FreeBlock:  # fmt: skip
+    """Join strips by common points to free components.
+
+    Parameters
+    ----------
+    points : StripPoints
+    names : (n_strips,) sequence of str
+        Names of the strips, for messages.
+    point_ids : str, optional
+        Of all points; default: their numbers.
+    active : (n,) bool, optional
+        Rows to begin with; the others are tested for re-admission.
+    limit : float
+        Test statistic of a wrong tie.
+    weakly : bool
+        Also by common points nearly on a line, see component_growth.
+    """
+    use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
+    ids = np.arange(int(points.point.max(initial=-1)) + 1).astype(np.str_) if point_ids is None else point_ids
+    member, pose, weak = grow_components(points.take(use), len(names), weakly=weakly)
+    components = []
+    for label in np.unique(member):
+        strips = np.flatnonzero(member == label)
+        component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids)
+        components.append(component)
+        if component.tied is not None:
+            use[component.rows] = component.tied.active
+    components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
+    reasons = _reasons(components, weak, member, names)
+    return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
+
+
+def _adjusted(
+    points: StripPoints, strips: Int, pose: list[Similarity], use: Bool, limit: float, names: Sequence[str],
+    point_ids: Text,
+) -> Component:  # fmt: skip
+    rows = np.flatnonzero(np.isin(points.strip, strips))
+    mine = points.take(rows)
+    number, point = np.unique(mine.point, return_inverse=True)
+    if len(strips) == 1:
+        # An identity pose, so that the component is the strip itself.
+        order = np.argsort(point)
+        return Component(strips, (IDENTITY,), rows, number, mine.xyz[order], mine.covariance[order], None)
+    local = np.searchsorted(strips, mine.strip)
+    held = int(np.argmax(np.bincount(local, minlength=len(strips))))
+    to_held = inverse(pose[held])
+    centre = _means(mine.xyz, local, len(strips))
+    start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
+    ties = similarity_ties(
+        local, point, mine.xyz - centre[local], mine.covariance, names=[names[k] for k in strips],
+        free=np.arange(len(strips)) != held,
+    )  # fmt: skip
+    begin = similarities_of(start)
+    active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
+    what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
+    ids = point_ids[number]
+    of_ties = ties.observed(STRIP_TIE, np.array([names[k] for k in strips], dtype=np.str_)[local], ids[point], begin)
+    problem = tied_problem([of_ties], {POINT: ties.places(begin, len(number))}, {POINT: ids}, what)
+    tied = adjust_tied(problem, Snooping(limit), active=active)
+    component_from_strip = [compose(tied.state[BODY][k], Similarity(-c, 1.0, np.eye(3))) for k, c in enumerate(centre)]
+    solved = np.isfinite(tied.mean_m).all(1)
+    return Component(strips, tuple(component_from_strip), rows, number[solved], tied.mean_m[solved],
+                     tied.mean_covariance_m2[solved], tied)  # fmt: skip
+
+
+def _means(xyz: Float, of: Int, n: int) -> Float:
+    """Mean coordinates of each strip."""
+    count = np.bincount(of, minlength=n)
+    return np.stack([np.bincount(of, column, n) for column in xyz.T], axis=1) / count[:, None]
+
+
+def _plausible(xyz: Float, variance: Float, point: Int) -> Bool:
+    """Points of strips without the grossest errors, which least squares would not survive, by the robust start.
+
+    A point is compared with the median over its strips; of two that disagree the less precise is set aside. What was
+    set aside too much is re-admitted by its test.
+    """
+    count = np.bincount(point)
+    order = np.argsort(point, kind="stable")
+    median = np.stack([_medians(point[order], column[order], count) for column in xyz.T], axis=1)
+    distance = np.linalg.norm(xyz - median[point], axis=1)
+    shared = count[point] > 1
+    if not shared.any():
+        return np.ones(len(point), dtype=bool)
+    least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(xyz).max()))
+    gross = shared & (distance > least)
+    pair = count[point] == 2
+    precise = np.lexsort((variance, point))
+    first = np.zeros(len(point), dtype=bool)
+    first[precise[np.diff(point[precise], prepend=-1) > 0]] = True
+    return np.asarray(~(gross & ~(pair & first)))
+
+
+def _medians(point: Int, value: Float, count: Int) -> Float:
+    """Median of the values of each point; points ascending, each `count` times, at least once."""
+    start = np.cumsum(count) - count
+    total, least, most = (f.reduceat(value, start) for f in (np.add, np.minimum, np.maximum))
+    found = np.where(count > 2, total - least - most, total / count)
+    many = np.flatnonzero((count > 3)[point])  # few points lie in more than three strips
+    if len(many):
+        ranked = value[many][np.lexsort((value[many], point[many]))]
+        of = count[count > 3]
+        first = np.cumsum(of) - of
+        found[count > 3] = 0.5 * (ranked[first + (of - 1) // 2] + ranked[first + of // 2])
+    return found
+
+
+def _reasons(
+    components: list[Component], weak: dict[tuple[int, int], Tie], member: Int, names: Sequence[str]
+) -> dict[str, bool]:
+    """Why pairs of components are not joined, and whether they could be weakly."""
+    components = sorted(components, key=lambda c: int(c.strips[0]))
+    label = [int(member[c.strips[0]]) for c in components]
+    texts = dict[str, bool]()
+    for i, first in enumerate(components):
+        for j, second in enumerate(components[i + 1 :], i + 1):
+            tie = weak.get((min(label[i], label[j]), max(label[i], label[j])))
+            between = f"{strip_names(first, names)} and {strip_names(second, names)}"
+            if tie is None:
+                texts[f"{between} have no common point"] = False
+            elif tie.common < 3:
+                texts[f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed"] = False
+            else:
+                weakly = tie.joins(weakly=True)
+                line = "nearly on a line" if weakly else "on a line"
+                texts[f"{between} have {tie.common} common points that lie {line}"] = weakly
+    return texts
+
+
+def strip_names(component: Component, names: Sequence[str]) -> str:
+    """`strip 1` or `strips 1, 2`."""
+    plural = "strips" if len(component.strips) > 1 else "strip"
+    return f"{plural} {', '.join(str(names[k]) for k in component.strips)}"

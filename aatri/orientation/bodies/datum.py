@@ -1,0 +1,60 @@
+"""What is known of a free component on the ground: control, positions, distances, attitudes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
+
+
+@dataclass(frozen=True)
+class Datum:
+    """Points of a component that something is known of, one row each: control points, observed positions, others.
+
+    Attributes
+    ----------
+    name : (n,) tuple of str
+        For messages.
+    x : (n, 3) float64, unit of the component
+    covariance : (n, 3, 3) float64, unit of the component squared
+    offset_m : (n, 3) float64, m
+        Lever arm along the component's axes; zero for points.
+    xyz_m : (n, 3) float64, m
+        On the ground; reduced to an origin near the block.
+    covariance_m2 : (n, 3, 3) float64, m^2
+        Zero where exact.
+    given : (n, 3) bool
+        Coordinates that are known.
+    n_control : int, optional
+        The first rows are control points, the others positions; default: all are control points.
+    n_given : int, optional
+        The rows beyond are points that only distances reach; default: there are none.
+    distances : tuple of GivenDistances
+        Between rows.
+    attitudes : GivenAttitudes, optional
+        Of images of the component, as the one strip there is.
+    row : (n,) int, optional
+        Of control and positions in their tables of the Block; default: their numbers.
+    id : (n,) str, optional
+        Of points and images; default: their names.
+    """
+
+    name: tuple[str, ...]
+    x: Float
+    covariance: Float
+    offset_m: Float
+    xyz_m: Float
+    covariance_m2: Float
+    given: Bool
+    n_control: int | None = None
+    n_given: int | None = None
+    distances: tuple[GivenDistances, ...] = ()
+    attitudes: GivenAttitudes | None = None
+    row: Int | None = None
+    id: Text | None = None
+
+    @property
+    def coordinates(self) -> int:
+        """Rows of control and positions."""
+        return len(self.x) if self.n_given is None else self.n_given

@@ -1,0 +1,173 @@
+"""How far strips are deformed, and whether that can be.
+
+Each model of a strip joins the one before with errors of rotation and scale of the size of its points' own errors s.
+They add up twice along the strip (Vermeir 1954; Ackermann 1965). White noise summed twice over n models, less its best
+shift and tilt, is about 0.05 n^1.5 s (RMS; the root of 1/420 is 0.049), so that strips of n models are expected to
+differ from each other and from the ground by
+
+    expected = 1 + 0.05 n^1.5
+
+times the standard deviations of their points: 8 times for 27 models, 50 times for 100. That is the ratio sigma0 of the
+adjustments of whole strips, in which tau, the deformation added to the standard deviations of the points, is *not*
+counted. How much strips in fact deform depends on their points and overlaps, hence this is a gauge of one digit: beyond
+`max_sigma0` times what is expected points, ids or frames are mixed up, or the standard deviations are guessed: that is
+told from the size of the misfit (`Misfit`).
+
+With tau counted sigma0 is near 1 by construction wherever tau had to be added, so that its test warns where gross
+errors are left. Where strips agree better than the standard deviations of their points say it is small, which the
+stages before have told of their image points: here that is a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjusting.tied_adjustment import TiedResult
+from aatri.adjustment.statistics.global_test import (
+    MAX_SIGMA0,
+    GlobalTest,
+    global_test,
+    pooled_test,
+    sigma0_note,
+    single_misfits,
+)
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError
+from aatri.notes import Note
+
+GROWTH = 0.05
+
+START = 0.005
+"""Misfit, as a share of the distance between images and points, that no block of right ids, units and axes has: a tenth
+of what the bundle can begin from (docs/convergence.md)."""
+
+OF_GIVEN = "of control, the deformation counted,"
+
+
+def expected_ratio(models: int) -> float:
+    """Expected ratio of the deformation of strips of so many models to the standard deviations of their points."""
+    return 1.0 + GROWTH * float(models * np.sqrt(models))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """From where on strips and control do not fit.
+
+    Attributes
+    ----------
+    max_sigma0 : float or None
+        Largest ratio to what deformation explains. None: `MAX_SIGMA0`, and only where the misfit is also more than
+        `START` of the distance; the bundle can begin from less.
+    distance_m : float, m
+        From the projection centres to the points.
+    """
+
+    max_sigma0: float | None
+    distance_m: float
+
+    def notes(self, sigma0: float, expected: float, off_m: float, what: str, why: str) -> list[Note]:
+        """A warning where sigma0 is beyond the limit and the misfit is small.
+
+        Raises
+        ------
+        ConvergenceError
+            Where it is not.
+        """
+        limit = MAX_SIGMA0 if self.max_sigma0 is None else self.max_sigma0
+        if not (np.isfinite(sigma0) and sigma0 > limit * expected):
+            return []
+        text = f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {limit:g}{why}: strips and control do not fit "
+        text += "each other"
+        remedy = ("check ids of points and control, units and axes of control, strips and models of the images; "
+                  "standard deviations that are too small by this factor are to be corrected in the block")  # fmt: skip
+        if self.max_sigma0 is not None or not off_m <= START * self.distance_m:
+            raise ConvergenceError(text, remedy=remedy)
+        share = f"{off_m:.2g} m (RMS), {off_m / self.distance_m:.1%} of the distance of the images"
+        return [Note("warning", f"{text}, but by {share}: the bundle can begin from there; {remedy}")]
+
+
+def rms_m(residual_m: Float, active: Bool) -> float:
+    """RMS length of the residuals in use, (n, 3), m; those that vanish, of points observed once, do not count."""
+    squares = np.nansum(residual_m[active] ** 2, axis=1)
+    squares = squares[squares > 0]
+    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
+
+
+def sigma0_notes(
+    tied: Sequence[TiedResult],
+    names: Sequence[str],
+    sigma0: float,
+    models: int,
+    misfit: Misfit,
+    off_m: float,
+    what: str,
+) -> list[Note]:
+    """sigma0 of one or several adjustments of strips: its test, pooled, the single ones, and what the ratio means.
+
+    Parameters
+    ----------
+    tied : sequence of TiedResult
+    names : sequence of str
+        Of each, for messages.
+    sigma0 : float
+        Ratio to the a priori standard deviations of all together.
+    models : int
+        Of the longest strip.
+    misfit : Misfit
+    off_m : float, m
+        RMS of what does not fit.
+    what : str
+
+    Raises
+    ------
+    ConvergenceError
+        If no deformation explains the misfit.
+    """
+    expected = expected_ratio(models)
+    why = f" times the {expected:.2g} that strips of {models} models lead one to expect"
+    notes = misfit.notes(sigma0, expected, off_m, what, why)
+    ratios: Float = np.array([t.weighted_sigma0 for t in tied])
+    redundancy: Int = np.array([max(t.redundancy, 0) for t in tied])
+    test = pooled_test(ratios, redundancy)
+    what_of_it = "with the deformation of the strips counted"
+    small = test.verdict != "untested" and test.sigma0 < 1
+    notes.append(sigma0_note(replace(test, verdict="fits") if small else test, what_of_it))
+    notes += misfit.notes(test.sigma0, 1.0, off_m, f"{what}, deformation counted", "")
+    misfits = np.flatnonzero(single_misfits(ratios, redundancy))
+    if len(tied) > 1 and len(misfits):
+        notes.append(
+            Note("warning", "adjustments that do not fit by themselves", tuple(names[k] for k in misfits.tolist()))
+        )
+    if np.isfinite(sigma0):
+        notes.append(
+            Note("note", f"strips deform by {sigma0:.3g} times the standard deviations of their points; strips of "
+                 f"{models} models lead one to expect about {expected_ratio(models):.2g} times")
+        )  # fmt: skip
+    return notes
+
+
+def given_note(tied: TiedResult) -> Note:
+    """Whether control fits the strips, the deformation counted; a warning beyond 0.5 to 2.
+
+    What polynomials leave of the deformation is smooth, so that control fits somewhat worse than ties: less than that
+    is a note.
+    """
+    test: GlobalTest = global_test(tied.ground_sigma0, round(tied.ground_redundancy))
+    if test.verdict in ("warned", "far") and (test.verdict == "warned" or test.sigma0 < 1):
+        test = replace(test, verdict="fits")
+    return sigma0_note(test, OF_GIVEN)
+
+
+def search_notes(tied: TiedResult, names: Callable[[TiedResult, Int], Sequence[str]], what: str) -> list[Note]:
+    """What the search for gross errors leaves open; `names` are what messages call some of the observations."""
+    notes = []
+    kept = np.flatnonzero(tied.above)
+    if len(kept):
+        text = f"{what}: above the limit but not rejected, as too little else controls them or too many are rejected"
+        notes.append(Note("warning", text, tuple(names(tied, kept))))
+    if not tied.settled:
+        notes.append(Note("warning", f"{what}: the search for gross errors was broken off before it settled"))
+    return notes

@@ -1,0 +1,213 @@
+"""Covariances of adjusted strips whose points share a deformation, which no white standard deviation reproduces.
+
+The strips were adjusted with white weights W = (C_o + tau^2 I)^-1; that stays as it is. Their points err by e + F z: e
+white, covariance phi W^-1, F z the summed deformation (summed_deformation). The coefficients c take up a part of it,
+
+    c errs by  -A z + noise,      A = N_cc^-1 N_cz,      noise: phi N_cc^-1, with control by its own standard deviations
+
+N of deformed_normals; the rest, F z - D A z, remains in the points. Ground points are weighted means over the strips:
+
+    C_X = B C_(c, z) B' + phi (sum W)^-1,      B = (sum W)^-1 W (D, F)
+
+The variances theta of z and phi are estimated from the residuals (deformation_components), phi no smaller than the
+standard deviations a priori want it. A component with a redundancy below `ESTIMABLE` is not estimable, and then no
+covariance is given.
+
+Source: collocation with the filter of another adjustment: Moritz 1980, Advanced Physical Geodesy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
+from aatri.adjustment.statistics.variance_components import ESTIMABLE
+from aatri.adjustment.threads import thread_control
+from aatri.arrays import Float, Int
+from aatri.geometry.polynomials import StripAxes
+from aatri.notes import Note
+from aatri.observations.control import Control
+from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.deformation_components import deformation_components
+from aatri.orientation.bodies.deformed_normals import (
+    DeformedTies,
+    by_functions,
+    deformed_ties,
+    is_wide,
+    misfit,
+    normals,
+    of_control,
+    pairs_of_strips,
+)
+from aatri.orientation.bodies.determined_degrees import kept_coefficients
+from aatri.orientation.bodies.strip_polynomials import StripPolynomials
+from aatri.orientation.bodies.summed_deformation import (
+    AXIS,
+    COMPONENT,
+    COMPONENTS,
+    COMPONENTS_TOGETHER,
+    HELD,
+    SUMMED,
+    TOGETHER,
+)
+
+MOST_STRIPS = 200
+"""Deformations of all strips hang together: their matrices grow with the square of the strips, to 1 GB at 500."""
+
+ABSORBED = 1e-9
+"""Share of a deformation's information that is left where the coefficients take it up."""
+
+
+@dataclass(frozen=True)
+class DeformedCovariances:
+    """What the points and coefficients of adjusted strips are worth.
+
+    Attributes
+    ----------
+    point_covariance_m2 : (n_points, 3, 3) float64, m^2
+        NaN where not determined; all of it where a component is not estimable.
+    coefficient_sigma_m : (n_strips, K) float64, m
+        The same.
+    sigma, redundancy : dict of str to float
+        Standard deviations of the components, rad (joints) or m (similarities), and their redundancies.
+    missing : str
+        Why there are none.
+    """
+
+    point_covariance_m2: Float
+    coefficient_sigma_m: Float
+    sigma: dict[str, float]
+    redundancy: dict[str, float]
+    missing: str = ""
+
+
+def deformed_covariances(
+    result: StripPolynomials, points: StripPoints, n_points: int, axes: Sequence[StripAxes], control: Control,
+    models: Int,
+) -> DeformedCovariances:  # fmt: skip
+    """Covariances of points and coefficients of adjusted strips.
+
+    Parameters
+    ----------
+    result : StripPolynomials
+    points : StripPoints
+    n_points : int
+    axes : (n_strips,) sequence of StripAxes
+    control : Control
+    models : (n_strips,) int
+        Of each strip.
+    """
+    with thread_control().limit(limits=1, user_api="blas"):  # matrices of some hundred rows
+        return _deformed_covariances(result, points, n_points, axes, control, models)
+
+
+def _deformed_covariances(
+    result: StripPolynomials, points: StripPoints, n_points: int, axes: Sequence[StripAxes], control: Control,
+    models: Int,
+) -> DeformedCovariances:  # fmt: skip
+    tied, n_strips = result.tied, len(axes)
+    kept = kept_coefficients(result.degree, result.basis)
+    K = kept.shape[1]
+    nothing = np.full((n_points, 3, 3), np.nan), np.full(kept.shape, np.nan)
+    problem = tied.problem
+    spread = problem.spread(tied.state)
+    redundancy = tied.redundancy
+    if redundancy <= 0 or not spread.values.any():
+        return DeformedCovariances(*nothing, {}, {}, "the deformation of the strips is not estimable (no redundancy)")
+    if n_strips > MOST_STRIPS:
+        return DeformedCovariances(*nothing, {}, {}, f"{n_strips} strips, more than {MOST_STRIPS}")
+    used = SUMMED if int(result.degree.min()) >= 1 else np.arange(len(AXIS))
+    active, T_ties = tied.active[: len(points.strip)], tie_whitener(spread, tied.tau_m)
+    ties = deformed_ties(points, axes, active, T_ties, wide=is_wide(result.basis))
+    typical = typical_variance(spread, tied.tau_m)
+    beside = [whitener_beside(o, C, typical) for o, C in zip(problem.ground, problem.covariances)]
+    T = np.concatenate([np.zeros((0, 3, 3)), *beside]) * tied.active[len(points.strip) :, None, None]
+    total = _sums(T_ties[active], points.point[active], n_points)
+    often = np.bincount(ties.point, minlength=n_points) + np.bincount(control.point, minlength=n_points)
+    inverse = _inverses(total + _sums(T, control.point, n_points))
+    made = by_functions(axes, models, result.basis)[:, :, np.concatenate([np.arange(K), K + used])]
+    N = _joined(made.swapaxes(1, 2)[:, None] @ normals(ties, n_strips, inverse, often < 2) @ made)
+    free = np.concatenate([kept, np.ones((n_strips, len(used)), dtype=bool)], axis=1)
+    is_c = free & (np.arange(free.shape[1]) < K)
+    c, z = np.flatnonzero(is_c), np.flatnonzero(free & ~is_c)
+    Q = np.linalg.inv(N[np.ix_(c, c)])
+    A = Q @ N[np.ix_(c, z)]
+    S = N[np.ix_(z, z)] - N[np.ix_(z, c)] @ A
+    left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)
+    z, A, S = z[left], A[:, left], S[np.ix_(left, left)]
+    g = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residuals, n_strips)).ravel()[z]
+    squares = tied.weighted_sigma0**2 * redundancy
+    least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
+    for names, of in ((COMPONENTS, np.arange(len(COMPONENTS))), (COMPONENTS_TOGETHER, np.array(TOGETHER))):
+        component = of[COMPONENT[used][z % free.shape[1] - K]]
+        found = deformation_components(S, g, component, squares, redundancy, least)
+        present = np.unique(component).tolist()
+        few = [f"{names[k]} ({found.redundancy[k]:.1f})" for k in present if found.redundancy[k] < ESTIMABLE]
+        if not few:
+            break
+    sigma = {names[k]: float(np.sqrt(found.variance[k])) for k in present}
+    of_component = {names[k]: float(found.redundancy[k]) for k in present}
+    if few or not present:
+        why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
+        why = f"the deformation of the strips is not estimable ({why})"
+        return DeformedCovariances(*nothing, sigma, of_component, why)
+    brought = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
+    noise = Q @ brought.reshape(len(N), -1)[c]
+    theta, C = found.variance[component], np.zeros_like(N)
+    C[np.ix_(c, c)] = found.phi * Q + (A * theta) @ A.T + (1 - found.phi) * noise @ noise.T
+    C[np.ix_(c, z)], C[np.ix_(z, c)] = -A * theta, -(A * theta).T
+    C[z, z] = theta
+    sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, :K]
+    return DeformedCovariances(
+        _of_points(ties, C, made, total, found.phi), np.where(kept, sigmas, np.nan), sigma, of_component
+    )
+
+
+def covariance_notes(found: DeformedCovariances) -> list[Note]:
+    """How far the joints of the strips err, or why there are no standard deviations."""
+    if found.missing:
+        return [Note("note", f"no standard deviations of points and coefficients: {found.missing}")]
+    parts = [f"{name} {sigma:.3f} m" if name in HELD else f"{name} {1e6 * sigma:.3g} urad"
+             for name, sigma in found.sigma.items()]  # fmt: skip
+    of = ", ".join(parts)
+    return [Note("note", f"summed deformation, counted in the standard deviations of points and coefficients: {of}")]
+
+
+def _sums(whitener: Float, point: Int, n_points: int) -> Float:
+    """Sums of the weights of every point, (n_points, 3, 3)."""
+    W = (whitener.swapaxes(1, 2) @ whitener).reshape(-1, 9)
+    sums: Float = np.stack([np.bincount(point, column, n_points).astype(np.float64) for column in W.T], axis=1)
+    return sums.reshape(n_points, 3, 3)
+
+
+def _inverses(weights: Float) -> Float:
+    """Inverses of the weights of points; the identity where there are none."""
+    full = weights.copy()
+    full[~weights.any(axis=(1, 2))] = np.eye(3)
+    return np.asarray(np.linalg.inv(full))
+
+
+def _joined(blocks: Float) -> Float:
+    """One matrix of the blocks, (n, n, m, m)."""
+    n, _, m, _ = blocks.shape
+    return blocks.swapaxes(1, 2).reshape(n * m, n * m)
+
+
+def _of_points(ties: DeformedTies, C: Float, made: Float, weights: Float, phi: float) -> Float:
+    """Covariances of the weighted means over the strips; NaN where no strip holds the point."""
+    n, functions, size = made.shape
+    blocks = C.reshape(n, size, n, size).swapaxes(1, 2)
+    m = functions // 3
+    inverse = _inverses(weights)
+    B, found = inverse[ties.point] @ ties.weight, phi * inverse
+    for j, k, first, second in pairs_of_strips(ties.strip, ties.point):
+        # Of the functions: for each pair of axes f_j' C f_k.
+        of = (made[j] @ blocks[j, k] @ made[k].T).reshape(3, m, 3, m).transpose(1, 0, 2, 3).reshape(m, 9 * m)
+        spread = ((ties.f[first] @ of).reshape(-1, 9, m) @ ties.f[second][:, :, None]).reshape(-1, 3, 3)
+        of_pair = B[first] @ spread @ B[second].swapaxes(1, 2)
+        found[ties.point[first]] += of_pair if j == k else of_pair + of_pair.swapaxes(1, 2)
+    found[~weights.any(axis=(1, 2))] = np.nan
+    return found

@@ -1,0 +1,158 @@
+"""Normal equations of coefficients and summed deformations of strips together, the ground points eliminated.
+
+Everything that moves a strip is made of the same few functions f of the place in the strip, in its three axes G
+(summed_deformation). For strips j and k, axes a and b,
+
+    N_(j a, k b) = sum_p [G_j'(W_j d_jk - W_j W_p^-1 W_k) G_k]_ab f_j f_k',      W_p = sum of the weights at point p
+
+so that only scalar functions are summed; coefficients and causes are linear in them. Points of one strip without
+control contribute nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.polynomials import StripAxes
+from aatri.geometry.strip_bases import StripBasis
+from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.polynomial_ties import in_axes
+from aatri.orientation.bodies.summed_deformation import causes, functions
+
+
+@dataclass(frozen=True)
+class DeformedTies:
+    """Active points of strips, in the order of points and strips.
+
+    Attributes
+    ----------
+    row, strip, point : (n,) int
+    weight : (n, 3, 3) float64, 1/m^2
+        From the strip's axes to the ground: W G.
+    axes : (n, 3, 3) float64
+        G.
+    f : (n, m) float64
+        Functions.
+    """
+
+    row: Int
+    strip: Int
+    point: Int
+    weight: Float
+    axes: Float
+    f: Float
+
+
+def is_wide(basis: StripBasis) -> bool:
+    """Whether a basis needs powers of v."""
+    return basis.full or (basis.form == "conformal" and not basis.narrow)
+
+
+def deformed_ties(
+    points: StripPoints, axes: Sequence[StripAxes], active: Bool, whitener: Float, *, wide: bool
+) -> DeformedTies:
+    """Active points of strips.
+
+    Parameters
+    ----------
+    points : StripPoints
+    axes : (n_strips,) sequence of StripAxes
+    active : (n,) bool
+    whitener : (n, 3, 3) float64, 1/m
+    wide : bool
+        See `functions`.
+    """
+    row = np.flatnonzero(active)
+    row = row[np.lexsort((points.strip[row], points.point[row]))]
+    mine, T = points.take(row), whitener[row]
+    local, _ = in_axes(mine, axes)
+    G = np.stack([a.ground_from_axes for a in axes])[mine.strip]
+    f = functions(local[:, 0], local[:, 1], wide=wide)
+    return DeformedTies(row, mine.strip, mine.point, T.swapaxes(1, 2) @ (T @ G), G, f)
+
+
+def by_functions(axes: Sequence[StripAxes], models: Int, basis: StripBasis) -> Float:
+    """Coefficients and causes by the functions, (n_strips, 3 m, K + L)."""
+    half_m, wide = np.stack([a.half_range_m for a in axes]), is_wide(basis)
+    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 5)))
+    f = functions(u, v, wide=wide)
+    # The coefficients' terms are sums of the functions: at a few places they say which.
+    made = np.linalg.pinv(f)
+    of_basis = [made @ basis.rows(u, v, np.full(len(u), across / along)).transpose(1, 0, 2) for along, across in half_m]
+    both = np.concatenate([np.stack(of_basis), causes(half_m, models, f.shape[1])], axis=3)
+    return both.reshape(len(axes), -1, both.shape[3])
+
+
+def normals(ties: DeformedTies, n_strips: int, inverse: Float, single: Bool) -> Float:
+    """Normal matrices of the functions, (n_strips, n_strips, 3 m, 3 m).
+
+    Parameters
+    ----------
+    inverse : (n_points, 3, 3) float64, m^2
+        W_p^-1.
+    single : (n_points,) bool
+        Points that one strip alone observes.
+    """
+    m = ties.f.shape[1]
+    N = np.zeros((n_strips, n_strips, 3 * m, 3 * m))
+    rows = np.flatnonzero(~single[ties.point])
+    WG, f = ties.weight[rows], ties.f[rows]
+    out = inverse[ties.point[rows]] @ WG
+    for j, k, first, second in pairs_of_strips(ties.strip[rows], ties.point[rows]):
+        P = -WG[first].swapaxes(1, 2) @ out[second]
+        if j == k:
+            P += ties.axes[rows[first]].swapaxes(1, 2) @ WG[first]
+        left = (P.reshape(-1, 9, 1) * f[first, None]).reshape(-1, 9 * m)
+        block = (left.T @ f[second]).reshape(3, 3, m, m).transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
+        N[j, k] = block
+        if j != k:
+            N[k, j] = block.T
+    return N
+
+
+def misfit(ties: DeformedTies, residual_m: Float, n_strips: int) -> Float:
+    """Of the functions to the residuals of all strip points: sum of f (G'W v), (n_strips, 3 m)."""
+    turned = np.einsum("nji,nj->ni", ties.weight, np.nan_to_num(residual_m[ties.row]))
+    found = np.zeros((n_strips, 3, ties.f.shape[1]))
+    for k in range(n_strips):
+        of = ties.strip == k
+        found[k] = turned[of].T @ ties.f[of]
+    return found.reshape(n_strips, -1)
+
+
+def of_control(ties: DeformedTies, n_strips: int, inverse: Float, control: Int, whitener: Float) -> Float:
+    """What control brings in, by whitened columns: sum of G'W W_p^-1 T', (n_strips, 3 m, 3 n_control).
+
+    Parameters
+    ----------
+    inverse : (n_points, 3, 3) float64, m^2
+    control : (n_control,) int
+        Points.
+    whitener : (n_control, 3, 3) float64, 1/m
+        T, zero where not used.
+    """
+    columns = np.zeros((n_strips, 3, ties.f.shape[1], len(control), 3))
+    for c, point in enumerate(control.tolist()):
+        rows = np.arange(*np.searchsorted(ties.point, [point, point + 1]))
+        brought = ties.weight[rows].swapaxes(1, 2) @ (inverse[point] @ whitener[c].T)
+        columns[ties.strip[rows], :, :, c] = brought[:, :, None] * ties.f[rows, None, :, None]
+    return columns.reshape(n_strips, -1, 3 * len(control))
+
+
+def pairs_of_strips(strip: Int, point: Int) -> Iterator[tuple[int, int, Int, Int]]:
+    """Strips j <= k, and the rows of both at their common points; rows in the order of points and strips."""
+    first, second = [np.arange(len(point))], [np.arange(len(point))]
+    for apart in range(1, int(np.bincount(point).max(initial=1))):
+        same = np.flatnonzero(point[apart:] == point[:-apart])
+        first.append(same)
+        second.append(same + apart)
+    a, b = np.concatenate(first), np.concatenate(second)
+    code = strip[a].astype(np.int64) * (int(strip.max(initial=0)) + 1) + strip[b]
+    order = np.argsort(code, kind="stable")
+    for mine in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
+        if len(mine):
+            yield int(strip[a[mine[0]]]), int(strip[b[mine[0]]]), a[mine], b[mine]

@@ -1,0 +1,151 @@
+"""The degree of each strip's polynomial: what control and ties determine, for plan and height apart.
+
+It begins at the degree asked for, for plan (a and b) and height (c) of every strip, and falls until all coefficients
+are determined:
+
+- by rank: eigenvalues of the unit-diagonal normal matrix below `RANK`; the strips in their null vectors fall by one;
+- by sense: a strip falls if the corrections of its points, RMS, would be less precise than `WORST` times a single point
+  of a strip: it would extrapolate.
+
+Both are judged with equal weights of all strips' points and control held, so that they depend on geometry alone: then
+plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adjusting.added_variance import observed_components
+from aatri.adjusting.tied_problem import TiedProblem
+from aatri.adjustment.elimination.reduced import reduced_normals
+from aatri.adjustment.structure.weights import with_weights
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
+
+RANK = 1e-7
+WORST = 2.0
+HELD = 1e-2
+"""Standard deviation of control, as a share of that of the strips' points."""
+
+PARTS = ("plan", "height")
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A strip that fell to a lower degree, and why."""
+
+    strip: int
+    part: str
+    degree: int
+    reason: str
+
+
+def kept_coefficients(degrees: Int, basis: StripBasis = SECOND_DEGREE) -> Bool:
+    """Coefficients within the degrees, (n_strips, K), from the degrees of plan and height, (n_strips, 2)."""
+    return np.asarray(degrees[:, basis.part] >= basis.degree)
+
+
+def determined_degrees(
+    problem: TiedProblem, design: Float, use: Bool, highest: Int, basis: StripBasis = SECOND_DEGREE
+) -> tuple[Int, list[Fall]]:
+    """Degrees of plan and height of every strip, and what fell.
+
+    Parameters
+    ----------
+    problem : TiedProblem
+        With all coefficients free; what is given is control.
+    design : (n, 3, K) float64
+        Derivatives of the deformations of the strip points, in the axes of their strips (`design_of_points`).
+    use : (n + n_control,) bool
+        Observations that count: strip points, then control.
+    highest : (n_strips, 2) int
+        Degrees of plan and height to begin with.
+    basis : StripBasis
+
+    Returns
+    -------
+    degrees : (n_strips, 2) int
+        -1 without correction.
+    falls : list of Fall
+    """
+    degrees, falls = highest.copy(), []
+    N, products = _normal_matrix(problem, use), _products(problem.ties[0].records.touches[0][1], design, len(degrees))
+    for part in (0, 1):
+        while (degrees[:, part] >= 0).any():
+            kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
+            reasons = _undetermined(N[np.ix_(kept, kept)], kept, basis)
+            if not reasons:
+                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, *products)
+            if not reasons:
+                break
+            for strip, reason in sorted(reasons.items()):
+                degrees[strip, part] -= 1
+                falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
+    return degrees, falls
+
+
+def _normal_matrix(problem: TiedProblem, use: Bool) -> Float:
+    """N of all coefficients, the ground points eliminated."""
+    ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
+    held = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
+    weights = problem.weights(use & problem.held(use), [*ties, *held])
+    return reduced_normals(with_weights(problem.index, weights), problem.start).N
+
+
+def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
+    """Strips in the null vectors of the unit-diagonal normal matrix, with what is open."""
+    diagonal = np.diag(N)
+    empty = diagonal <= 1e-12 * diagonal.max(initial=1.0)
+    scale = np.where(empty, 1.0, np.sqrt(np.where(empty, 1.0, diagonal)))
+    unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
+    if not empty.any() and _above_rank(unit):
+        return {}
+    values, vectors = np.linalg.eigh(unit)
+    missing = values < RANK
+    weight = (vectors[:, missing] ** 2).sum(1)
+    strip, coefficient = np.divmod(kept, basis.size)
+    involved = np.bincount(strip, weight)
+    reasons = {}
+    for k in np.flatnonzero(involved > 0.1 * max(involved.max(), 1e-9)):
+        mine = np.flatnonzero(strip == k)
+        largest = mine[np.argsort(-weight[mine], kind="stable")][:4]
+        named = [basis.labels[c] for c in coefficient[largest[weight[largest] > 0.05]]]
+        reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
+    return reasons
+
+
+def _above_rank(unit: Float) -> bool:
+    """Whether all eigenvalues are above `RANK`: what a Cholesky factor tells at less cost."""
+    try:
+        np.linalg.cholesky(unit - RANK * np.eye(len(unit)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _products(point_strip: Int, design: Float, n_strips: int) -> tuple[Float, Int]:
+    """D'D of the design of each strip's points, (n_strips, K, K), and how many points it has."""
+    order = np.argsort(point_strip, kind="stable")
+    count = np.bincount(point_strip, minlength=n_strips)
+    ends = np.cumsum(count)
+    flat = [design[order[end - n : end]].reshape(-1, design.shape[2]) for n, end in zip(count, ends)]
+    return np.stack([D.T @ D for D in flat]), count
+
+
+def _extrapolating(N: Float, kept: Int, part: int, products: Float, count: Int) -> dict[int, str]:
+    """Strips whose corrections would be far less precise than a single point."""
+    scale = np.sqrt(np.diag(N))
+    Q = np.linalg.inv(N / np.outer(scale, scale)) / np.outer(scale, scale)
+    strip, coefficient = np.divmod(kept, products.shape[1])
+    factor = np.zeros(int(strip.max()) + 1)
+    for k in np.unique(strip):
+        mine = np.flatnonzero(strip == k)
+        # The axes are orthogonal, so that the variances along them add up to those on the ground.
+        mean = products[k][np.ix_(coefficient[mine], coefficient[mine])] / max(count[k], 1)
+        spread = float((Q[np.ix_(mine, mine)] * mean).sum())
+        factor[k] = np.sqrt(spread / (2 - part)) if count[k] else np.inf
+    # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
+    lower = (factor > WORST / 2) & (factor.max() > WORST)
+    return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}

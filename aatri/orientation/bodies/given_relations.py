@@ -1,0 +1,114 @@
+"""What is given besides coordinates: distances between points of strips, and attitudes of images in a strip.
+
+    v = |l| - d,      l = X_b - X_a + h e_Z, or its plan part,    dv/dX_b = l'/|l| = -dv/dX_a         distance
+    v = G^-1 w,       w = log(R R_k R_obs'),                      dv/dr = G^-1 J(w)^-1                 attitude
+
+X are the ground points of the adjustment, unknowns of their own beside the points of the strips
+(`observations.ties`), so that a distance, a control point and a position at one point share the errors of that point,
+once. h is the height of the target less that of the instrument. R is the rotation of the strip (its increment r turns
+the ground side), R_k that of an image in the strip, R_obs the observed one, G the axes about which its angles turn
+(`observations.attitudes`), J the left Jacobian of the rotation group.
+
+Source: Kraus, Photogrammetry; docs/formulas.md 5.4 and 5.6; Sola 2018 for J.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.geometry.carrier import left_jacobian, log_vector
+from aatri.observations.geodetic.lengths import horizontal, slope
+from aatri.observations.geodetic.sights import Sights, observed_sights
+from aatri.observations.level import PLANE
+from aatri.observations.observed import Observed, named
+from aatri.observations.ties import BODY
+
+
+@dataclass(frozen=True)
+class GivenDistances:
+    """Distances between ground points.
+
+    Attributes
+    ----------
+    kind : str
+    row : (n,) int
+        In its table of the Block.
+    names : (n,) str
+    start, end : (n,) int
+        Numbers of the points among those of the ties.
+    value_m, sigma_m : (n,) float64, m
+        Sigma 0: exact.
+    plan : (n,) bool
+        Horizontal distances.
+    rise_m : (n,) float64, m
+        Height of the target above its point less that of the instrument above its own.
+    """
+
+    kind: str
+    row: Int
+    names: Text
+    start: Int
+    end: Int
+    value_m: Float
+    sigma_m: Float
+    plan: Bool
+    rise_m: Float
+
+    def observed(self) -> tuple[Observed, ...]:
+        """As observations of ground points."""
+        n, no = len(self.start), np.zeros(len(self.start), dtype=bool)
+        none: Text = np.full(n, "")
+        sights = Sights(self.row, self.start.astype(np.int32), self.end.astype(np.int32), no, no, np.zeros(n),
+                        self.rise_m, self.value_m, self.sigma_m, self.names, none, none, none)  # fmt: skip
+        return tuple(o for some, measured in ((~self.plan, slope), (self.plan, horizontal))
+                     for o in observed_sights(self.kind, sights.take(some), PLANE, measured, "m"))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GivenAttitudes:
+    """Observed rotations of images of a body, the one there is.
+
+    Attributes
+    ----------
+    kind : str
+    row : (n,) int
+        In exterior.
+    image : (n,) str
+    strip_from_image : (n, 3, 3) float64
+    observed_rotation : (n, 3, 3) float64
+        Ground from image.
+    turning : (n, 3, 3) float64
+        G, columns.
+    covariance_rad2 : (n, 3, 3) float64, rad^2
+        Of the angles, with the errors of the images in their strip.
+    """
+
+    kind: str
+    row: Int
+    image: Text
+    strip_from_image: Float
+    observed_rotation: Float
+    turning: Float
+    covariance_rad2: Float
+
+    def observed(self) -> Observed:
+        """As observations of the rotation of the body; no ground point is concerned."""
+        n, back = len(self.row), np.linalg.inv(self.turning)
+
+        def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+            poses: Any = state[BODY]
+            turned = poses.rotation[0] @ self.strip_from_image[rows]
+            w = log_vector(turned @ self.observed_rotation[rows].swapaxes(1, 2))
+            J = np.zeros((len(rows), 3, 7))
+            J[:, :, 3:6] = back[rows] @ np.linalg.inv(left_jacobian(w))
+            return np.einsum("nij,nj->ni", back[rows], w), (J,)
+
+        whitener = np.linalg.inv(np.linalg.cholesky(self.covariance_rad2))
+        records = Records(self.kind, ((BODY, np.zeros(n, dtype=np.int32)),), evaluate, whitener, np.ones(n, dtype=bool))
+        return Observed(records, self.row, named(self.image), "rad")

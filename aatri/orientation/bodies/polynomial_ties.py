@@ -1,0 +1,105 @@
+"""Points of strips that go to the ground by polynomials, or other functions, in the strip's own axes.
+
+    x_o = x + G_j (a_j'p, b_j'p, c_j'p),     dx_o / d(a, b, c) = G_j (x) p',     p = (1, U, V, U^2, U V)
+
+x are the points brought to the ground approximately; x_o is linear in the coefficients a, b, c of dU, dV, dW
+(`geometry.strip_bases`; the usual ones, second degree with 15 coefficients, have a compiled lane).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from aatri.adjustment.records import Bind, Fill, Weigh
+from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.geometry.polynomials import StripAxes, polynomial_rows
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
+from aatri.observations.poses import POINT
+from aatri.observations.ties import BODY, Ties
+from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.kernels import ties as kernels
+from aatri.orientation.bodies.spectrum import spectrum_of
+
+
+def polynomial_ties(
+    points: StripPoints, axes: Sequence[StripAxes], *, names: Sequence[str] | Text, free: Bool,
+    basis: StripBasis = SECOND_DEGREE,
+) -> Ties[Float]:  # fmt: skip
+    """Ties by polynomials; the state is the coefficients, (n_strips, K).
+
+    Parameters
+    ----------
+    points : StripPoints
+        On the ground; unit m.
+    axes : (n_strips,) sequence of StripAxes
+    names : (n_strips,) sequence of str
+    free : (n_strips, K) bool
+        Coefficients that are estimated.
+    basis : StripBasis
+    """
+    strip, point = points.strip.astype(np.int32), points.point.astype(np.int32)
+    G = np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))
+    p = terms_of_points(points, axes)
+    usual = basis.labels == SECOND_DEGREE.labels
+
+    @cache
+    def D() -> Float:
+        return np.asarray(G[strip] @ design_of_points(points, axes, basis))
+
+    def on_ground(state: Float, rows: Int) -> Float:
+        if not usual:
+            return np.asarray(points.xyz[rows] + np.einsum("nij,nj->ni", D()[rows], state[strip[rows]]))
+        # G a, G b, G c of every strip first: a row takes fifteen products then.
+        turned = np.einsum("kij,kjt->kit", G, state.reshape(len(G), 3, 5))
+        return np.asarray(points.xyz[rows] + np.einsum("nit,nt->ni", turned[strip[rows]], p[rows]))
+
+    def derivatives(_state: Float, rows: Int) -> Float:
+        return np.asarray(D()[rows])
+
+    def compiled(order: Int) -> Weigh:
+        k, q, terms = strip[order], point[order], np.ascontiguousarray(p[order])
+        x = np.ascontiguousarray(points.xyz[order])
+
+        def weigh(T: Float) -> Bind:
+            def bind(state: State) -> Fill:
+                X, coefficients = np.ascontiguousarray(state[POINT]), np.ascontiguousarray(state[BODY])
+                given = (k, q, np.ascontiguousarray(T), X, x, terms, G, coefficients)
+                return lambda first, last, v, J: kernels.polynomial(first, last, *given, v, *J)
+
+            return bind
+
+        return weigh
+
+    @cache
+    def eigen() -> tuple[Float, Float]:
+        return spectrum_of(points.covariance)
+
+    def spectrum(_state: Float) -> tuple[Float, Float]:
+        return eigen()
+
+    unknowns = Unknowns(BODY, free, basis.labels, list(map(str, names)), add_step)
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, True, compiled if usual else None)
+
+
+def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:
+    """The terms 1, U, V, UU, UV of every strip point, (n, 5)."""
+    local, _ = in_axes(points, axes)
+    return polynomial_rows(local[:, 0], local[:, 1])
+
+
+def design_of_points(points: StripPoints, axes: Sequence[StripAxes], basis: StripBasis) -> Float:
+    """Derivatives of the deformations of every strip point, in its strip's axes, by the coefficients, (n, 3, K)."""
+    local, half = in_axes(points, axes)
+    return basis.rows(local[:, 0], local[:, 1], half[:, 1] / half[:, 0])
+
+
+def in_axes(points: StripPoints, axes: Sequence[StripAxes]) -> tuple[Float, Float]:
+    """u and v of every strip point, (n, 2), and the half ranges of its strip, (n, 2), m."""
+    origin, half = np.stack([a.origin_m for a in axes]), np.stack([a.half_range_m for a in axes])
+    G, strip = np.stack([a.ground_from_axes for a in axes]), points.strip
+    local = np.einsum("nji,nj->ni", G[strip], points.xyz - origin[strip])[:, :2] / half[strip]
+    return local, half[strip]

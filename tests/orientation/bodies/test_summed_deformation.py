@@ -1,0 +1,126 @@
+"""Deformations that add up along strips: their shape, their variance, and standard deviations that hold for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.geometry.polynomials import strip_axes
+from aatri.observations.control import Control
+from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.deformation_components import deformation_components
+from aatri.orientation.bodies.deformed_covariances import covariance_notes, deformed_covariances
+from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials
+from aatri.orientation.bodies.summed_deformation import covariances
+
+MODELS, BASE_M, WIDTH_M = 20, 100.0, 360.0
+
+
+def test_legendre_coefficients_of_a_random_walk_hold_all_of_its_variance():
+    # int_0^1 t dt = 1/2, of which the mean takes int int min(s, t) = 1/3; squares of P_a have the mean 1 / (2a + 1).
+    # The degrees above 59 have 1 / (8 * 59).
+    a = np.arange(1, 60)
+    K = covariances(tuple(a.tolist()), 1)
+    assert (K.diagonal() / (2 * a + 1)).sum() == pytest.approx(1 / 2 - 1 / 3 - 1 / (8 * 59), rel=1e-3)
+
+
+def test_white_noise_summed_twice_less_its_best_line_has_the_variance_of_the_law():
+    # 1/420, as `deformation` has it.
+    a = np.arange(2, 40)
+    K = covariances(tuple(a.tolist()), 2)
+    assert (K.diagonal() / (2 * a + 1)).sum() == pytest.approx(1 / 420, rel=1e-4)
+
+
+def test_covariances_of_coefficients_are_those_of_summed_random_numbers():
+    rng, n, u = np.random.default_rng(3), 400, (np.arange(400) + 0.5) / 200 - 1
+    walks = np.cumsum(rng.standard_normal((4000, n)), axis=1) / np.sqrt(n)
+    twice = np.cumsum(walks, axis=1) / n
+    second, third = (3 * u**2 - 1) / 2, (5 * u**3 - 3 * u) / 2
+    found = np.cov([twice @ second * 5 / n, twice @ third * 7 / n])
+    np.testing.assert_allclose(found.diagonal(), covariances((2, 3), 2).diagonal(), rtol=0.1)
+
+
+def test_variances_of_two_components_come_out_as_put_in():
+    rng, found = np.random.default_rng(5), []
+    component = np.repeat([0, 1], 40)
+    root = rng.standard_normal((80, 90)) * np.repeat([3.0, 1.0], 40)[:, None]
+    S, true, phi = root @ root.T, np.array([0.25, 1.0]), 0.5
+    L = np.linalg.cholesky(S)
+    for _ in range(40):
+        z = rng.standard_normal(80) * np.sqrt(true[component])
+        noise = np.sqrt(phi) * rng.standard_normal(500)
+        # A regression of 500 observations on 80 deformations, turned so that the first 80 hold all there is of them.
+        y = L.T @ z + noise[:80]
+        squares = float(y @ y + noise[80:] @ noise[80:])
+        estimate = deformation_components(S, L @ y, component, squares, 500, 0.0)
+        found.append([*(estimate.variance / true), estimate.phi / phi])
+        assert estimate.redundancy.sum() < 80
+    # Forty times at least thirty degrees of freedom: the mean is known to 4 %.
+    np.testing.assert_allclose(np.mean(found, axis=0), 1.0, atol=0.12)
+
+
+def _walked(rng, X, start_m):
+    """A deformation by joints that err: (dU, dV, dW) by interpolated sums, heights as told by the axes."""
+    stations = np.arange(MODELS + 1) * BASE_M
+    scale, azimuth, pitch, roll = 4e-5 * np.cumsum(rng.standard_normal((4, MODELS + 1)), axis=1)
+    along = X[:, 0] - start_m
+
+    def at(values):
+        return np.interp(along, stations, values)
+
+    def summed(values):
+        return at(np.concatenate([[0.0], np.cumsum(values[:-1])]) * BASE_M)
+
+    return np.column_stack([summed(scale) - X[:, 1] * at(azimuth), summed(azimuth) + X[:, 1] * at(scale),
+                            summed(pitch) + X[:, 1] * at(roll)])  # fmt: skip
+
+
+def _errors_and_variances(seed, strips=6, every=23):
+    """Mean squares of true errors and of standard deviations of a made-up block of parallel strips."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(
+        np.arange(0, MODELS * BASE_M + 1, 50.0), np.arange(-180, 300 * strips - 119, 30.0), indexing="ij"
+    )
+    truth = np.column_stack([x.ravel(), y.ravel(), rng.uniform(0, 20, x.size)])
+    parts, axes, members = [], [], []
+    for k in range(strips):
+        mine = np.flatnonzero(abs(truth[:, 1] - 300 * k) <= WIDTH_M / 2)
+        local = truth[mine] - [0, 300 * k, 0]
+        parts.append(truth[mine] + _walked(rng, local, 0.0) + rng.normal(0, 0.01, (len(mine), 3)))
+        axes.append(strip_axes(parts[-1], np.column_stack(
+            [np.arange(MODELS + 1) * BASE_M, np.full(MODELS + 1, 300.0 * k), np.full(MODELS + 1, 400.0)])))  # fmt: skip
+        members.append(mine)
+    n = [len(p) for p in parts]
+    points = StripPoints(np.repeat(np.arange(strips), n), np.concatenate(members), np.concatenate(parts),
+                         np.tile(1e-4 * np.eye(3), (sum(n), 1, 1)))  # fmt: skip
+    rows = np.arange(0, len(truth), every)
+    exact = np.zeros((len(rows), 3, 3))
+    control = Control(np.arange(len(rows)), rows, truth[rows], exact, np.zeros((len(rows), 3), dtype=bool),
+                      np.ones((len(rows), 3), dtype=bool))  # fmt: skip
+    found = adjust_strip_polynomials(points, len(truth), axes, control)
+    deformed = deformed_covariances(found, points, len(truth), axes, control, np.full(strips, MODELS))
+    new = np.setdiff1d(np.arange(len(truth)), rows)
+    error, C = found.point_m - truth, deformed.point_covariance_m2
+    return np.array([(error[new] ** 2).mean(axis=0), np.einsum("nii->ni", C[new]).mean(axis=0)]), deformed
+
+
+@pytest.mark.slow
+def test_standard_deviations_of_strips_that_sum_up_errors_hold():
+    squares = np.array([_errors_and_variances(seed)[0] for seed in range(1, 9)]).sum(axis=0)
+    ratio = np.sqrt(squares[0] / squares[1])
+    assert ((ratio > 0.7) & (ratio < 1.4)).all(), ratio
+
+
+def test_a_single_strip_with_little_control_has_no_standard_deviations_and_says_so():
+    _, deformed = _errors_and_variances(1, strips=1, every=70)
+    assert np.isnan(deformed.point_covariance_m2).all()
+    assert min(deformed.redundancy.values()) < 10
+    (note,) = covariance_notes(deformed)
+    assert "not estimable" in note.text
+
+
+def test_how_far_joints_err_is_told():
+    _, deformed = _errors_and_variances(1)
+    (note,) = covariance_notes(deformed)
+    assert "joints, in plan" in note.text
+    assert 2e-5 < deformed.sigma["joints, in height"] < 8e-5

@@ -1,0 +1,65 @@
+"""Ties: the compiled lane equals the plain one, and derivatives equal differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.records import whitened
+from aatri.geometry.polynomials import strip_axes
+from aatri.geometry.rotations import exp_rotation
+from aatri.observations.poses import POINT
+from aatri.observations.ties import BODY, STRIP_TIE
+from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.polynomial_ties import polynomial_ties
+from aatri.orientation.bodies.similarity_ties import Similarities, similarity_ties
+
+RNG = np.random.default_rng(8)
+N, POINTS, STRIPS = 40, 15, 3
+STRIP_OF, POINT_OF = RNG.integers(0, STRIPS, N), RNG.integers(0, POINTS, N)
+XYZ = RNG.uniform(-500, 500, (N, 3))
+COVARIANCE = np.tile(np.diag([1e-4, 2e-4, 5e-4]), (N, 1, 1))
+NAMES = ["1", "2", "3"]
+
+
+def _similarities():
+    ties = similarity_ties(STRIP_OF, POINT_OF, XYZ, COVARIANCE, names=NAMES,
+                           offset_m=RNG.normal(size=(N, 3)))  # fmt: skip
+    return ties, Similarities(RNG.normal(size=(3, 3)), RNG.uniform(0.5, 2, 3), exp_rotation(RNG.normal(size=(3, 3))))
+
+
+def _polynomials():
+    axes = [strip_axes(XYZ[k == STRIP_OF], RNG.uniform(-500, 500, (4, 3))) for k in range(3)]
+    points = StripPoints(STRIP_OF, POINT_OF, XYZ, COVARIANCE)
+    ties = polynomial_ties(points, axes, names=NAMES, free=np.ones((3, 15), dtype=bool))
+    return ties, RNG.normal(size=(3, 15))
+
+
+@pytest.mark.parametrize("made", [_similarities, _polynomials])
+def test_the_compiled_lane_equals_the_plain_one(made):
+    ties, of_strips = made()
+    records = replace(ties.records(STRIP_TIE), whitener=RNG.normal(size=(N, 3, 3)))
+    state = {BODY: of_strips, POINT: RNG.normal(size=(POINTS, 3))}
+    order = RNG.permutation(N)
+    v, J = whitened(records, state, order[5:30])
+    found = np.empty((25, 3)), np.empty((25, 3, ties.unknowns.size)), np.empty((25, 3, 3))
+    assert records.compiled is not None
+    records.compiled(order)(records.whitener[order])(state)(5, 30, found[0], found[1:])
+    np.testing.assert_allclose(found[0], v, rtol=1e-12, atol=1e-10)
+    for a, b in zip(found[1:], J):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-10)
+
+
+@pytest.mark.parametrize("made", [_similarities, _polynomials])
+def test_derivatives_equal_differences_of_the_ground_coordinates(made):
+    ties, of_strips = made()
+    J = ties.derivatives(of_strips, ties.rows)
+    h = 1e-5
+    for k in range(ties.unknowns.size):
+        step = np.zeros((STRIPS, ties.unknowns.size))
+        step[:, k] = h
+        ahead = ties.on_ground(ties.unknowns.retract(of_strips, step), ties.rows)
+        behind = ties.on_ground(ties.unknowns.retract(of_strips, -step), ties.rows)
+        np.testing.assert_allclose((ahead - behind) / (2 * h), J[:, :, k], rtol=1e-7, atol=1e-5)
