@@ -2,7 +2,13 @@
 
 Two ways. Without `image_points` the rays are those measured, and the camera keeps its distortion, which must be one of
 the forward models those programs know (none, bal, opencv, fisheye). With `image_points`, the photo coordinates after
-interior orientation and image refinement, the rays are free of systematic errors and the camera has no distortion.
+interior orientation and image refinement, the rays are free of systematic errors and the camera has no distortion:
+
+    x = projection of the adjusted point - v
+
+so that a ray has what self-calibration found, lens, film and interior orientation of its image, taken off as well, and
+the reprojection errors of the exported model are the residuals v. A solution without residuals of image points has the
+photo coordinates less what the principal point has moved.
 
 Exported are the image points that are active, belong to an oriented image and a solved point, and were not rejected.
 """
@@ -21,6 +27,7 @@ from aatri.artifacts.suspects import staying_out
 from aatri.camera.models.forward_models import PARAMETERS
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import GeometryError, InputError
+from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.vectors import finite_rows
 
 PIXEL_MM = 0.01
@@ -86,10 +93,28 @@ def exported_rays(solution: Solution, block: Block, image_points: ImagePoints | 
     else:
         moved = solution.cameras.principal_point_mm - block.cameras.principal_point_mm
         xy = image_points.measurements.xy_mm - moved[block.images.camera[measured.image]]
+        corrects_measurements = ~np.isin(block.cameras.distortion, list(PARAMETERS))[block.images.camera]
+        _take_as_adjusted(xy, solution, block, image_points, corrects_measurements[measured.image])
     used &= finite_rows(xy)
     if not used.any():
         raise GeometryError("no image point of an oriented image and a solved point", remedy="export a later stage")
     return ExportedRays(measured.image[used], measured.point[used], xy[used])
+
+
+def _take_as_adjusted(xy_mm: Float, solution: Solution, block: Block, image_points: ImagePoints, of_rays: Bool) -> None:
+    """Replace rays that have a residual by the projection of their adjusted point less the residual, in place."""
+    table, measured = solution.residuals, image_points.measurements
+    adjusted = np.flatnonzero((table.kind == "image_point") & table.active & (table.row >= 0))
+    adjusted = adjusted[of_rays[table.row[adjusted]] & finite_rows(table.residual[adjusted, :2])]
+    rows = table.row[adjusted]
+    image = measured.image[rows]
+    u = in_image_axes(
+        solution.images.position_m[image],
+        solution.images.ground_from_image[image],
+        solution.points.xyz_m[measured.point[rows]],
+    )
+    c_mm = solution.cameras.principal_distance_mm[block.images.camera[image]]
+    xy_mm[rows] = project(u, c_mm) - table.residual[adjusted, :2]
 
 
 def exported_cameras(solution: Solution, block: Block, image_points: ImagePoints | None = None) -> list[ExportedCamera]:

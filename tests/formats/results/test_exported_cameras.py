@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
@@ -15,8 +16,10 @@ from aatri.formats.bal.writer import write_bal_problem
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
 from aatri.formats.dbat.reader import read_dbat
-from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.chain import simulated
 
 
 @pytest.fixture(scope="module")
@@ -55,3 +58,44 @@ def test_a_refused_export_leaves_no_folder_behind(made: tuple[Block, Solution], 
         write_bal_problem(solution, wrong, tmp_path / "bal" / "problem.txt")
     assert not (tmp_path / "bal").exists()
     assert write_bal_problem(solution, block, tmp_path / "bal" / "problem.txt") == [tmp_path / "bal" / "problem.txt"]
+
+
+def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(tmp_path: Path) -> None:
+    """Independent check: pinhole projection of the written model meets its written rays as the noise is, 1 um."""
+    camera = {
+        "kind": "digital", "principal_distance_mm": 50.0, "format": (6000.0, 4000.0), "pixel_size_mm": 0.006,
+        "distortion": "brown", "brown": {"k1": 3e-6, "p1": 2e-6}, "distortion_known": False,
+    }  # fmt: skip
+    block = simulated(
+        camera=camera, flight={"strips": 2, "images_per_strip": 5, "side_overlap": 60.0}, noise={"image_um": 1.0},
+        refraction="none", known={"full": 8},
+    )  # fmt: skip
+    points = calibrated(block)
+    start = graph(block, points, rng=np.random.default_rng(1))
+    solution = bundle(block, points, start, options=BundleOptions(self_calibration={"set": "brown_conrady"}))
+    write_colmap_model(solution, block, tmp_path / "model", image_points=points)
+    cameras, images, xyz = _written(tmp_path / "model")
+    misfit_px = []
+    for quaternion, translation, rays in images:
+        w, x, y, z = quaternion
+        axis = np.array([x, y, z])
+        cross = np.cross(np.eye(3), axis)
+        R = (w * w - axis @ axis) * np.eye(3) + 2 * np.outer(axis, axis) + 2 * w * cross
+        for column, row, name in rays:
+            u = R @ xyz[int(name)] + translation
+            misfit_px.append(np.hypot(*(cameras[0] * u[:2] / u[2] + cameras[1:3] - (column, row))))
+    noise_px = 1.0 / 6.0  # 1 um of pixels of 6 um; residuals are smaller than the noise by the share of redundancy
+    assert 0.3 * noise_px < np.sqrt(np.mean(np.square(misfit_px)) / 2) < noise_px
+
+
+def _written(folder: Path) -> tuple[Float, list[tuple[Float, Float, Float]], dict[int, Float]]:
+    """f cx cy of the camera, (quaternion, translation, rays) of images, points by name: as COLMAP defines them."""
+    lines = {name: [row.split() for row in (folder / f"{name}.txt").read_text().splitlines() if row[:1] != "#"]
+             for name in ("cameras", "images", "points3D")}  # fmt: skip
+    assert lines["cameras"][0][1] == "SIMPLE_PINHOLE"
+    images = [
+        (np.array(head[1:5], float), np.array(head[5:8], float), np.array(rays, float).reshape(-1, 3))
+        for head, rays in zip(lines["images"][::2], lines["images"][1::2])
+    ]
+    points = {int(row[0]): np.array(row[1:4], float) for row in lines["points3D"]}
+    return np.array(lines["cameras"][0][4:7], float), images, points
