@@ -26,3 +26,12 @@ EARTH_RADIUS_M = 6_371_000.0
 
 LARGEST = 1e100
 """No quantity is as large; squares and products of what is smaller are still numbers."""
+
+FOOT_M = 0.3048
+"""The international foot."""
+
+
+def length(metres: float) -> str:
+    """A distance for a message."""
+    value, unit = (metres / 1000, "km") if metres >= 1000 else (metres, "m")
+    return f"{value:,.0f} {unit}" if value >= 100 else f"{value:.3g} {unit}"

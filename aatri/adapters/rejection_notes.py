@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.adjustment.statistics.exchanged import exchanged_pairs
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.ids import shown
 from aatri.notes import Note
-from aatri.orientation.plausibility.exchanged import exchanged_pairs
 
 
 def rejection_notes(suspects: Suspects, role: str) -> list[Note]:

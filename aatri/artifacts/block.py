@@ -94,6 +94,9 @@ from aatri.codes import (
 from aatri.tables.offers import Offer
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
+NOT_SEEN = "seen in no image"
+"""Reason of a reject: a ground point that no image shows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Files(Table):

@@ -14,3 +14,102 @@ edges have 1 to 4, whatever their size (Ackermann 1966; Ebner 1972)."""
 
 WEAK_SHARE = 0.95
 """The quantile of the standard deviations of all points that is held against it: a few weak points are no matter."""
+
+# --- as read: how much is told, and what is set aside
+
+MAX_REJECT_SHARE = 0.05
+"""Largest share of the image points that may lie outside the format, and of the positions that cannot be, unless
+options say another: more is a wrong unit or origin, not single rows."""
+
+MOST_LISTED, MOST_REJECTS_TOLD = 20, 5
+"""Places shown of one error; more rejects of one kind for one reason are told in one line."""
+
+FORMAT_MARGIN = 0.05
+"""How far beyond the image format, as a share of it, an image point may lie: marks and margins of scans lie there."""
+
+FEWEST_IMAGE_POINTS = 3
+"""Image points that determine an image without an observed position (space resection)."""
+
+SAME_POINT_SIGMAS = 6.0
+"""Standard deviations of their difference by which two measurements of a point in an image may differ: by chance it
+happens once in 5e8 (two-sided normal), in a block of 1e6 such points once in 500."""
+
+FEWEST_POSITIONS = 4
+"""Fewer positions have no middle to be far from."""
+
+FAR_POSITION, LOW_POSITION, LEVEL_FLIGHT, SAME_POSITION_M = 50.0, 0.1, 5.0, 1e-6
+"""See `as_read.positions`: the longest corridors of the random legal blocks stay below a tenth of the first; rows 56,
+80 and 81 of the bad inputs lie ten times beyond."""
+
+LEAST_SHARED, LEAST_SHARE, LEAST_IMAGES, MOST_AT_ONE_PLACE = 5, 0.5, 2, 20
+"""Points two images must share to be one image given twice (as many as orient one to the other), and of the points of
+each; images in which two points must coincide to be one; rows of one place that are compared with each other."""
+
+SMALLEST_SIGMA, LARGEST_SIGMA = 1e-15, 1e12
+"""Of standard deviations in the units of the Block: in m the size of an atomic nucleus, and beyond Jupiter."""
+
+LEAST_EIGENVALUE = 1e-12
+"""Of a matrix of correlations; below, two figures are one to all the digits a solution has."""
+
+# --- as read: cameras
+
+FIELD_OF_VIEW_DEG = (1.0, 170.0)
+"""No metric lens is narrower or wider: 1 degree is 1,000 mm of focal length on a full frame, 170 a fish-eye."""
+
+SAMPLING_M, SMALLEST_SCALE = (1e-5, 100.0), 2e6
+"""Ground sampling distances from the microscope (0.01 mm) to satellites, and the scale number of film from orbit."""
+
+FEWEST_COVERING, SMALL_COVERAGE, NO_COVERAGE, BEYOND_FORMAT = 20, 0.1, 0.05, 2.0
+"""Image points of a camera below which they may lie together; shares of the format that they cover below which it is
+told, and is an error; times the half diagonal beyond which they are in another unit. Units differ by 25 and more."""
+
+# --- as read: frames
+
+LARGE_BLOCK_M = 10e3
+"""Across; larger blocks do not lie in a plane: the earth bends by 2 m over 5 km."""
+
+# --- as read: control against positions (rows 70 to 79 of the bad inputs are named, legal blocks stay silent:
+# tests/formats/test_legal_work.py, test_wrong_units_of_real_blocks.py)
+
+FAR_CONTROL, EXPLAINED_DISTANCE, MOST_SEEN_M, LEAST_FAR_M = 5.0, 0.1, 100e3, 1.0
+"""Times the others' distance that is far; share of it that a change must leave to explain it; what no image sees; what
+is never far, in figures of a small object."""
+
+ZONE_EASTING_M = 1e6
+"""A zone number before the easting counts millions."""
+
+LEAST_ANGLE_RAD, FEWEST_ANGLES, MOST_ANGLE_IMAGES, MOST_ANGLE_POINTS = 0.01, 3, 300, 12
+"""Angles between rays that say something, how many must be there, and how many images and points of each suffice."""
+
+UNFIT_OBSERVED, UNFIT_APPROXIMATE = 0.05, 0.25
+"""Misfit of the angles that is too large: with observed positions, with approximate ones."""
+
+EXPLAINED_ANGLES, FIT_OBSERVED, CERTAINLY_EXPLAINED = 0.3, 0.02, 0.1
+"""A change is named that leaves this share of the misfit, with observed positions also no more than the second; one
+that leaves the third is certain."""
+
+CERTAIN_MISFIT, NOTHING_FITS = 0.25, 0.5
+"""Misfits beyond which a lens or a height that is estimated is certain, and which are an error without a cause."""
+
+# --- at start
+
+BEHIND, UPWARDS, CONTROL_MARGIN = 0.05, 0.7, 0.1
+"""A larger share of points behind their camera is no matter of a few wrong points; an image whose points lie higher by
+more than the second share of their distance looks upwards (45 degrees); so far beyond its edge, as a share of the
+format, a control point may project: orientations are approximate."""
+
+ENOUGH_CONTROL = 3
+"""Other control points without which an adjustment cannot leave out two: the datum takes three."""
+
+FRAME_EFFECT_TOLD_M, FRAME_EFFECT_WARNED_M = 1e-4, 1e-3
+"""Systematic errors of heights by the figure of the earth: below the first not worth a word, beyond the second a
+warning, for close range measures to it."""
+
+GEOID_SLOPE = 5e-5
+"""Slope of a geoid against the ellipsoid, the deflection of the vertical: some 10 seconds of arc, in mountains more
+(Torge, Geodesy). A block whose heights lean by it leans as a whole: what is observed high above ground moves in
+plan."""
+
+FEWEST_OF_CONVENTION, BETTER_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 20.0
+"""Values of a kind that tell a convention; ratio of the median differences from which on another one is told; medians
+below so many standard deviations are no reason to look (starts are approximate)."""

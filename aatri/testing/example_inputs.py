@@ -18,7 +18,6 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.errors import PluginError
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.pipeline.methods.registry import find_stages
 from aatri.plugin import Role
@@ -106,7 +105,11 @@ def example_folder(folder: Path, example: str = "film", *, shuffle_seed: int | N
 def example_block(example: str = "film", *, shuffle_seed: int | None = None) -> Block:
     """The example, read from a block folder, with its truth."""
     with tempfile.TemporaryDirectory() as folder:
-        block = read_block(example_folder(Path(folder), example, shuffle_seed=shuffle_seed))
+        reads = find_stages().card("block/tables")
+        assert reads.options is not None
+        path = example_folder(Path(folder), example, shuffle_seed=shuffle_seed)
+        block = reads.function(options=reads.options.model_validate({"path": path}))
+        assert isinstance(block, Block)
     true = _simulated(example)
     return replace(block, true_images=true.true_images, true_points=true.true_points, gross_errors=true.gross_errors)
 

@@ -21,13 +21,14 @@ from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.absolute_orientation import absolute_solution, control_notes, ground_of, orient_strips
-from aatri.adapters.plausibility import sanity
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
+from aatri.checks.at_start.orientations import unlikely_orientations
+from aatri.checks.finding import report
 from aatri.notes import Note, tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -79,8 +80,8 @@ def similarity(
         solution, notes = _oriented(inside.block, block, strips, image_points, options)
     solution = inside.back(solution)
     images = solution.images
-    plausible = sanity(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
-    tell([*notes, *plausible], context)
+    tell(notes, context)
+    report(unlikely_orientations(block, images.position_m, images.ground_from_image, solution.points.xyz_m), context)
     return solution
 
 

@@ -5,9 +5,9 @@ Reads image points, start values of orientations and points, and a camera per im
 """
 
 from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.bal.reader import read_bal
-from aatri.formats.results.summary import log_counts
-from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -27,8 +27,6 @@ def bal(*, options: BalOptions, context: Context = SILENT) -> Block:
         options.path,
         image_sigma_px=options.image_sigma_px,
         calibrate=options.calibrate,
-        max_reject_share=options.max_reject_share,
         reporter=context,
     )
-    log_counts(block, context)
-    return block
+    return screened(block, context, options.max_reject_share, copies=True)

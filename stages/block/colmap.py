@@ -6,9 +6,9 @@ are described in docs/formats.md.
 """
 
 from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.colmap.reader import read_colmap
-from aatri.formats.results.summary import log_counts
-from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -32,8 +32,7 @@ def colmap(*, options: ColmapOptions, context: Context = SILENT) -> Block:
     """Read a sparse model."""
     block = read_colmap(
         options.path, image_sigma_px=options.image_sigma_px, position_sigma_m=options.position_sigma,
-        control=options.control, calibrate=options.calibrate, max_reject_share=options.max_reject_share,
+        control=options.control, calibrate=options.calibrate,
         reporter=context,
     )  # fmt: skip
-    log_counts(block, context)
-    return block
+    return screened(block, context, options.max_reject_share)

@@ -8,9 +8,9 @@ refused, as DBAT does, unless it is to be set aside. The form of the files is de
 from typing import Literal
 
 from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.dbat.reader import CameraModel, read_dbat
-from aatri.formats.results.summary import log_counts
-from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -36,7 +36,6 @@ def dbat(*, options: DbatOptions, context: Context = SILENT) -> Block:
     block = read_dbat(
         options.path, options.control, camera_model=options.camera_model, calibrate=options.calibrate,
         image_sigma_px=options.image_sigma_px, set_aside=options.undetermined_points == "set_aside",
-        max_reject_share=options.max_reject_share, reporter=context,
+        reporter=context,
     )  # fmt: skip
-    log_counts(block, context)
-    return block
+    return screened(block, context, options.max_reject_share)

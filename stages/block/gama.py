@@ -6,6 +6,7 @@ adjusted in capitals, with `datum: free, datum_over: marked`. The m0 of gama is 
 """
 
 from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import screened
 from aatri.formats.gama.reader import read_gama
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
@@ -19,6 +20,4 @@ class GamaOptions(Options):
 @stage(version=1, uses=())
 def gama(*, options: GamaOptions, context: Context = SILENT) -> Block:
     """Read a network of GNU Gama."""
-    block = read_gama(options.path, context)
-    context.log(f"{len(block.points)} points, {len(block.geodetic)} geodetic observations")
-    return block
+    return screened(read_gama(options.path, context), context, 0.0)

@@ -4,9 +4,9 @@ The form of the files is described in docs/formats.md. The files hold no standar
 """
 
 from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.pairs.reader import read_pairs
-from aatri.formats.results.summary import log_counts
-from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -27,8 +27,7 @@ def pairs(*, options: PairsOptions, context: Context = SILENT) -> Block:
     """Read a folder of pair files."""
     block = read_pairs(
         options.path, unit_um=options.unit_um, image_sigma_um=options.image_sigma_um, control=options.control,
-        check=options.check, control_sigma_m=options.control_sigma or 0.0, max_reject_share=options.max_reject_share,
+        check=options.check, control_sigma_m=options.control_sigma or 0.0,
         reporter=context,
     )  # fmt: skip
-    log_counts(block, context)
-    return block
+    return screened(block, context, options.max_reject_share)

@@ -7,8 +7,8 @@ in docs/formats.md.
 """
 
 from aatri.artifacts.block import Block
-from aatri.formats.results.summary import log_counts
-from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.tables.reader import read_block
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
@@ -23,6 +23,4 @@ class TablesOptions(Options):
 @stage(version=1, uses=())
 def tables(*, options: TablesOptions, context: Context = SILENT) -> Block:
     """Read a block folder."""
-    block = read_block(options.path, context, options.max_reject_share)
-    log_counts(block, context)
-    return block
+    return screened(read_block(options.path, context), context, options.max_reject_share)

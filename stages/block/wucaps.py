@@ -5,8 +5,8 @@ standard deviations: they are options. The form of the files is described in doc
 """
 
 from aatri.artifacts.block import Block
-from aatri.formats.results.summary import log_counts
-from aatri.formats.screening import MAX_REJECT_SHARE, REJECT_SHARE
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.wucaps.reader import read_wucaps
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
@@ -24,6 +24,5 @@ class WucapsOptions(Options):
 def wucaps(*, options: WucapsOptions, context: Context = SILENT) -> Block:
     """Read a folder of WuCAPS files."""
     block = read_wucaps(options.path, image_sigma_mm=options.image_sigma_um * 1e-3, reporter=context,
-                        max_reject_share=options.max_reject_share, control_sigma_m=options.control_sigma)  # fmt: skip
-    log_counts(block, context)
-    return block
+                        control_sigma_m=options.control_sigma)  # fmt: skip
+    return screened(block, context, options.max_reject_share)

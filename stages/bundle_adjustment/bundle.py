@@ -37,14 +37,12 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.exchanged_images import without_exchanged_images
-from aatri.adapters.bundle.geodetic_conventions import convention_notes
 from aatri.adapters.bundle.group_effects import effects_of
 from aatri.adapters.bundle.hidden_distortion import distortion_notes
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
-from aatri.adapters.plausibility import of_start
 from aatri.adapters.suspects import after, inherited, taken_back, with_gross_errors
 from aatri.adjustment.forecast import Solver
 from aatri.adjustment.settings import Settings
@@ -56,6 +54,7 @@ from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.weak_datum import weak_datum
+from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.notes import tell
@@ -197,10 +196,9 @@ def bundle(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the block."""
-    if image_points is not None:
-        assemble.check_same_block(block, image_points.images.id, "image_points")
-    if initial is not None:
-        assemble.check_same_block(block, initial.images.id, "initial")
+    for port, made in (("image_points", image_points), ("initial", initial)):
+        if made is not None:
+            assemble.check_same_block(block, made.images.id, port)
     suspects = initial.suspects if initial is not None else Suspects.empty()
     tell(inherited(suspects, taken_back=options.blunders.method == "none"), context)
     if initial is not None and options.blunders.method == "none":
@@ -212,7 +210,7 @@ def bundle(
     )
     given = bundle_input(block, image_points, initial, options, parameters)
     tell([*options_without_data(block, options), *given.notes, *(n for o in given.observed for n in o.notes)], context)
-    tell([*convention_notes(given), *of_start(block, given, check=initial is None)], context)
+    report(findings_at_start(block, given, of_the_block=initial is None), context)
     if initial is not None:
         tell(remarks(given, start_of(given), before=True), context)
     adjust = partial(_adjusted, options=options, context=context, how=How())

@@ -15,11 +15,10 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.block_images import FiducialPoints, Fiducials
 from aatri.artifacts.solution import Solution
 from aatri.cli.main import app
-from aatri.formats.dbat.reader import read_dbat
 from aatri.formats.tables.writer import write_block
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.tables import hdf5
 from tests.formats.dbat.dbat_report import DbatReport, read_report
+from tests.reading import read_dbat, read_wucaps
 
 pytestmark = pytest.mark.slow
 

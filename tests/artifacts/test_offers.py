@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
-from aatri.formats.tables.reader import read_block
 from aatri.pipeline.methods.registry import find_stages
 from aatri.tables.schema import columns_of, tables_of
 from tests.formats.tables.block_folder import replaced, write_folder
+from tests.reading import read_block
 from tests.stages.chain import simulated
 
 READ_BY_EVERY_STAGE = {

@@ -10,14 +10,7 @@ from pathlib import Path
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.formats.bal.reader import read_bal
-from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
-from aatri.formats.dbat.reader import read_dbat
-from aatri.formats.gama.reader import read_gama
-from aatri.formats.pairs.reader import read_pairs
-from aatri.formats.tables.reader import read_block
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.spec.spec import load_spec
@@ -29,6 +22,7 @@ from tests.campaigns.hdf5_changes import changed_file
 from tests.contract.made_files import colmap_model
 from tests.formats.start_solution import start_solution
 from tests.formats.tables.block_folder import write_folder
+from tests.reading import read_bal, read_block, read_colmap, read_dbat, read_gama, read_pairs, read_wucaps
 from tests.stages.film_blocks import flown
 
 

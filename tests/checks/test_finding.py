@@ -56,6 +56,7 @@ def test_the_cause_of_a_finding_is_the_name_of_its_file() -> None:
 
 
 def test_a_check_says_one_cause_in_a_file_that_says_what_is_seen_and_the_test() -> None:
-    for path in ROOM.glob("*/[!_]*.py"):
+    saying = [path for path in ROOM.glob("*/[!_]*.py") if "Finding(" in path.read_text(encoding="utf-8")]
+    for path in saying:
         head = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
         assert [word for word in ("Seen:", "Test:") if word not in head] == [], path.name

@@ -10,8 +10,8 @@ from typer.testing import CliRunner, Result
 
 from aatri.artifacts.image_points import ImagePoints
 from aatri.cli.main import app
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.pipeline.store import run_folder as store
+from tests.reading import read_wucaps
 
 PIPELINE = """run: out
 seed: 2

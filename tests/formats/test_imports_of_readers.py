@@ -30,7 +30,7 @@ def test_block_stages_import_neither_numba_nor_a_method() -> None:
         [sys.executable, "-c", IMPORT], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
     )
     modules = json.loads(done.stdout)
-    assert "aatri.formats.screening" in modules
+    assert "aatri.checks.as_read.screening" in modules
     assert "numba" not in modules
     methods = tuple(f"aatri.orientation.{name}" for name in METHODS)
     assert [m for m in modules if m.startswith((*methods, "aatri.adjustment.adjust"))] == []

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
+from aatri.checks.as_read.screening import screened
 from aatri.errors import InputError
-from aatri.formats.dbat.reader import read_dbat
-from aatri.formats.screening import screen_block
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.stages.interior_orientation.affine import affine
 from aatri.tables.digest import content_digest
 from tests.formats.tables.block_folder import FILES, write_folder
+from tests.reading import read_block, read_dbat
 from tests.stages.film_blocks import Told, flown
 
 PIXEL_MM = 0.021
@@ -48,7 +47,7 @@ def test_an_image_point_beyond_the_format_of_scanned_film_is_set_aside_by_interi
     xy = block.image_points.xy.copy()
     xy[5] = [2.0, 2.0]  # the corner of the scan, 25 mm outside the film
     told = Told()
-    found = affine(screen_block(replace(block, image_points=replace(block.image_points, xy=xy))), context=told)
+    found = affine(screened(replace(block, image_points=replace(block.image_points, xy=xy))), context=told)
     assert not found.measurements.active[5]
     assert any("outside the format" in line for line in told.warnings)
 

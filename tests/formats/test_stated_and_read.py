@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from aatri.errors import AatriError
-from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.dbat.decimal_commas import decimal_commas
-from aatri.formats.wucaps.reader import read_wucaps
 from tests.campaigns.fuzz_seeds import READERS, WUCAPS
 from tests.contract.made_files import colmap_model
+from tests.reading import read_colmap, read_wucaps
 from tests.stages.hand_block import Heard
 
 

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import screened
 from aatri.errors import AatriError
-from aatri.formats.dbat.reader import read_dbat
-from aatri.formats.screening import screen_block
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.stages.bundle_adjustment.bundle import bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.reading import read_dbat, read_wucaps
 from tests.stages.film_blocks import Told
 
 
@@ -34,7 +33,7 @@ def digital(shared_data: Path) -> Block:
 def _said(block: Block) -> str:
     heard = Told()
     try:
-        screen_block(block, heard)
+        screened(block, heard)
     except AatriError as error:
         return str(error)
     return "\n".join(heard.warnings)
@@ -72,7 +71,7 @@ def test_a_principal_distance_in_metres(film: Block, digital: Block) -> None:
 
 
 def test_control_in_millimetres(film: Block, digital: Block) -> None:
-    assert "has a scale of 1 : 2," in _said(_control_times(film, 1e3))  # without positions nothing else can tell
+    assert ": a scale of 1 : 2," in _said(_control_times(film, 1e3))  # without positions nothing else can tell
     assert "divided by 1000" in _said(_control_times(digital, 1e3))
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from aatri.errors import AatriError
-from aatri.formats.tables.reader import read_block
 from aatri.frames.checks import fault_of_frame, out_of_range, place_outside
 from aatri.frames.conversion import Frame
 from tests.formats.tables.block_folder import FILES, replaced, write_folder
+from tests.reading import read_block
 
 ENU, GEO = ("east", "north", "up"), ("latitude", "longitude", "height")
 

@@ -8,11 +8,11 @@ from pydantic import ValidationError
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import GeometryError, InputError
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest
+from tests.reading import read_block
 
 
 def made(seed=1, **options):

@@ -11,11 +11,11 @@ import pytest
 
 from aatri.artifacts.block import TRUTH, Block
 from aatri.errors import GeometryError, InputError
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.simulation.survey_settings import Condition
 from aatri.tables.digest import content_digest
 from tests.campaigns.kinds import ALL
+from tests.reading import read_block
 from tests.stages.chain import simulated
 from tests.stages.geodetic_blocks import CAMERA
 

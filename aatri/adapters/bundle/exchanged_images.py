@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.statistics.exchanged import exchanged_at_start
 from aatri.arrays import Bool
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput, start_of
-from aatri.orientation.plausibility.exchanged import exchanged_at_start
 
 
 def without_exchanged_images(given: BundleInput) -> BundleInput:

@@ -21,25 +21,12 @@ from aatri.errors import AatriError, InputError
 from aatri.frames.conversion import Frame
 from aatri.frames.tangent import TangentFrame, check_convertible, tangent_frame
 from aatri.geometry.vectors import finite_rows
-from aatri.notes import Note
 from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.units import EARTH_RADIUS_M
 
 if TYPE_CHECKING:  # readers of files import this, and need no method
     from aatri.orientation.bundle.result import BundleResult
-
-TOLD_M = 1e-4
-"""An effect of the earth's figure that stays below this is not worth a word."""
-
-GEOID_SLOPE = 5e-5
-"""Slope of a geoid against the ellipsoid, the deflection of the vertical: some 10 seconds of arc, in mountains more.
-
-A block whose heights lean by it leans as a whole: what is observed high above ground moves in plan.
-Source: Torge, Geodesy."""
-
-WARNED_M = 1e-3
-"""Systematic errors of heights beyond this are a warning."""
 
 
 def frame_of(block: Block, origin: Float | None = None) -> TangentFrame | None:
@@ -169,65 +156,3 @@ def _axes(frame: TangentFrame, position_m: Float) -> Float:
     B = np.full((len(position_m), 3, 3), np.nan)
     B[known] = frame.axes_at(position_m[known])
     return B
-
-
-def frame_notes(block: Block, frame: TangentFrame | None, position_m: Float, xyz_m: Float) -> tuple[Note, ...]:
-    """What the frame of the adjustment is, or what adjusting in the block's own frame neglects.
-
-    Parameters
-    ----------
-    position_m, xyz_m : (n, 3) float64, m
-        Projection centres and points in the frame of the block.
-    """
-    centres, points = position_m[finite_rows(position_m)], xyz_m[finite_rows(xyz_m)]
-    height = float(np.median(centres[:, 2]) - np.median(points[:, 2])) if len(centres) and len(points) else 0.0
-    if frame is not None:
-        return _of_tangent_frame(block, frame, points, height)
-    if not len(points) or str(block.frames.crs[0]).startswith("+proj=topocentric"):
-        return ()
-    half = 0.5 * float(np.linalg.norm(np.ptp(points[:, :2], axis=0)))
-    bend = half**2 / (2 * EARTH_RADIUS_M)
-    if str(block.frames.crs[0]) == "local":
-        if bend < TOLD_M or block.earth_curvature != "ignore":
-            return ()
-        text = f"frame {block.frames.id[0]} is local and taken for Cartesian; if its coordinates come from a map"
-        what = f"the curvature of the earth bends the block by {bend:.3g} m from its middle to its ends: name the crs"
-        return (Note("note", f"{text}, {what}"),)
-    return _of_map(block, points.mean(axis=0), height, bend)
-
-
-def _of_tangent_frame(block: Block, frame: TangentFrame, points: Float, height_m: float) -> tuple[Note, ...]:
-    where = frame.to_block(np.zeros((1, 3)))[0]
-    notes = [Note("note", f"adjusted in the tangent frame of {block.frames.crs[0]} at "
-                  f"{where[0]:.0f}, {where[1]:.0f}; results are in frame {block.frames.id[0]}")]  # fmt: skip
-    vertical = str(block.frames.vertical[0])
-    if frame.undulation_m:
-        what = f"undulation {frame.undulation_m:g} m stands for the geoid grid of {vertical or 'the heights'}"
-        extent = float(np.linalg.norm(np.ptp(points[:, :2], axis=0))) if len(points) else 0.0
-        text = (f"{what}: its slope, some {1e5 * GEOID_SLOPE:.0f} cm in 1 km at the worst, is neglected: "
-                f"{GEOID_SLOPE * extent:.2g} m of height over the {extent / 1e3:.2g} km of the block, and "
-                f"{GEOID_SLOPE * abs(height_m):.2g} m in plan between ground and images {abs(height_m):.3g} m above "
-                "it, where both are observed")  # fmt: skip
-        notes.append(Note("note", text))
-    elif np.isfinite(block.undulation_m) and vertical and block.undulation_m != 0:
-        notes.append(Note("warning", f"undulation is not used: the geoid grid of {vertical} is there"))
-    return tuple(notes)
-
-
-def _of_map(block: Block, middle: Float, height_m: float, bend_m: float) -> tuple[Note, ...]:
-    """The map's scale and curvature that an adjustment in map coordinates leaves in its heights."""
-    try:
-        source, undulation_m = declared_frame(block)
-        D = tangent_frame(source, middle, undulation_m).derivatives_at(np.zeros((1, 3)))[0]
-    except AatriError:
-        return ()
-    if "x" in source.axes:
-        return ()
-    scale = float(np.sqrt(abs(np.linalg.det(D[:2, :2]))))
-    effect = abs(1.0 - scale) * abs(height_m)
-    curved = "" if block.earth_curvature == "correct" else f", and its ends by {bend_m:.3g} m for the earth's curvature"
-    text = (f"adjusted in the map {block.frames.crs[0]}, whose scale here is {scale:.6f}: with observed positions, "
-            f"heights are wrong by up to {effect:.3f} m ({abs(1e6 * (1 - scale)):.0f} ppm of {abs(height_m):.0f} m "
-            f"above ground){curved}; earth_curvature: frame has neither")  # fmt: skip
-    size = max(effect, 0.0 if block.earth_curvature == "correct" else bend_m)
-    return (Note("warning" if size > WARNED_M else "note", text),) if size > TOLD_M else ()

@@ -27,7 +27,6 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.geometry.collinearity import in_image_axes
@@ -66,7 +65,7 @@ class BalProblem:
 
 def read_bal(
     path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True,
-    max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT
+    reporter: Reporter = SILENT
 ) -> Block:  # fmt: skip
     """Read a problem.
 
@@ -77,8 +76,6 @@ def read_bal(
         Standard deviation of image coordinates; the files have none.
     calibrate : bool
         f, k1 and k2 of every image are free, as the problem has it. Else they are fixed.
-    max_reject_share : float
-        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises
@@ -94,7 +91,7 @@ def read_bal(
     seen = in_image_axes(position_m[problem.camera], ground_from_image[problem.camera], problem.points[problem.point])
     if (count := int((seen[:, 2] >= 0).sum())) > 0:
         reporter.log(f"{count} image points of points behind their camera at the start: kept")
-    block = block_of(
+    return block_of(
         name=path.stem,
         files=[path],
         cameras={
@@ -116,7 +113,6 @@ def read_bal(
             "line": lines["cameras"],
         },
     )  # fmt: skip
-    return screen_block(block, reporter, max_reject_share, copies=True)
 
 
 def _camera_parameters(ids: list[str], rows: Float, calibrate: bool) -> dict[str, Any]:

@@ -34,7 +34,6 @@ from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.stated import compare_tracks
 from aatri.formats.colmap.text import read_text, text_paths
-from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.progress import SILENT, Reporter
@@ -62,7 +61,7 @@ INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 def read_colmap(
     folder: Path, *, image_sigma_px: float = 1.0, position_sigma_m: float | None = None, control: Path | None = None,
-    calibrate: bool = False, max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT,
+    calibrate: bool = False, reporter: Reporter = SILENT,
 ) -> Block:  # fmt: skip
     """Read a sparse model, text or binary.
 
@@ -77,8 +76,6 @@ def read_colmap(
         A ground_points.csv of the block folder, with the ids of the points of the model.
     calibrate : bool
         c, principal point and the distortion parameters of each model are free. Else they are fixed.
-    max_reject_share : float
-        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises
@@ -98,7 +95,7 @@ def read_colmap(
         "line": lines,
     }  # fmt: skip
     ground, paths = with_control(_ground_points(model), model.paths, control, reporter)
-    block = block_of(
+    return block_of(
         name=folder.resolve().name,
         files=paths,
         cameras=_cameras(ids, cameras),
@@ -112,7 +109,6 @@ def read_colmap(
         ground_points=ground,
         exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
     )  # fmt: skip
-    return screen_block(block, reporter, max_reject_share)
 
 
 def _read(folder: Path, reporter: Reporter) -> ColmapModel:

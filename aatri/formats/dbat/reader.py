@@ -37,11 +37,10 @@ from typing import Any, Literal
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.artifacts.block import APPROXIMATE, CONTROL, Block, Rejects
+from aatri.artifacts.block import APPROXIMATE, CONTROL, NOT_SEEN, Block, Rejects
 from aatri.artifacts.builder import block_of
 from aatri.errors import GeometryError, InputError, raise_all
 from aatri.formats.dbat.files import DefaultCamera, Export, ObjectPoint, Photo, read_control, read_export
-from aatri.formats.screening import MAX_REJECT_SHARE, NOT_SEEN, screen_block
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
@@ -63,7 +62,7 @@ CameraModel = Literal["brown", "dbat3"]
 def read_dbat(
     export: Path, control: Path | None = None, *, camera_model: CameraModel = "brown", calibrate: bool = False,
     image_sigma_px: float | None = None, set_aside: bool = False,
-    max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT,
+    reporter: Reporter = SILENT,
 ) -> Block:  # fmt: skip
     """Read a PhotoModeler export and a control file of DBAT.
 
@@ -80,8 +79,6 @@ def read_dbat(
         Standard deviation of image coordinates; None: that of each mark.
     set_aside : bool
         Points that cannot be determined are set aside. Else they are refused, as DBAT does.
-    max_reject_share : float
-        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises
@@ -102,7 +99,7 @@ def read_dbat(
     names = [p.name for p in photos]
     entries = [p.entry for p in photos]
     _warn_of_aspect(export, source.camera, camera_model, reporter)
-    block = block_of(
+    return block_of(
         name=export.stem,
         files=[export] if control is None else [export, control],
         cameras=_camera(source.camera, camera_model),
@@ -116,7 +113,6 @@ def read_dbat(
         },
         rejects=_not_seen(source, given),
     )  # fmt: skip
-    return screen_block(block, reporter, max_reject_share)
 
 
 def _refuse_undetermined(source: Export, given: dict[str, ObjectPoint]) -> None:

@@ -18,8 +18,6 @@ from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import InputError
 from aatri.formats.gama.elements import read_network
 from aatri.formats.gama.network import GivenPoint, Network, Row
-from aatri.formats.screening import screen_block
-from aatri.formats.unusable_sights import without_unusable
 from aatri.ids import canonical, clipped, shown
 from aatri.progress import SILENT, Reporter
 
@@ -47,13 +45,12 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     if any(p.datum for p in points.values()):
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
     ids, sign = canonical(points), _signs(network, axes)
-    block = block_of(
+    return block_of(
         name=path.stem, files=[path], points=ids, ground_points=_ground(network, points, ids, axes),
         ground_point_covariances=_between_points(network, axes, ids), geodetic=_geodetic(network, axes, sign),
         geodetic_covariances=_between_rows(network, sign),
         frames=Frames.of(id="local", axes="east,north,up", crs="local", vertical=""),
     )  # fmt: skip
-    return screen_block(without_unusable(block), reporter, 0.0)
 
 
 def _axes(letters: str, path: Path) -> Axes:

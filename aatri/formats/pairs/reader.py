@@ -23,7 +23,6 @@ import numpy as np
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.ids import is_valid
@@ -37,7 +36,7 @@ Measured = tuple[Place, TextLine]
 
 def read_pairs(
     folder: Path, *, unit_um: float, image_sigma_um: float, control: Path | None = None, check: Path | None = None,
-    control_sigma_m: float = 0.0, max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT,
+    control_sigma_m: float = 0.0, reporter: Reporter = SILENT,
 ) -> Block:  # fmt: skip
     """Read a folder of pair files.
 
@@ -51,7 +50,6 @@ def read_pairs(
     control, check : Path, optional
     control_sigma_m : float, m
         Of control and check points; 0: exact.
-    max_reject_share : float
     reporter : Reporter
 
     Raises
@@ -79,7 +77,7 @@ def read_pairs(
     known = [(row, role) for path, role in surveyed for row in word_lines(path, reporter, **WORDS)]
     c, x0, y0 = interior
     every = [(name, one) for name, of in measured.items() for one in of]
-    block = block_of(
+    return block_of(
         name=folder.resolve().name, rotation="phi-omega-kappa", files=paths,
         cameras={
             "id": CAMERA, "kind": "film", "image_coordinates": "photo", "principal_distance_mm": c,
@@ -95,7 +93,6 @@ def read_pairs(
         },
         ground_points=_ground(known, control_sigma_m),
     )  # fmt: skip
-    return screen_block(block, reporter, max_reject_share)
 
 
 def _photos(path: Path, number: int) -> tuple[str, str]:

@@ -6,14 +6,13 @@ from a station to itself, or a distance that is not positive, is set aside with 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.block import Geodetic, GeodeticCovariances, Rejects
+from aatri.artifacts.block import Geodetic, GeodeticCovariances
 from aatri.errors import InputError
 from aatri.formats.tables.covariances import geodetic_covariances
 from aatri.formats.tables.source import Source, choice, look_up, plain_angle_rad, rad_of, texts, yes_no
@@ -33,23 +32,19 @@ GEODETIC = {
     "group": TEXT, "h_from": NUMBER, "h_to": NUMBER, "active": TEXT, "reduced": TEXT,
 }  # fmt: skip
 
-TO_ITSELF = "from a station to itself"
-NOT_POSITIVE = "distance not positive"
-
 
 class GeodeticTables(NamedTuple):
-    """Geodetic observations, their covariances, and what was set aside."""
+    """Geodetic observations and their covariances."""
 
     geodetic: Geodetic
     covariances: GeodeticCovariances
-    rejects: Rejects
 
 
 def geodetic_tables(
     source: Source, images: Iterable[str], points: Iterable[str], covariances: CsvTable | None
 ) -> GeodeticTables:
     """Geodetic observations in canonical order, with their covariances."""
-    nothing = GeodeticTables(Geodetic.empty(), GeodeticCovariances.empty(), Rejects.empty())
+    nothing = GeodeticTables(Geodetic.empty(), GeodeticCovariances.empty())
     table = source.table("geodetic.csv", GEODETIC)
     if table is None:
         return nothing
@@ -71,13 +66,10 @@ def geodetic_tables(
         active=yes_no(table, "active", True), reduced=texts(choice(table, "reduced", REDUCED, "no")),
         file=source.file("geodetic.csv", len(table)), line=table.line,
     )  # fmt: skip
-    reasons = unusable(rows)
     order = geodetic_order(rows)
     unit = np.array([_unit(source, t) for t in types])
     correlated = geodetic_covariances(source, covariances, rows, unit, order)
-    rejects = rejects_of(rows, reasons)
-    active = rows.active & np.array([not reason for reason in reasons], dtype=bool)
-    return GeodeticTables(dataclasses.replace(rows, active=active).take(order), correlated, rejects)
+    return GeodeticTables(rows.take(order), correlated)
 
 
 def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], points: list[str]) -> None:
@@ -146,13 +138,6 @@ def right_handed_axis(source: Source, axis: str) -> str:
     return known.get(name, name.upper())
 
 
-def unusable(rows: Geodetic) -> list[str]:
-    """Per observation the reason why it cannot be used, or empty."""
-    itself = (rows.start == rows.end) & (rows.start_kind == rows.end_kind)
-    short = np.isin(rows.type, DISTANCES) & (rows.value <= 0)
-    return [TO_ITSELF if a else NOT_POSITIVE if b else "" for a, b in zip(itself, short)]
-
-
 def geodetic_order(rows: Geodetic) -> Int:
     """The canonical order: by type, set, via, start, end, and the figures."""
     names = ("type", "set", "via", "start", "end", "start_kind", "end_kind", "group", "reduced")
@@ -161,20 +146,6 @@ def geodetic_order(rows: Geodetic) -> Int:
                for name in ("value", "sigma", "start_height_m", "end_height_m")]  # fmt: skip
     keys = list(zip(*columns, *figures))
     return np.array(sorted(range(len(rows)), key=lambda k: keys[k]), dtype=np.intp)
-
-
-def reject_name(rows: Geodetic, k: int) -> str:
-    """How an observation is called in the list of rejects."""
-    return f"{rows.type[k]} {rows.start[k]} {rows.end[k]}"
-
-
-def rejects_of(rows: Geodetic, reasons: list[str]) -> Rejects:
-    """Observations that are set aside, each with its reason."""
-    found = [k for k, reason in enumerate(reasons) if reason and rows.active[k]]
-    if not found:
-        return Rejects.empty()
-    return Rejects(kind=texts(["geodetic"] * len(found)), id=texts(reject_name(rows, k) for k in found),
-                   reason=texts(reasons[k] for k in found), file=rows.file[found], line=rows.line[found])  # fmt: skip
 
 
 def _unit(source: Source, kind: str) -> float:

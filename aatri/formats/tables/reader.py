@@ -2,7 +2,7 @@
 
 The folder is described in docs/formats.md. Everything is read and checked before anything is said, so that all faults
 come at once, each with file, line and character. What is read is turned into metres, millimetres, radians and
-right-handed axes, sorted into canonical order, and screened (see `screening`).
+right-handed axes, and sorted into canonical order. What of it cannot be used is set aside later (`checks.as_read`).
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.artifacts.block import Block, Files, Frames, Points
+from aatri.artifacts.block import Block, Files, Frames, Points, Rejects
 from aatri.errors import AatriError, InputError, raise_all
-from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.exterior import exterior_table
@@ -42,16 +41,14 @@ OF_IMAGES = {"image_points.csv", "fiducials.csv", "exterior.csv"}
 """Files that name images."""
 
 
-def read_block(folder: Path, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE) -> Block:
+def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
     """Read a block folder.
 
     Parameters
     ----------
     folder : Path
     reporter : Reporter
-        Gets warnings, and one line per reject.
-    max_reject_share : float
-        Largest share of the image points outside the format, or of impossible positions.
+        Gets warnings.
 
     Returns
     -------
@@ -70,8 +67,7 @@ def read_block(folder: Path, reporter: Reporter = SILENT, max_reject_share: floa
     source = Source(folder, settings, document, reporter)
     _check_files(source)
     _check_frames(source)
-    block = _block(with_metric_frame(source))
-    return screen_block(block, reporter, max_reject_share)
+    return _block(with_metric_frame(source))
 
 
 def _block(source: Source) -> Block:
@@ -114,7 +110,7 @@ def _block(source: Source) -> Block:
         rig_members=rigs, strips=images.strips, images=images.images, fiducial_points=fiducial_points, points=points,
         image_points=image_points, ground_points=ground.points, ground_point_covariances=ground.covariances,
         exterior=exterior, geodetic=geodetic.geodetic, geodetic_covariances=geodetic.covariances,
-        relative_control=relative, relative_control_members=members, rejects=geodetic.rejects,
+        relative_control=relative, relative_control_members=members, rejects=Rejects.empty(),
     )  # fmt: skip
 
 

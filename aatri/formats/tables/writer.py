@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.adapters.imported import sight_name
 from aatri.arrays import Float
 from aatri.artifacts.block import (
     ANTENNA,
@@ -28,7 +29,6 @@ from aatri.artifacts.block import (
     Block,
 )
 from aatri.errors import ResourceError
-from aatri.formats.tables.geodetic import reject_name
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
 from aatri.formats.tables.settings.writing import settings_text
@@ -208,7 +208,7 @@ def _geodetic(block: Block) -> dict[str, Cells]:
     rows = block.geodetic
     axis = {f"d{own}": f"d{table}" for own, table in _axis_names(block).items()}
     rejected = set(block.rejects.id[block.rejects.kind == "geodetic"].tolist())
-    off = [not a and reject_name(rows, k) not in rejected for k, a in enumerate(rows.active.tolist())]
+    off = [not a and sight_name(rows, k) not in rejected for k, a in enumerate(rows.active.tolist())]
     return {
         "type": _text(axis.get(t, t) for t in rows.type.tolist()),
         "from": _text(rows.start),

@@ -14,7 +14,6 @@ import numpy as np
 
 from aatri.artifacts.block import NO_ROLE, Block, Fiducials, Frames
 from aatri.artifacts.builder import block_of
-from aatri.formats.screening import MAX_REJECT_SHARE, screen_block
 from aatri.formats.wucaps.files import read_files
 from aatri.formats.wucaps.stated import compare_strips
 from aatri.ids import canonical
@@ -25,7 +24,7 @@ CAMERA = "PRECAI"
 
 
 def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m: float | None = None,
-                max_reject_share: float = MAX_REJECT_SHARE, reporter: Reporter = SILENT) -> Block:  # fmt: skip
+                reporter: Reporter = SILENT) -> Block:  # fmt: skip
     """Read a folder of WuCAPS files.
 
     Parameters
@@ -35,8 +34,6 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         Standard deviation of image coordinates; the files have none.
     control_sigma_m : float, m, optional
         Standard deviation of control and check points; None: exact.
-    max_reject_share : float
-        Largest share of the image points outside the format, or of impossible positions.
     reporter : Reporter
 
     Raises
@@ -48,7 +45,7 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
     compare_strips(files, reporter)
     photos, rows, marks = files.photos, files.measured, files.camera.fiducials
     names, (c, x0, y0) = list(files.ground), files.camera.interior
-    block = block_of(
+    return block_of(
         name=folder.resolve().name,
         rotation="phi-omega-kappa",
         earth_curvature="correct",
@@ -74,4 +71,3 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
             "role": [files.roles.get(p, [NO_ROLE] * 3) for p in names], "at": [files.ground[p].entry for p in names],
         },
     )  # fmt: skip
-    return screen_block(block, reporter, max_reject_share)

@@ -15,12 +15,13 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.models.forward_models import bal
 from aatri.errors import AatriError, InputError
-from aatri.formats.bal.reader import PIXEL_MM, read_bal, read_problem
+from aatri.formats.bal.reader import PIXEL_MM, read_problem
 from aatri.formats.bal.writer import write_bal_problem
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles
 from tests.formats.start_solution import start_solution
 from tests.made_solutions import made_block, made_solution
+from tests.reading import read_bal
 
 
 @pytest.fixture(scope="module")

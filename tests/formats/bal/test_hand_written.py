@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import AatriError
-from aatri.formats.bal.reader import read_bal, read_problem
+from aatri.formats.bal.reader import read_problem
 from aatri.geometry.rotations import rotation_from_angles
+from tests.reading import read_bal
 
 CAMERAS = np.array([[0.1, -0.2, 0.3, 1.0, -2.0, -9.0, 500.0, 1e-3, -2e-4],
                     [-0.3, 0.1, 2.0, -1.5, 0.5, -12.0, 620.0, -3e-3, 5e-5]])  # fmt: skip

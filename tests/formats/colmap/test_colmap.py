@@ -13,15 +13,13 @@ from aatri.artifacts.block import CHECK, CONTROL, OBSERVED_VALUE, Block
 from aatri.camera.models import forward_models
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import AatriError
-from aatri.formats.bal.reader import read_bal
-from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
-from aatri.formats.dbat.reader import read_dbat
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.tables.digest import content_digest
 from tests.formats.start_solution import start_solution
 from tests.made_solutions import made_block, made_solution
+from tests.reading import read_bal, read_colmap, read_dbat
 
 # A camera at (0, 0, 10) looking down, its x axis along X: in COLMAP's axes q = (0, 1, 0, 0), t = (0, 0, 10).
 CAMERAS = "# comment\n1 OPENCV 100 80 50 50 52 39 0.1 -0.02 0.003 -0.004\n2 PINHOLE 100 80 50 40 50 40\n"

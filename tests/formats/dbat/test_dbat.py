@@ -12,7 +12,6 @@ import pytest
 from aatri.artifacts.block import APPROXIMATE, CONTROL, Block
 from aatri.errors import AatriError, GeometryError
 from aatri.formats.dbat.files import read_export
-from aatri.formats.dbat.reader import read_dbat
 from aatri.geometry.collinearity import collinearity
 from aatri.geometry.rotations import (
     angle_covariance,
@@ -22,6 +21,7 @@ from aatri.geometry.rotations import (
 )
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.formats.dbat.dbat_report import SXB_OFFSET_M, DbatReport, read_report
+from tests.reading import read_dbat
 from tests.stages.film_blocks import Told
 
 DBAT = "dbat"

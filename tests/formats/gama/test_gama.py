@@ -9,7 +9,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError
-from aatri.formats.gama.reader import read_gama
+from tests.reading import read_gama
 from tests.stages.hand_block import Heard
 
 NETWORK = """<?xml version="1.0" encoding="utf-8"?>
@@ -130,7 +130,7 @@ def test_a_levelled_section_has_the_standard_deviation_of_its_length(tmp_path: P
 def test_observations_to_points_that_are_not_listed_are_told_and_kept(tmp_path: Path) -> None:
     path, heard = tmp_path / "network.gkf", Heard()
     path.write_text(NETWORK.replace('<point id="P" adj="xy" />', ""))
-    block = read_gama(path, heard)  # type: ignore[arg-type]
+    block = read_gama(path, reporter=heard)  # type: ignore[arg-type]
     assert block.geodetic.active.all()
     assert "P" in block.points.id
     assert any("no <point>" in text and "P" in text for text in heard.warned)

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import InputError
-from aatri.formats.pairs.reader import read_pairs
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.block.pairs import PairsOptions, pairs
 from aatri.stages.bundle_adjustment.bundle import bundle
@@ -18,6 +17,7 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from tests.reading import read_pairs
 
 FIRST = (
     "153.033 0.01 -0.02\n# point x1 y1 x2 y2\n11 100000 200000 -700000 210000\n12, 50000, -3000, -760000, -1500\n"

@@ -13,12 +13,11 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.formats.bal.writer import write_bal_problem
-from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
-from aatri.formats.dbat.reader import read_dbat
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.reading import read_colmap, read_dbat
 from tests.stages.chain import simulated
 
 

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from aatri.errors import AatriError, InputError
-from aatri.formats.tables.reader import read_block
 from tests.formats.tables.block_folder import FILES, replaced, write_folder
+from tests.reading import read_block
 
 Change = dict[str, str | bytes | None]
 POINTS, IMAGES, GROUND, YAML = "image_points.csv", "images.csv", "ground_points.csv", "block.yaml"

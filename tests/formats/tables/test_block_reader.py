@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, TRUTH, Block
-from aatri.formats.tables.reader import read_block
 from aatri.tables.digest import content_digest
 from tests.formats.tables.block_folder import FILES, replaced, write_folder
+from tests.reading import read_block
 
 
 @pytest.fixture

@@ -10,14 +10,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from aatri.artifacts.block import TRUTH, Block
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.ids import is_valid
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.tables.digest import content_digest
 from tests.formats.tables.block_folder import FILES, write_folder
+from tests.reading import read_block, read_wucaps
 
 
 def _digest(block: Block) -> str:

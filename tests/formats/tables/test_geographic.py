@@ -11,12 +11,12 @@ import pyproj
 import pytest
 
 from aatri.errors import AatriError
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.tables.digest import content_digest
 from tests.formats.tables.block_folder import replaced, write_folder
+from tests.reading import read_block
 from tests.stages.geodetic_blocks import made
 
 IMU = {"imu": {"observed": True, "rotation": "roll-pitch-heading"}}

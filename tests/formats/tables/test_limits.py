@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from aatri.errors import AatriError
-from aatri.formats.tables.reader import read_block
 from aatri.progress import Silent
 from tests.formats.tables.block_folder import FILES, replaced, write_folder
+from tests.reading import read_block
 
 YAML, POINTS, GROUND, EXTERIOR = "block.yaml", "image_points.csv", "ground_points.csv", "exterior.csv"
 GEODETIC, RELATIVE, COVARIANCES = "geodetic.csv", "relative_control.yaml", "covariances.csv"

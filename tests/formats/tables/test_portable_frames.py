@@ -12,9 +12,9 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import AatriError
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.tables.digest import content_digest
+from tests.reading import read_block
 from tests.small_blocks import Small, adjusted_by, flown, measure
 
 SOLID, FLAT = [f"a{k}" for k in range(5)], [f"b{k}" for k in range(4)]

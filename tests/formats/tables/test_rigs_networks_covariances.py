@@ -10,9 +10,9 @@ import pytest
 
 from aatri.artifacts.block import TRUTH, Block
 from aatri.errors import AatriError
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.tables.digest import content_digest
+from tests.reading import read_block
 
 YAML = """\
 aatri_block: 1

@@ -11,8 +11,6 @@ import pytest
 
 from aatri import ids
 from aatri.errors import AatriError, Errors, InputError
-from aatri.formats.colmap.reader import read_colmap
-from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
 from aatri.formats.text.csv_cells import shielded, start_of_cell, unshielded
 from aatri.formats.text.number_text import number_of, numbers_of, whole_number_of
@@ -20,6 +18,7 @@ from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import loads
 from tests.contract.made_files import colmap_model
 from tests.formats.tables.block_folder import FILES, replaced, write_folder
+from tests.reading import read_block, read_colmap
 
 
 def fault_of(folder: Path) -> str:

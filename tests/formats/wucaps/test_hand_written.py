@@ -9,7 +9,7 @@ import pytest
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.errors import AatriError
-from aatri.formats.wucaps.reader import read_wucaps
+from tests.reading import read_wucaps
 
 FILES = {
     "PRECAI.DAT": """\

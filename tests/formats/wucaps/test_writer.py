@@ -11,10 +11,10 @@ import pytest
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.errors import AatriError
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.formats.wucaps.writer import write_wucaps
 from aatri.tables.schema import tables_of
 from tests.made_solutions import made_block
+from tests.reading import read_wucaps
 
 
 def _ground_of(block: Block) -> dict[str, tuple[list[float], list[int]]]:

@@ -10,9 +10,9 @@ import pytest
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import AatriError, InputError
-from aatri.formats.wucaps.reader import read_wucaps
 from aatri.stages.block.wucaps import WucapsOptions, wucaps
 from aatri.tables.digest import content_digest
+from tests.reading import read_wucaps
 
 FOLDER = "rc30_2x3/Data/bundle_ajustment"
 

@@ -15,12 +15,12 @@ import pytest
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.formats.tables.reader import read_block
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.made_uav_3strips import block_folder
+from tests.reading import read_block
 from tests.stages.film_blocks import Told
 from tests.stages.initial_orientation.unordered import SMALL_UAV, simulated, without_strips
 

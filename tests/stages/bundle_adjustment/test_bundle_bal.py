@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.formats.bal.reader import read_bal
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.reading import read_bal
 from tests.stages.film_blocks import Told
 
 PROBLEM = "bal/problem-49-7776-pre.txt"

@@ -10,12 +10,12 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError, InputError
-from aatri.formats.dbat.reader import read_dbat
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
 from aatri.orientation.bundle.adjust import Datum
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.formats.dbat.dbat_report import SXB_OFFSET_M, DbatReport, read_report
+from tests.reading import read_dbat
 from tests.stages.film_blocks import Told
 
 CASES = ("f-op0", "w-op0", "w-op1")

@@ -144,8 +144,8 @@ def _in_geocentric_axes(block: Block) -> Block:
 
 
 def test_one_block_in_map_geographic_and_geocentric_coordinates_and_two_frames_is_one_result(tmp_path: Path) -> None:
-    from aatri.formats.tables.reader import read_block
     from aatri.formats.tables.writer import write_block
+    from tests.reading import read_block
 
     block = made(5, 3000.0)
     points = calibrated(block)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.formats.tables.reader import read_block
 from aatri.stages.accuracy.evaluation import evaluation
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
@@ -16,6 +15,7 @@ from aatri.stages.initial_orientation.graph import GraphOptions, graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.essential import essential
 from tests.made_uav_3strips import block_folder
+from tests.reading import read_block
 from tests.stages.initial_orientation.unordered import (
     SMALL_UAV,
     Told,

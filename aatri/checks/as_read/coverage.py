@@ -1,0 +1,57 @@
+"""What the image points of a camera cover of its format: all of them in a corner, or beyond its marks, is a wrong unit.
+
+    share = largest extent of the points of all images / format,     reach = largest distance from the middle
+
+Seen: millimetres read as micrometres, inches as millimetres, pixels as millimetres shrink or blow up the bundle of
+rays, which some adjustments survive with another principal distance.
+Test: a share below a twentieth, or a reach beyond twice the half diagonal. Where neither format nor marks are given,
+the angle 2 atan(reach / c) that the points span must be one that a camera has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.checks.as_read.cameras import Cameras
+from aatri.checks.finding import Finding, Level
+from aatri.checks.limits import BEYOND_FORMAT, FEWEST_COVERING, FIELD_OF_VIEW_DEG, NO_COVERAGE, SMALL_COVERAGE
+
+REMEDY = "check the unit of the image coordinates: `image_coordinates` of the camera, pixel size, all lengths in mm"
+
+
+def coverage(cameras: Cameras, camera_of_ray: Int, xy_mm: Float) -> list[Finding]:
+    """What image points of each camera say of the unit of their coordinates.
+
+    Parameters
+    ----------
+    cameras : Cameras
+        Half the format, or where its marks lie.
+    camera_of_ray : (k,) int
+    xy_mm : (k, 2) float64, mm
+        From the middle of the image.
+    """
+    findings = []
+    for k, name in enumerate(cameras.id):
+        xy, half, c = xy_mm[camera_of_ray == k], cameras.half_format_mm[k], float(cameras.principal_distance_mm[k])
+        if len(xy) < FEWEST_COVERING:
+            continue
+        size, reach = np.ptp(xy, axis=0), float(np.linalg.norm(xy, axis=1).max())
+        level: Level = "note"
+        share = float((size / (2 * half)).max())
+        field = float(np.degrees(2 * np.arctan(reach / c)))
+        text = f"its {len(xy)} image points span {field:.3g} deg, up to {reach:.4g} mm from the middle of the image"
+        if not np.isfinite(half).all():
+            level = "note" if FIELD_OF_VIEW_DEG[0] <= field <= FIELD_OF_VIEW_DEG[1] else "warning"
+        elif share < SMALL_COVERAGE:
+            level = "error" if share < NO_COVERAGE else "warning"
+            text = (
+                f"its {len(xy)} image points lie within {size[0]:.3g} x {size[1]:.3g} mm of each other, {share:.1g} of "
+            )
+            text += f"the {2 * half[0]:.4g} x {2 * half[1]:.4g} mm of the image"
+        elif reach > BEYOND_FORMAT * float(np.linalg.norm(half)):
+            level, text = "error", f"{text}, which is {half[0]:.4g} x {half[1]:.4g} mm in half"
+        else:
+            continue
+        findings.append(Finding("coverage", level, text, REMEDY * (level != "note"), where=f"camera {name}"))
+    return findings

@@ -1,0 +1,54 @@
+"""Control points with each other's number, which an adjustment could not leave out.
+
+Seen: two control points fit only with their numbers exchanged.
+Test: `adjustment.statistics.exchanged`: the start finds each at the coordinates of the other, to a fifth of their
+distance, and a quarter of the control where it is given. An error where one of the two is exact, or fewer than three
+other points would remain; else the search for gross errors leaves them out and names them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adapters.imported import read_at
+from aatri.adjustment.statistics.exchanged import exchanged_at_start
+from aatri.artifacts.block import Block
+from aatri.checks.finding import Finding
+from aatri.checks.limits import ENOUGH_CONTROL
+from aatri.geometry.intersection import intersect_rays
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.control import control_of
+from aatri.orientation.bundle.block import BundleInput
+from aatri.units import length
+
+
+def exchanged_control(block: Block, given: BundleInput) -> list[Finding]:
+    """Control points that the start finds at each other's coordinates, and that cannot be left out."""
+    control, rays, frame = control_of(block), given.rays, given.given.frame if given.given is not None else None
+    if rays is None:
+        return []
+    number = np.full(len(block.points), -1)
+    number[control.point] = np.arange(len(control.point))
+    oriented = finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image)
+    rows = np.flatnonzero(rays.active & oriented[rays.image] & (number[rays.point] >= 0))
+    looking = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
+    direction = np.einsum("nij,nj->ni", given.poses.ground_from_image[rays.image[rows]], looking)
+    seen_m = given.origin_m + intersect_rays(
+        given.poses.position_m[rays.image[rows]], direction, number[rays.point[rows]], len(control.point)
+    )
+    seen_m = seen_m if frame is None else frame.to_block(seen_m)
+    few = int(control.given.any(axis=1).sum()) - 2 < ENOUGH_CONTROL
+    findings = []
+    for pair in exchanged_at_start(seen_m, np.where(control.given, control.xyz_m, np.nan)):
+        both = [pair.first, pair.second]
+        if not (few or control.exact[both].any()):
+            continue
+        first, second = block.points.id[control.point[both]].tolist()
+        text = (f"control points {first} and {second} fit with their numbers exchanged, to {length(pair.exchanged_m)}; "
+                f"as given they lie {length(pair.as_given_m)} from where the images find them")  # fmt: skip
+        findings.append(Finding(
+            "exchanged_control", "error", text, "exchange the two ids in the control, or in the images",
+            where=read_at(block, block.ground_points, int(control.row[pair.first])),
+            rows={"control": control.row[both]}, statistic=pair.exchanged_m / pair.as_given_m,
+        ))  # fmt: skip
+    return findings

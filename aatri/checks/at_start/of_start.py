@@ -1,0 +1,41 @@
+"""A bundle and the values it starts from: the checks of this room, in their order.
+
+Seen: what the other files of this room look for.
+Test: those of orientations and exchanged control only where the start comes from the block itself: an `initial` has
+been checked by the stage that made it, and starts of a geocentric frame have no heights.
+"""
+
+from __future__ import annotations
+
+from aatri.adapters.frame.adjustment_frame import poses_out_of
+from aatri.artifacts.block import Block
+from aatri.checks.at_start.conventions import other_conventions
+from aatri.checks.at_start.exchanged_control import exchanged_control
+from aatri.checks.at_start.frame import neglected_by_the_frame
+from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
+from aatri.checks.finding import Finding
+from aatri.observations.poses import Poses
+from aatri.orientation.bundle.block import BundleInput
+
+
+def findings_at_start(block: Block, given: BundleInput, *, of_the_block: bool) -> list[Finding]:
+    """What there is to say before a bundle: of its frame, of conventions, and of the orientations it starts from.
+
+    Parameters
+    ----------
+    of_the_block : bool
+        The start comes from the block itself, not from an earlier stage.
+    """
+    frame = given.given.frame if given.given is not None else None
+    poses = poses_out_of(frame, Poses(given.poses.position_m + given.origin_m, given.poses.ground_from_image))
+    xyz = given.xyz_m + given.origin_m
+    xyz = xyz if frame is None else frame.to_block(xyz)
+    findings = [*other_conventions(given), *neglected_by_the_frame(block, frame, poses.position_m, xyz)]
+    if not of_the_block or given.rays is None or (frame is not None and frame.geocentric):
+        return findings
+    return [
+        *findings,
+        *unlikely_orientations(block, poses.position_m, poses.ground_from_image, xyz),
+        *control_outside(block, poses.position_m, poses.ground_from_image),
+        *exchanged_control(block, given),
+    ]

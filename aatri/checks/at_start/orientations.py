@@ -1,0 +1,82 @@
+"""Orientations held against the points that their images show.
+
+Seen: heights of the wrong sign, exchanged axes, angles of another convention; control with a wrong id or coordinate.
+Test: more than 5 % of the points of a camera lie behind it; all its images look up at points above them; a control
+point projects beyond the format, by more than a tenth of it, of an image that shows it (orientations are approximate).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float
+from aatri.artifacts.block import Block
+from aatri.camera.pixels import half_format_mm
+from aatri.checks.finding import Finding
+from aatri.checks.limits import BEHIND, CONTROL_MARGIN, UPWARDS
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.control import control_of
+from aatri.units import length
+
+
+def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Float, xyz_m: Float) -> list[Finding]:
+    """A line of the flying height of each camera, and what no flight has.
+
+    Parameters
+    ----------
+    block : Block
+    position_m, ground_from_image : (n, 3), (n, 3, 3) float64, m
+        Of the block's images, in its first frame; NaN where not oriented.
+    xyz_m : (p, 3) float64, m
+        Of the block's points; NaN where not known.
+    """
+    points, findings = block.image_points, []
+    known = points.active & block.images.active[points.image]
+    known &= finite_rows(position_m)[points.image] & finite_rows(xyz_m)[points.point]
+    image, point = points.image[known], points.point[known]
+    u = np.einsum("kji,kj->ki", ground_from_image[image], xyz_m[point] - position_m[image])
+    depth, height, camera = -u[:, 2], position_m[image, 2] - xyz_m[point, 2], block.images.camera[image]
+    for k in np.unique(camera).tolist():
+        mine, where = camera == k, f"camera {block.cameras.id[k]}"
+        behind = float(np.mean(depth[mine] <= 0))
+        text = f"{length(float(np.median(height[mine])))} above its points"
+        findings.append(Finding("orientations", "note", text, where=where))
+        if behind > BEHIND:
+            text = f"{behind:.0%} of its points lie behind it"
+            findings.append(Finding("orientations", "warning", text, "check axes, angles and the sign of heights",
+                                    where=where, statistic=behind))  # fmt: skip
+        elif float(np.mean(height[mine] < -UPWARDS * np.abs(depth[mine]))) > 1 - BEHIND:
+            text, remedy = "all its images look up at points above them", "unless this is a ceiling, check the sign of "
+            remedy += "heights and the order of axes"
+            findings.append(Finding("orientations", "warning", text, remedy, where=where))
+    return findings
+
+
+def control_outside(block: Block, position_m: Float, ground_from_image: Float) -> list[Finding]:
+    """How much of the control projects into the images that show it; what does not, by name."""
+    control, points = control_of(block), block.image_points
+    number = np.full(len(block.points), -1)
+    number[control.point[control.given.all(axis=1)]] = np.flatnonzero(control.given.all(axis=1))
+    c, camera = block.cameras, block.images.camera[points.image]
+    half = half_format_mm(np.asarray(c.kind == "digital"), c.format, c.pixel_size_mm)
+    known: Bool = points.active & block.images.active[points.image] & (number[points.point] >= 0)
+    known &= finite_rows(position_m)[points.image] & finite_rows(half)[camera]
+    if not known.any():
+        return []
+    image, row, camera = points.image[known], number[points.point[known]], camera[known]
+    away = control.xyz_m[row] - position_m[image]
+    u = np.einsum("kji,kj->ki", ground_from_image[image], away)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        xy = -c.principal_distance_mm[camera, None] * u[:, :2] / u[:, 2:]
+    inside = (u[:, 2] < 0) & (np.abs(xy) <= (1 + 2 * CONTROL_MARGIN) * half[camera]).all(axis=1)
+    outside, judged = np.unique(row[~inside]), np.unique(row)
+    text = f"{len(judged) - len(outside)} of {len(judged)} control points lie in what their images show"
+    findings = [Finding("orientations", "note", text)]
+    if len(outside):
+        nearest = {k: float(np.linalg.norm(away[row == k, :2], axis=1).min()) for k in outside.tolist()}
+        names = block.points.id[control.point]
+        ids = (f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
+        text = "control points outside of what their images show, with the distance from the nearest"
+        findings.append(Finding("orientations", "warning", text, "check coordinates and ids", ids=tuple(ids),
+                                rows={"control": control.row[outside]}))  # fmt: skip
+    return findings

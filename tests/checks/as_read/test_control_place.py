@@ -1,0 +1,123 @@
+"""Control off the block: found before adjusting, and nothing legal is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.checks.as_read.control_place import misplaced_control
+
+MAP = np.array([446_000.0, 4_505_000.0])
+STATIONS = MAP + np.array([[x, y] for y in (0.0, 800.0) for x in (0.0, 500.0, 1000.0, 1500.0)])
+POINTS = MAP + np.array([[50.0, 80.0], [1450.0, 30.0], [700.0, 400.0], [60.0, 790.0], [1420.0, 820.0]])
+IDS = [f"GCP{k + 1}" for k in range(len(POINTS))]
+
+
+def _rays(points=POINTS, stations=STATIONS, reach=900.0):
+    near = np.linalg.norm(points[:, None] - stations[None], axis=2) < reach
+    return np.nonzero(near)
+
+
+RAYS = _rays()
+
+
+def _found(points, stations=STATIONS, rays=RAYS, ids=IDS):
+    flat, above = (np.column_stack([xy, np.full(len(xy), z)]) for xy, z in ((points, 10.0), (stations, 700.0)))
+    return misplaced_control(ids, flat, above, *rays, [f"control.csv:{k + 2}" for k in range(len(points))])
+
+
+def test_good_control_is_left_alone_with_and_without_positions():
+    assert _found(POINTS) == []
+    assert _found(POINTS, np.full_like(STATIONS, np.nan)) == []
+
+
+@pytest.mark.parametrize("positions", [True, False])
+def test_one_point_with_x_and_y_swapped_is_named_with_its_distance(positions):
+    local = POINTS - MAP + np.array([3000.0, 9000.0])
+    stations = STATIONS - MAP + np.array([3000.0, 9000.0]) if positions else np.full_like(STATIONS, np.nan)
+    local[1] = local[1, ::-1]
+    (found,) = _found(local, stations)
+    assert found.level == "error"
+    assert found.where == "control.csv:3"
+    assert "GCP2 lies" in found.sentence
+    assert "km from the block; with X and Y exchanged it would lie inside" in found.sentence
+
+
+def test_a_point_far_off_for_no_known_reason_is_a_warning():
+    moved = POINTS.copy()
+    moved[2] += [0.0, 7_400.0]
+    (found,) = _found(moved)
+    assert found.level == "warning"
+    assert "GCP3 lies 7" in found.sentence
+
+
+@pytest.mark.parametrize("positions", [True, False])
+@pytest.mark.parametrize(
+    ("change", "what", "remedy"),
+    [
+        (
+            lambda p: p + np.array([39e6, 0]),
+            "from the block; without the zone number",
+            "zone number",
+        ),
+        (lambda p: p / 0.3048, "; taken as feet it would lie inside", "metres"),
+        (lambda p: p / 1000, "; times 1000 it would lie inside", "metres"),
+        (lambda p: p * 1000, "; divided by 1000 it would lie inside", "metres"),
+        (lambda p: p + np.array([150e3, 0]), "km from the block, the others", "its id"),
+    ],
+)
+def test_one_point_of_another_unit_or_zone_stops_the_run(change, what, remedy, positions):
+    moved = POINTS.copy()
+    moved[2] = change(moved[2])
+    (found,) = _found(moved, STATIONS if positions else np.full_like(STATIONS, np.nan))
+    assert found.level == "error"
+    assert found.where == "control.csv:4"
+    assert what in found.sentence
+    assert remedy in found.remedy
+
+
+def test_near_the_origin_another_unit_of_one_point_proves_nothing():
+    local = POINTS - MAP
+    local[2] += [0.0, 9_000.0]  # divided by 1000 it would lie inside, and so would all others
+    (found,) = _found(local, STATIONS - MAP)
+    assert found.level == "warning"
+
+
+@pytest.mark.parametrize(
+    ("change", "what", "remedy"),
+    [
+        (lambda p: p[:, ::-1], "with X and Y exchanged", "axes"),
+        (lambda p: p / 0.3048, "taken as feet", "metres"),
+        (lambda p: p * 0.3048, "divided by 0.3048", "metres"),
+        (lambda p: p / 1000, "times 1000", "km"),
+        (lambda p: p * 1000, "divided by 1000", "mm"),
+        (lambda p: p + np.array([50e6, 0]), "without the zone number", "zone number"),
+        (lambda p: p + np.array([-430e3, 12e3]), "lie 431 km from the images", "zone"),
+    ],
+)
+def test_all_control_of_another_order_unit_or_zone(change, what, remedy):
+    (found,) = _found(change(POINTS))
+    assert found.level == "error"
+    assert found.where == "control.csv:2"
+    assert what in found.sentence
+    assert remedy in found.remedy
+
+
+def test_objects_seen_from_afar_are_legal():
+    # three stations at the origin of a local system, targets in one direction, near and far
+    stations = np.array([[0.0, 0.0], [0.6, 0.1], [1.1, -0.2]])
+    for spread in (0.5, 30.0):
+        targets = np.array([90.0, 15.0]) + spread * np.array([[0, 0], [0, 1], [1, 0], [1, 1.0]])
+        rays = np.nonzero(np.ones((4, 3)))
+        assert all(f.level == "warning" for f in _found(targets, stations, rays, list("ABCD")))
+
+
+def test_points_no_image_shows_are_not_judged():
+    county = np.vstack([POINTS, MAP + np.array([90e3, 40e3])])
+    assert _found(county, ids=[*IDS, "K"]) == []
+
+
+def test_height_only_control_and_images_without_position_are_passed_over():
+    points, stations = POINTS.copy(), STATIONS.copy()
+    points[0], stations[1] = np.nan, np.nan
+    assert _found(points, stations) == []

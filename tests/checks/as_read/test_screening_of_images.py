@@ -1,0 +1,85 @@
+"""Rule 3 of screening: images with too few points, and what goes with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aatri.progress import Silent
+from tests.checks.as_read.test_screening import Written, rejects
+
+
+def more_images(points: int) -> Written:
+    """Twenty images of ten points, and one more that shows only so many of them."""
+    of = Written(images=[f"i{k}" for k in range(20)])
+    of.images.append("few")
+    of.points += [f"few,p{k},{k},{k}" for k in range(points)]
+    return of
+
+
+@pytest.mark.parametrize(("points", "stays"), [(3, True), (2, False)])
+def test_an_image_needs_three_points(tmp_path: Path, points: int, stays: bool) -> None:
+    block = more_images(points).read(tmp_path)
+    assert block.images.active.tolist().count(False) == (not stays)
+    expected = [] if stays else [("image", "few", "fewer than 3 points and no observed position"),
+                                 ("image_point", "few/p0", "its image is rejected"),
+                                 ("image_point", "few/p1", "its image is rejected")]  # fmt: skip
+    assert rejects(block) == expected
+
+
+def test_the_same_point_twice_is_one_point_of_an_image(tmp_path: Path) -> None:
+    of = more_images(2)
+    of.points.append("few,p1,1,1")
+    assert ("image", "few", "fewer than 3 points and no observed position") in rejects(of.read(tmp_path))
+
+
+@pytest.mark.parametrize(("cells", "stays"), [("1,2,3,observed", True), ("1,2,3,approximate", False),
+                                              ("1,2,,observed", False)])  # fmt: skip
+def test_an_image_with_an_observed_position_stays(tmp_path: Path, cells: str, stays: bool) -> None:
+    of = more_images(1)
+    of.exterior = [f"few,{cells}", "i0,5,6,7,observed"]
+    assert (("image", "few", "fewer than 3 points and no observed position") in rejects(of.read(tmp_path))) != stays
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_images_with_few_points_go_and_the_others_stay(tmp_path: Path, count: int) -> None:
+    of = Written(images=[f"i{k}" for k in range(20 - count)])
+    of.images += [f"few{k}" for k in range(count)]
+    of.points += [f"few{k},p1,1,1" for k in range(count)]
+    assert of.read(tmp_path).images.active.sum() == 20 - count
+
+
+def test_what_goes_takes_with_it_what_rested_on_it(tmp_path: Path) -> None:
+    """Without `few` the point a is seen once; without a the image b has two points; and so on to the end."""
+    of = Written(images=[f"i{k}" for k in range(60)], halves=True)
+    of.images += ["few", "b"]
+    of.points += ["few,a,1,1", "few,p1,2,2", "b,a,1,1", "b,p1,2,2", "b,p2,3,3"]
+    block = of.read(tmp_path)
+    assert rejects(block) == [
+        ("image", "b", "fewer than 3 points and no observed position"),
+        ("image", "few", "fewer than 3 points and no observed position"),
+        ("image_point", "b/a", "seen in one image only"),
+        ("image_point", "b/p1", "its image is rejected"),
+        ("image_point", "b/p2", "its image is rejected"),
+        ("image_point", "few/a", "its image is rejected"),
+        ("image_point", "few/p1", "its image is rejected"),
+    ]
+    assert block.rejects.line.tolist() == [63, 62, 604, 605, 606, 602, 603]
+
+
+def test_every_reject_is_said_aloud(tmp_path: Path) -> None:
+    class Heard(Silent):
+        def __init__(self) -> None:
+            self.warned: list[str] = []
+
+        def warn(self, message: str) -> None:
+            self.warned.append(message)
+
+    of, heard = more_images(1), Heard()
+    of.points[13] = "i1,p3,500,0"
+    of.read(tmp_path, heard)
+    said = [line for line in heard.warned if line.startswith("rejected: ")]
+    assert said == ["rejected: image few: fewer than 3 points and no observed position",
+                    "rejected: image_point few/p0: its image is rejected",
+                    "rejected: image_point i1/p3: outside the image format"]  # fmt: skip

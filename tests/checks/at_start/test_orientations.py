@@ -1,0 +1,53 @@
+"""Orientations held against points and control: a line per camera, what no flight has, control outside of its
+images."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
+from tests.made_solutions import made_block
+
+MADE = made_block()
+BLOCK = replace(MADE, cameras=replace(MADE.cameras, format=np.array([[600.0, 600.0]])))
+TRUTH = BLOCK.true_images, BLOCK.true_points
+
+
+def _start(turn: Any = 1.0) -> tuple[Any, Any, Any]:
+    images, points = TRUTH
+    assert images is not None
+    assert points is not None
+    rotation = images.ground_from_image @ np.diag([1.0, -1.0, -1.0]) if turn != 1.0 else images.ground_from_image
+    return images.position_m * [1, 1, turn], rotation, points.xyz_m * [1, 1, turn]
+
+
+def test_a_line_per_camera_tells_its_height() -> None:
+    position, rotation, xyz = _start()
+    height = np.median((position[:, None, 2] - xyz[None, :, 2]).ravel())
+    (finding,) = unlikely_orientations(BLOCK, position, rotation, xyz)
+    assert (finding.level, finding.where) == ("note", "camera cam")
+    assert finding.sentence == f"{height:.0f} m above its points"
+
+
+def test_cameras_that_look_up_and_points_behind_them_are_warned_of() -> None:
+    _, warning = unlikely_orientations(BLOCK, *_start(turn=-1.0))
+    assert "look up at points above them" in warning.sentence
+    position, rotation, xyz = _start()
+    _, warning = unlikely_orientations(BLOCK, position, rotation, xyz * [1, 1, 100.0])
+    assert "of its points lie behind it" in warning.sentence
+
+
+def test_control_outside_of_what_its_images_show_is_named() -> None:
+    position, rotation, _ = _start()
+    (line,) = control_outside(BLOCK, position, rotation)
+    assert line.sentence == "4 of 4 control points lie in what their images show"
+    ground = BLOCK.ground_points
+    xyz = ground.xyz_m.copy()
+    xyz[0, 1] += 7_400.0
+    line, warning = control_outside(replace(BLOCK, ground_points=replace(ground, xyz_m=xyz)), position, rotation)
+    assert line.sentence.startswith("3 of 4")
+    assert warning.rows["control"].tolist() == [0]
+    assert [name.split()[0] for name in warning.ids] == [str(BLOCK.points.id[ground.point[0]])]
