@@ -30,7 +30,7 @@ def test_the_templates_say_what_to_fill_in(tmp_path: Path) -> None:
 
 
 def test_the_commented_rows_of_the_templates_are_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("aatri.adapters.sanity_as_given.contradiction", lambda *_, **__: None)  # rows of no real block
+    monkeypatch.setattr("aatri.checks.as_read.angles.contradiction", lambda *_, **__: None)  # rows of no real block
     folder = _made(tmp_path)
     for name in ("images", "image_points", "ground_points", "exterior"):
         path = folder / f"{name}.csv"
