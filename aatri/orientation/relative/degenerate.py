@@ -81,9 +81,9 @@ def plain_pairs(rays: RayPairs, start: Int, fewest: int) -> Bool:
         across = np.sqrt(np.maximum(0.5 * (xx + yy - np.hypot(xx - yy, 2 * xy)), 0.0) / n)
         clear &= across > CLEARLY * LINE * np.maximum.reduceat(sigma.max(axis=1), first)
     u1, u2 = unit(rays.left), unit(rays.right)
-    moment = np.add.reduceat((u1[:, :, None] * u2[:, None, :]).reshape(-1, 9), first).reshape(-1, 3, 3)
-    turned = np.einsum("nij,nj->ni", nearest_rotation(moment)[row], u2)
-    sine = np.linalg.norm(np.cross(u1, turned), axis=1)
-    misfits = np.add.reduceat((sine > CLEARLY * NO_BASE * angle_sigmas(rays)).astype(np.int64), first)
+    products = (u1[:, :, None] * u2[:, None, :]).reshape(-1, 9)
+    turn = nearest_rotation(np.add.reduceat(products, first).reshape(-1, 3, 3)).reshape(-1, 9)
+    cosine = np.einsum("nk,nk->n", products, turn[row])  # of the angles between left rays and right ones turned
+    misfits = np.add.reduceat(1.0 - cosine**2 > (CLEARLY * NO_BASE * angle_sigmas(rays)) ** 2, first, dtype=np.int64)
     plain[plain] = clear & (2 * misfits > n)  # so is the median
     return plain

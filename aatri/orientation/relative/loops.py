@@ -157,7 +157,10 @@ def oriented_from(
         better = (used > before) | (used == before) & (made.squares < squares[pairs])
         better = made.found.formed & (better | ~found.formed[pairs])
         own = np.flatnonzero(better)
-        found.put(pairs[own], rows[np.repeat(better, count[pairs])], made.found, own, rows_of_pairs(own_start, own))
+        if len(own) == m:
+            found = made.found
+        else:
+            found.put(pairs[own], rows[np.repeat(better, count[pairs])], made.found, own, rows_of_pairs(own_start, own))
         squares[pairs[own]] = made.squares[own]
         reasons |= made.found.reasons
         todo[pairs[made.good]] = False
@@ -165,6 +168,7 @@ def oriented_from(
     few = np.flatnonzero(found.formed & ((used < fewest) | (used < FEWEST * count)))
     reasons |= {pair: f"only {used[pair]} of {count[pair]} points fit one orientation" for pair in few.tolist()}
     found.put(few, rows_of_pairs(start, few), RelativeOrientations.empty(1, 1), 0, 0)
+    found.reasons.clear()
     found.reasons.update({pair: text for pair, text in reasons.items() if not found.formed[pair]})
     _judge(found, start, settings.limit)
     for pair in np.flatnonzero(~found.formed).tolist():
