@@ -29,9 +29,8 @@ from aatri.adapters.ground.initial_observed import USES, ground_of
 from aatri.adapters.ground.initial_orientation import to_ground
 from aatri.adapters.ground.initial_solution import initial_solution
 from aatri.adapters.ground.initial_whole import by_all_kinds
-from aatri.adapters.pairs.essential_models import essential_models
-from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of
-from aatri.adapters.pairs.pair_graph import graph_of, strongest_pairs, turns_of
+from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, strongest_pairs
+from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block

@@ -12,38 +12,32 @@ unknown with its covariance. Points whose P does not fit are rejected there and 
 phi2, omega2, kappa2, by/bx, bz/bx and `scale` stand in the table `elements`; strip_formation/connected takes the scales
 from there. A model without three good connection points keeps its dependent orientation, has no scale, and is told.
 
-Source: docs/formulas.md 3.5, errata E08; see aatri.orientation.strips.connected.py.
+Source: docs/formulas.md 3.5, errata E08; see aatri/orientation/relative/connected.py.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
-from aatri.adapters.pairs.pair_connection import connected_pairs
-from aatri.adapters.pairs.pair_methods import PairRules
-from aatri.adapters.refinement.systematic import without_distortion
-from aatri.adapters.solution import check_same_block
-from aatri.adapters.strips.strip_pairs import strip_pairs
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adapters.pairs.image_pairs import pair_names
+from aatri.adapters.pairs.models import models_of, with_connections, with_elements
+from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.notes import tell
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.notes import Note, tell
+from aatri.orientation.relative.connected_pairs import classical_model_points, connected_pairs
+from aatri.orientation.relative.image_scale import limit_of, with_sigmas
+from aatri.orientation.relative.pairs import relative_orientations
+from aatri.plugin import SILENT, Context, Field, stage
+
+from ._pairs import PairOptions, checked_image_points, pairs_of_strips
 
 
-class ConnectedOptions(Options):
+class ConnectedOptions(PairOptions):
     """Options of the connected relative orientation."""
 
-    max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
-    snooping_limit: float | None = Field(
-        None,
-        gt=0,
-        description="a point is rejected if its y-parallax is wrong by more standard deviations than this; null: by "
-        "the number of points, 4 at least",
-    )
-    min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
-    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
     coordinates: Literal["intersection", "coefficients"] = Field(
         "intersection",
         description="of the model points: rigorous intersection; or by the point projection coefficients, connection "
@@ -60,14 +54,25 @@ def connected(
     context: Context = SILENT,
 ) -> Models:
     """Orient the consecutive images of every strip, each model connected with the one before."""
-    check_same_block(block, image_points.images.id, "image_points")
-    rules = PairRules(
-        options.max_iterations, options.snooping_limit, options.min_points, options.max_sigma0,
-        coordinates=options.coordinates,
+    image_points = checked_image_points(block, image_points, context)
+    pairs = pairs_of_strips(block, image_points, context)
+    found = relative_orientations(
+        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, max_iterations=options.max_iterations,
+        min_points=options.min_points, reporter=context,
     )  # fmt: skip
-    image_points, of_lens = without_distortion(block, image_points)
-    images, found = strip_pairs(block, image_points)
-    tell([*of_lens, *found], context)
-    models, notes = connected_pairs(block, image_points, images, rules, context)
-    tell(notes, context)
+    pairs = replace(pairs, rays=with_sigmas(pairs.rays, found.scale))
+    refuse_misfits(found, options.max_sigma0)
+    connections, loose = connected_pairs(pairs, found, limit_of(pairs.rays, options.snooping_limit))
+    if options.coordinates == "coefficients":
+        found.xyz[:] = classical_model_points(pairs, found, connections)
+    notes = []
+    if loose:
+        text = "models without connection to the one before: fewer than three points of both fit, their scale is open"
+        notes.append(Note("warning", text, tuple(pair_names(block, pairs)[list(loose)].tolist())))
+    wrong = sum(int((~c.orientation.connects).sum()) for c in connections)
+    notes.append(Note("note", f"{len(connections)} connections; {wrong} connection points are rejected there"))
+    models = with_elements(models_of(block, image_points, pairs, found), "dependent")
+    models = with_connections(block, models, found, connections)
+    context.progress(len(pairs.left), len(pairs.left), "models")
+    tell([*notes, *notes_of_pairs(block, image_points, pairs, found, models)], context)
     return models

@@ -26,10 +26,10 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.plugin import SILENT, Context, stage
 
-from ._strip_pairs import PairOptions, oriented
+from ._pairs import ClassicalOptions, oriented
 
 
-class DependentOptions(PairOptions):
+class DependentOptions(ClassicalOptions):
     """Options of the dependent relative orientation."""
 
 

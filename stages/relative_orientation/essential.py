@@ -20,23 +20,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from aatri.adapters.pairs.essential_models import essential_models
 from aatri.adapters.pairs.image_pairs import neighbouring_images, overlapping_images, pairs_of
-from aatri.adapters.pairs.pair_methods import with_elements
+from aatri.adapters.pairs.models import essential_models, with_elements
 from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
-from aatri.adapters.refinement.systematic import without_distortion
-from aatri.adapters.solution import check_same_block
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.notes import tell
 from aatri.orientation.relative.essential import SAMPLES, essential_orientations
 from aatri.orientation.relative.image_scale import with_sigmas
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.plugin import SILENT, Context, Field, stage
+
+from ._pairs import PairOptions, checked_image_points
 
 
-class EssentialOptions(Options):
+class EssentialOptions(PairOptions):
     """Options of the relative orientation without start."""
 
     pairs: Literal["auto", "strips", "all"] = Field(
@@ -45,15 +43,6 @@ class EssentialOptions(Options):
     )
     min_common: int = Field(8, ge=5, description="with pairs: all, points in common of a pair")
     max_samples: int = Field(SAMPLES, ge=1, description="most samples of five points of a pair")
-    max_iterations: int = Field(20, ge=1, description="iterations of one adjustment at most")
-    snooping_limit: float | None = Field(
-        None,
-        gt=0,
-        description="a point is rejected if its y-parallax is wrong by more standard deviations than this; null: by "
-        "the number of points, 4 at least",
-    )
-    min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
-    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
 
 
 @stage(version=1, uses=("images.strip", "cameras.distortion"))
@@ -65,9 +54,7 @@ def essential(
     context: Context = SILENT,
 ) -> Models:
     """Orient pairs of images to each other."""
-    check_same_block(block, image_points.images.id, "image_points")
-    image_points, of_lens = without_distortion(block, image_points)
-    tell(of_lens, context)
+    image_points = checked_image_points(block, image_points, context)
     by_strips = options.pairs == "strips" or (options.pairs == "auto" and len(block.strips) > 0)
     images = neighbouring_images(block) if by_strips else overlapping_images(block, image_points, options.min_common)[0]
     pairs = pairs_of(block, image_points, images)

@@ -28,11 +28,12 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.pairs.image_pairs import Pairs, neighbouring_images, pairs_of
+from aatri.adapters.pairs.image_pairs import neighbouring_images, pair_names, pairs_of
 from aatri.artifacts.suspects import staying_out
 from aatri.geometry.coplanarity import sampson
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.vectors import tangents
+from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from tests.campaigns.gross_errors import DELTA0, Spoilt, _above, image_points, stays_out
 from tests.orientation.strips.reference import ModelRows, log_scales
@@ -54,7 +55,7 @@ def exchanged(block: Any, rng: np.random.Generator) -> Any:
     return replace(block, image_points=replace(m, xy=xy)), np.array(rows)
 
 
-def true_pair(block: Any, pairs: Pairs, k: int) -> tuple[Any, Any]:
+def true_pair(block: Any, pairs: ImagePairs, k: int) -> tuple[Any, Any]:
     """Relative orientation of a pair from the truth."""
     R, X = block.true_images.ground_from_image, block.true_images.position_m
     i, j = int(pairs.left[k]), int(pairs.right[k])
@@ -62,7 +63,7 @@ def true_pair(block: Any, pairs: Pairs, k: int) -> tuple[Any, Any]:
     return R[i].T @ R[j], b / np.linalg.norm(b)
 
 
-def detectable(clean: Chain, spoilt: Chain) -> tuple[Pairs, Any]:
+def detectable(clean: Chain, spoilt: Chain) -> tuple[ImagePairs, Any]:
     """Pairs of the spoilt block, and which (point, pair) relative orientation should find."""
     images = neighbouring_images(clean.block)
     pairs, after = (pairs_of(c.block, c.refined, images) for c in (clean, spoilt))
@@ -78,7 +79,7 @@ def detectable(clean: Chain, spoilt: Chain) -> tuple[Pairs, Any]:
     return after, large
 
 
-def joints(clean: Chain, spoilt: Chain, after: Pairs, active: Any) -> tuple[Any, Any, Any]:
+def joints(clean: Chain, spoilt: Chain, after: ImagePairs, active: Any) -> tuple[Any, Any, Any]:
     """Second pair, point, and whether strip formation should find it, of the points that orientation has left."""
     before = pairs_of(clean.block, clean.refined, neighbouring_images(clean.block))
     found = []
@@ -121,7 +122,7 @@ def judged(clean: Chain, spoilt: Chain, wrong: Any) -> dict[str, float]:
     second, point, should = joints(clean, spoilt, after, kept)
     s = spoilt.strips.suspects
     ties = (s.kind == "model_tie") & staying_out(s)
-    names = after.names(block)
+    names = pair_names(block, after)
     id_of = {str(i): k for k, i in enumerate(names)}
     row_of = {str(i): k for k, i in enumerate(block.points.id)}
     out = np.array([id_of[str(m)] * n_points + row_of[str(q)] for m, q in zip(s.image[ties], s.point[ties])], dtype=int)
@@ -147,7 +148,7 @@ def judged(clean: Chain, spoilt: Chain, wrong: Any) -> dict[str, float]:
             "iterations": spoilt.bundle.iterations, "sigma0": spoilt.bundle.sigma0}  # fmt: skip
 
 
-def reasons(spoilt: Chain, after: Pairs, left: Any, kept: Any, large: Any, missed: Any) -> dict[str, int]:
+def reasons(spoilt: Chain, after: ImagePairs, left: Any, kept: Any, large: Any, missed: Any) -> dict[str, int]:
     """How many of the wrong image points that are left for the bundle are so for which reason; the first that holds.
 
     Parameters

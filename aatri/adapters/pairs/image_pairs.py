@@ -1,57 +1,21 @@
-"""Neighbouring images of a block, the points they share, and the Models made of their relative orientations."""
+"""Which images of a block are paired, and the points they share, as arrays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_array, triu
 
-from aatri.adapters.pairs.film_in_orientations import film_in_orientations
-from aatri.adapters.solution import stacked
-from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
-from aatri.adjustment.statistics.uncontrolled import BELOW
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.models import ModelPoints, Models, Orientations, Unformed
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.errors import InputError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.geometry.vectors import finite_rows
-from aatri.orientation.relative.common_points import common_points
-from aatri.orientation.relative.orientations import RelativeOrientations
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """Pairs of images and their common points, pair by pair and by point.
-
-    Attributes
-    ----------
-    left, right : (m,) int32
-        Rows in images.
-    start : (m + 1,) int64
-        First common point of each pair; the last is their number.
-    point : (n,) int32
-        Rows in points, ascending within a pair.
-    left_row, right_row : (n,) int32
-        Rows of the measurements.
-    rays : RayPairs
-    """
-
-    left: Int
-    right: Int
-    start: Int
-    point: Int
-    left_row: Int
-    right_row: Int
-    rays: RayPairs
-
-    def names(self, block: Block) -> Text:
-        """Ids of the models, left-right."""
-        ids = block.images.id
-        return np.char.add(np.char.add(ids[self.left], "-"), ids[self.right])
+from aatri.ids import shown
+from aatri.notes import Note
+from aatri.orientation.relative.image_pairs import ImagePairs, common_points
+from aatri.orientation.strips.overlap_order import strips_by_overlap
 
 
 def images_of_strip(block: Block, strip: int) -> Int:
@@ -90,6 +54,40 @@ def overlapping_images(block: Block, image_points: ImagePoints, least: int) -> t
     return pairs[order].astype(np.intp), common[order].astype(np.int64)
 
 
+def strip_pairs(block: Block, image_points: ImagePoints) -> tuple[Int, tuple[Note, ...]]:
+    """Consecutive images of all strips, (m, 2) rows in images; images without strip are put in order by overlap."""
+    given = neighbouring_images(block)
+    loose = block.images.active & (block.images.strip < 0)
+    if loose.sum() < 2:
+        return given, ()
+    m = image_points.measurements
+    rows = np.flatnonzero(m.active & np.isfinite(m.xy_mm).all(axis=1) & loose[m.image])
+    chains = strips_by_overlap(m.image[rows], m.point[rows], m.xy_mm[rows], len(block.images))
+    pairs = [np.column_stack([chain[:-1], chain[1:]]) for chain in chains]
+    ids = block.images.id
+    told = tuple(f"{ids[chain[0]]} ... {ids[chain[-1]]} ({len(chain)} images)" for chain in chains)
+    text = f"no strip given for {int(loose.sum())} images: {len(chains)} strips found from the overlaps"
+    return np.concatenate([given, *pairs]), (Note("warning", text, told),)
+
+
+def strongest_pairs(images: Int, common: Int, n_images: int, most: int) -> Bool:
+    """The pairs of most common points of every image, (m,).
+
+    Parameters
+    ----------
+    images : (m, 2) int
+    common : (m,) int
+    most : int
+        Pairs of each image; a pair stays if it is among those of either image.
+    """
+    ends, m = images.T.ravel(), len(images)
+    order = np.lexsort((np.tile(np.arange(m), 2), -np.tile(common, 2), ends))
+    rank = np.arange(2 * m) - np.searchsorted(ends[order], np.arange(n_images))[ends[order]]
+    kept = np.zeros(m, dtype=bool)
+    kept[order[rank < most] % max(m, 1)] = True
+    return kept
+
+
 def doubtful_sequences(block: Block, image_points: ImagePoints, margin: float = 1.5) -> list[tuple[int, int]]:
     """Images whose place in their strip is doubtful: they share more points with an image that is not beside them.
 
@@ -122,7 +120,7 @@ def doubtful_sequences(block: Block, image_points: ImagePoints, margin: float = 
     return found
 
 
-def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> Pairs:
+def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs:
     """The common points of pairs of images, from active measurements.
 
     Parameters
@@ -144,92 +142,33 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> Pairs:
     start, a, b = common_points(images, first, m.point[rows])
     pair, a, b = np.repeat(np.arange(len(left)), np.diff(start)), rows[a], rows[b]
     c_mm = block.cameras.principal_distance_mm[block.images.camera]
-    return Pairs(
+    return ImagePairs(
         left, right, start, m.point[a].astype(np.int32), a.astype(np.int32), b.astype(np.int32),
         RayPairs(np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]), np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
              m.sigma_mm[a], m.sigma_mm[b]),
     )  # fmt: skip
 
 
-def models_of(block: Block, image_points: ImagePoints, pairs: Pairs, found: RelativeOrientations) -> Models:
-    """Models of oriented pairs, and the pairs that make none with the reason."""
-    formed, unformed = np.flatnonzero(found.formed), np.flatnonzero(~found.formed)
-    model_of = np.full(len(pairs.left), -1, dtype=np.int32)
-    model_of[formed] = np.arange(len(formed))
-    model = np.repeat(model_of, np.diff(pairs.start))
-    film = film_in_orientations(block, image_points, pairs.rays, pairs.start, (pairs.left, pairs.left_row),
-                                (pairs.right, pairs.right_row), found)  # fmt: skip
-    points, parallax = _model_points(pairs, model, found)
-    made = Models(
-        images=image_points.images,
-        points=image_points.points,
-        orientations=Orientations(
-            id=np.asarray(pairs.names(block)[formed], dtype=np.str_),
-            left=pairs.left[formed],
-            right=pairs.right[formed],
-            left_from_right=found.left_from_right[formed],
-            base=found.base[formed],
-            covariance=(found.covariance + film)[formed],
-            sigma0=found.sigma0[formed],
-            redundancy=found.redundancy[formed].astype(np.int32),
-            iterations=found.iterations[formed].astype(np.int32),
-        ),
-        model_points=points,
-        unformed=Unformed(
-            left=pairs.left[unformed],
-            right=pairs.right[unformed],
-            common_points=np.diff(pairs.start)[unformed].astype(np.int32),
-            reason=np.array([found.reasons[pair] for pair in unformed.tolist()], dtype=np.str_),
-        ),
-        suspects=stacked([image_points.suspects, _suspects(block, pairs, model, found)]),
-    )
-    mine, m = model >= 0, image_points.measurements
-    in_models = np.concatenate([pairs.left_row[mine], pairs.right_row[mine]])
-    alone = in_no_model(block, m.active & finite_rows(m.xy_mm) & block.images.active[m.image], in_models)
-    return replace(made, uncontrolled=stacked([alone, _uncontrolled(block, made, parallax)]))
+def pair_names(block: Block, pairs: ImagePairs) -> Text:
+    """Ids of the models, left-right."""
+    ids = block.images.id
+    return np.char.add(np.char.add(ids[pairs.left], "-"), ids[pairs.right])
 
 
-def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontrolled:
-    """Along the base the points of one model only; across it those whose y-parallax is not controlled."""
-    p = models.model_points
-    single = np.bincount(p.point[p.active], minlength=len(block.points))[p.point] == 1
-    weak = redundancy < BELOW
-    across = seen_by_one(block, models, np.flatnonzero(p.active & weak), redundancy[p.active & weak])
-    return stacked([across, seen_by_one(block, models, np.flatnonzero(p.active & single))])
+def named_points(path: Path, ids: Text) -> Bool:
+    """Which points an orientation-point-name file of WuCAPS names, (n_points,).
 
-
-def _model_points(pairs: Pairs, model: Int, found: RelativeOrientations) -> tuple[ModelPoints, Float]:
-    """Points that have an intersection, and the redundancy numbers of their y-parallaxes; the others are suspects."""
-    rows = np.flatnonzero((model >= 0) & finite_rows(found.point_covariance))
-    error = np.abs(found.error_mm[rows])
-    # The estimated error of a parallax is the parallax over its redundancy number.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        redundancy = np.where(error > 0, np.abs(found.parallax_mm[rows]) / error, 1.0)
-    redundancy = np.where(np.isnan(found.test[rows]), 0.0, redundancy)
-    points = ModelPoints(
-        model=model[rows],
-        point=pairs.point[rows],
-        xyz=found.xyz[rows],
-        covariance=found.point_covariance[rows],
-        parallax_mm=found.parallax_mm[rows],
-        active=found.active[rows],
-    )
-    return points, redundancy
-
-
-def _suspects(block: Block, pairs: Pairs, model: Int, found: RelativeOrientations) -> Suspects:
-    """Rejected points; the row is that of the right image's measurement, though the error may be in the left one."""
-    rows = np.flatnonzero((model >= 0) & ~found.active)
-    n = len(rows)
-    return Suspects(
-        kind=np.full(n, "image_point"),
-        row=pairs.right_row[rows],
-        image=block.images.id[np.repeat(pairs.right, np.diff(pairs.start))[rows]],
-        point=block.points.id[pairs.point[rows]],
-        stage=np.full(n, "relative_orientation"),
-        size=found.error_mm[rows],
-        unit=np.full(n, "mm"),
-        sigma=found.error_sigma_mm[rows],
-        test=found.test[rows],
-        verdict=np.full(n, "rejected"),
-    )
+    Raises
+    ------
+    InputError
+        If it cannot be read or names points that are not in the block.
+    """
+    try:
+        names = path.read_text(encoding="utf-8-sig").replace(",", " ").split()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("cannot be read as UTF-8 text", where=str(path), remedy="give a file of names") from error
+    strange = sorted(set(names) - set(ids.tolist()))
+    if strange or not names:
+        what = f"names of points that are not in the block: {shown(strange)}" if strange else "no names in the file"
+        raise InputError(what, where=str(path), remedy="write the ids of points, one a line")
+    return np.isin(ids, names)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adapters.pairs.image_pairs import Pairs, doubtful_sequences
+from aatri.adapters.pairs.image_pairs import doubtful_sequences, pair_names
 from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.uncontrolled_before import notes_of
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
@@ -14,6 +14,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.notes import Note
+from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.orientations import RelativeOrientations
 
 
@@ -34,7 +35,7 @@ def refuse_misfits(found: RelativeOrientations, max_sigma0: float) -> None:
 
 
 def notes_of_pairs(
-    block: Block, image_points: ImagePoints, pairs: Pairs, found: RelativeOrientations, models: Models
+    block: Block, image_points: ImagePoints, pairs: ImagePairs, found: RelativeOrientations, models: Models
 ) -> tuple[Note, ...]:
     """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts, rejections."""
     rejected = rejection_notes(models.suspects, "relative_orientation")
@@ -50,8 +51,8 @@ def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
                    "strip's sequence right?")  # fmt: skip
 
 
-def _of_pairs(block: Block, pairs: Pairs, found: RelativeOrientations) -> Iterator[Note]:
-    names = pairs.names(block)
+def _of_pairs(block: Block, pairs: ImagePairs, found: RelativeOrientations) -> Iterator[Note]:
+    names = pair_names(block, pairs)
     for pair in sorted(found.reasons.keys() | found.warnings.keys()):
         if pair in found.reasons:
             yield Note("warning", f"no model {names[pair]}: {found.reasons[pair]}")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.pairs.pair_connection import SCALE
+from aatri.adapters.pairs.models import SCALE
 from aatri.adapters.strips.model_chains import Chain
 from aatri.arrays import Bool
 from aatri.artifacts.block import Block

@@ -21,11 +21,13 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.relative.elements import along_track, left_rotation, turn_of_left
+from aatri.orientation.relative.image_pairs import ImagePairs
+from aatri.orientation.relative.orientations import RelativeOrientations, refresh_points
 
 Equation = Literal["rigorous", "q", "determinant"]
 Frame = Literal["dependent", "independent"]
@@ -114,7 +116,7 @@ def adjusted_with_equal_weights(
     iterations = np.zeros(m, dtype=np.int64)
     axes = along_track(base)[pair]  # of the start: a base near 45 degrees must not change them from step to step
     for iteration in range(1, ITERATIONS + 1):
-        T = np.array([tangents(b) for b in base])
+        T = tangents(base)
         v, J, sigma = equation_rows(equation, frame, R[pair], base[pair], T[pair], rays, axes)
         N = np.add.reduceat(J[:, :, None] * J[:, None, :], first)
         step = -np.linalg.solve(N, np.add.reduceat(J * v[:, None], first)[:, :, None])[:, :, 0]
@@ -125,7 +127,7 @@ def adjusted_with_equal_weights(
         iterations[open_ & (np.abs(step).max(axis=1) < SETTLED_RAD)] = iteration
         if (iterations > 0).all():
             break
-    T = np.array([tangents(b) for b in base])
+    T = tangents(base)
     v, J, sigma = equation_rows(equation, frame, R[pair], base[pair], T[pair], rays, axes)
     inverse = np.linalg.inv(np.add.reduceat(J[:, :, None] * J[:, None, :], first))
     middle = np.add.reduceat((sigma**2)[:, None, None] * J[:, :, None] * J[:, None, :], first)
@@ -133,6 +135,36 @@ def adjusted_with_equal_weights(
     mean = np.add.reduceat(sigma**2, first) / np.bincount(pair, minlength=m)
     ratio = np.add.reduceat(v**2, first) / np.where(redundancy > 0, redundancy, np.nan) / mean
     return R, base, inverse @ middle @ inverse, np.sqrt(ratio), iterations
+
+
+def with_equal_weights(
+    pairs: ImagePairs, found: RelativeOrientations, equation: str, frame: str, orients: Bool
+) -> None:
+    """Put the orientations of a classical equation in the place of the rigorous ones.
+
+    Parameters
+    ----------
+    equation, frame
+        As of `equation_rows`.
+    orients : (n,) bool
+        Points that orient, if they are active.
+    """
+    formed = np.flatnonzero(found.formed)
+    of_row = np.repeat(np.arange(len(pairs.left)), np.diff(pairs.start))
+    rows = np.flatnonzero(found.active & orients & found.formed[of_row])
+    place = np.searchsorted(formed, of_row[rows])
+    R, base, covariance, sigma0, iterations = adjusted_with_equal_weights(
+        equation, frame, found.left_from_right[formed], found.base[formed], pairs.rays.take(rows), place
+    )
+    for k, pair in enumerate(formed.tolist()):
+        if not iterations[k]:
+            found.formed[pair] = False
+            found.reasons[pair] = f"the equation {equation} with equal weights does not converge"
+            continue
+        found.left_from_right[pair], found.base[pair] = R[k], base[k]
+        found.covariance[pair], found.sigma0[pair] = covariance[k], sigma0[k]
+        found.iterations[pair] += iterations[k]
+        refresh_points(found, pairs, pair)
 
 
 def _times(matrices: Float, vectors: Float) -> Float:

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
+from aatri.geometry.coplanarity import parallax
+from aatri.geometry.intersection import intersect_pair
+from aatri.orientation.relative.image_pairs import ImagePairs
 
 PER_POINT = ("active", "parallax_mm", "error_mm", "error_sigma_mm", "test", "xyz", "point_covariance", "depth")
 PER_PAIR = ("formed", "left_from_right", "base", "covariance", "sigma0", "redundancy", "iterations")
@@ -89,3 +92,13 @@ def rows_of_pairs(start: Int, pairs: Int) -> Int:
     """Rows of the points of the chosen pairs, pair by pair."""
     count = np.diff(start)[pairs]
     return np.asarray(np.arange(int(count.sum())) + np.repeat(start[pairs] - np.cumsum(count) + count, count))
+
+
+def refresh_points(found: RelativeOrientations, pairs: ImagePairs, pair: int) -> None:
+    """Model points and y-parallaxes of a pair whose orientation has changed."""
+    rows, R, base = pairs.rows(pair), found.left_from_right[pair], found.base[pair]
+    rays = pairs.rays.take(rows)
+    points = intersect_pair(R, base, rays)
+    found.xyz[rows], found.point_covariance[rows], found.depth[rows] = points.xyz, points.covariance, points.depth
+    found.parallax_mm[rows] = parallax(R, base, rays)[0]
+    found.active[rows] &= (points.depth > 0).all(axis=1)

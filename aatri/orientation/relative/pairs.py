@@ -18,9 +18,16 @@ Source: docs/formulas.md 3.2; Mikhail, Bethel & McGlone, Introduction to Modern 
 
 from __future__ import annotations
 
-from aatri.arrays import Int
-from aatri.geometry.coplanarity import RayPairs
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.arrays import Bool, Int
+from aatri.geometry.coplanarity import RayPairs, parallax
+from aatri.geometry.intersection import intersect_pair
 from aatri.orientation.relative.essential import FromConsensus
+from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale
 from aatri.orientation.relative.loops import (
     ENOUGH,
@@ -66,3 +73,36 @@ def relative_orientations(
         return oriented_from(scaled, start, starts, settings, reporter)
 
     return with_image_scale(orient, rays)
+
+
+def oriented_by(
+    pairs: ImagePairs, orients: Bool, limit: float, orient: Callable[[RayPairs, Int], RelativeOrientations]
+) -> RelativeOrientations:
+    """Orientations by some of the points; the others are intersected, and judged by what they had no part in.
+
+    Parameters
+    ----------
+    pairs : ImagePairs
+    orients : (n,) bool
+        Points that orient.
+    limit : float
+        Another point is rejected if its y-parallax is larger, in standard deviations of its image coordinates.
+    orient : callable
+        Orients pairs of rays and first rows.
+    """
+    every, use = np.arange(len(pairs.left)), np.flatnonzero(orients)
+    part = orient(pairs.rays.take(use), np.concatenate([[0], np.cumsum(orients)])[pairs.start])
+    found = RelativeOrientations.empty(len(every), len(orients))
+    found.put(every, use, part, every, np.arange(len(use)))
+    found = replace(found, reasons=part.reasons, warnings=part.warnings, scale=part.scale)
+    for pair in np.flatnonzero(part.formed).tolist():
+        rows = pairs.rows(pair)
+        rows = rows[~orients[rows]]
+        R, base, rays = part.left_from_right[pair], part.base[pair], pairs.rays.take(rows)
+        points = intersect_pair(R, base, rays)
+        found.xyz[rows], found.point_covariance[rows], found.depth[rows] = points.xyz, points.covariance, points.depth
+        found.parallax_mm[rows], sigma = parallax(R, base, rays)
+        found.error_mm[rows], found.error_sigma_mm[rows] = found.parallax_mm[rows], sigma
+        found.test[rows] = np.abs(found.parallax_mm[rows]) / sigma
+        found.active[rows] = (found.test[rows] <= limit) & (points.depth > 0).all(axis=1)
+    return found

@@ -10,7 +10,7 @@ import pytest
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents
-from aatri.orientation.strips.connected import Before, _connection, connected_orientation
+from aatri.orientation.relative.connected import Before, _connection, connected_orientation
 from tests.orientation.relative.pairs import relative_orientation, rotation, simulate
 
 

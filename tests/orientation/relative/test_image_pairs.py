@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.orientation.relative.common_points import common_points
+from aatri.orientation.relative.image_pairs import common_points
 
 
 def test_common_points_are_those_of_both_images_in_order() -> None:

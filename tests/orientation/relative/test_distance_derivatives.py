@@ -11,7 +11,7 @@ from aatri.geometry.coplanarity import RayPairs, corrected
 from aatri.geometry.intersection import intersect_pair, projection_coefficients
 from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import tangents
-from aatri.orientation.strips.distance_derivatives import log_distances
+from aatri.orientation.relative.distance_derivatives import log_distances
 from tests.complex_step import complex_step
 from tests.orientation.relative.pairs import rotation, simulate
 

@@ -1,7 +1,7 @@
 """Relative orientation with the condition of model connection: the scale of a model is an unknown of its orientation.
 
 Model a (images i, j) is oriented already, model b (images j, k) is to be. Its unknowns are the rotation and base of k
-(d, t as in `dependent`) and the logarithm s of its scale in units of model a. Two equations for a point of both models,
+(d, t as in `pairs`) and the logarithm s of its scale in units of model a. Two equations for a point of both models,
 
     Q: the rays are coplanar with the base                          (Sampson distance)
     P: log r_a = s + log r_b(d, t) + J_a x_a                        r: distance from the projection centre of image j
@@ -10,7 +10,7 @@ and Q alone for the others. P has the standard deviation of both distances from 
 model a's own orientation, is a latent unknown with its covariance as prior, so that a bent model a does not bend model
 b. Points whose P does not fit are rejected there, the largest test statistic first; they stay in the orientation.
 
-With error-free coordinates this is the dependent method with the scale of `strips.scale_transfer`; with errors the
+With error-free coordinates this is the dependent method with the scale of `strips.joints`; with errors the
 connection points, nearly all of which lie across the strip, strengthen the orientation a little.
 
 Source: docs/formulas.md 3.5; errata E08 (the scale's column belongs to the whole base, in P and in Q).
@@ -27,7 +27,7 @@ from aatri.geometry.coplanarity import RayPairs, sampson
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
-from aatri.orientation.strips.distance_derivatives import log_distances
+from aatri.orientation.relative.distance_derivatives import log_distances
 from aatri.orientation.strips.joints import ModelTable, observed_scales
 
 ITERATIONS = 30

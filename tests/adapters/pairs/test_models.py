@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import aatri.adapters.pairs.image_pairs as image_pairs
+import aatri.adapters.pairs.models as of_pairs
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.geometry.rotations import log_rotation
@@ -41,7 +41,7 @@ def test_covariances_of_orientations_hold_for_film_with_marks_as_uncertain_as_it
 ) -> None:
     blocks = [simulated(seed, preset="rc30", noise={"fiducial_um": 5.0}, **FILM) for seed in range(1, BLOCKS + 1)]
     counted = [nees(block, dependent(block, affine(block))) for block in blocks]
-    monkeypatch.setattr(image_pairs, "film_in_orientations", lambda *given: 0.0)
+    monkeypatch.setattr(of_pairs, "film_in_orientations", lambda *given: 0.0)
     ignored = [nees(block, dependent(block, affine(block))) for block in blocks]
     scatter = np.std(counted, ddof=1) / np.sqrt(BLOCKS)
     assert abs(np.mean(counted) - 1) < 4 * scatter < 0.5

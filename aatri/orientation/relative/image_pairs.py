@@ -1,15 +1,48 @@
-"""The points that pairs of images have in common."""
+"""Pairs of images with the points that they have in common."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adjustment.threads import in_threads
 from aatri.arrays import Int
+from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.kernels.common_points import count_common, find_common
 
 PAIRS_A_THREAD = 5_000
 """Pairs of images for which a thread of their own pays."""
+
+
+@dataclass(frozen=True)
+class ImagePairs:
+    """Pairs of images and their common points, pair by pair and by point.
+
+    Attributes
+    ----------
+    left, right : (m,) int32
+        Rows in images.
+    start : (m + 1,) int64
+        First common point of each pair; the last is their number.
+    point : (n,) int32
+        Rows in points, ascending within a pair.
+    left_row, right_row : (n,) int32
+        Rows of the measurements.
+    rays : RayPairs
+    """
+
+    left: Int
+    right: Int
+    start: Int
+    point: Int
+    left_row: Int
+    right_row: Int
+    rays: RayPairs
+
+    def rows(self, pair: int) -> Int:
+        """Rows of the points of a pair."""
+        return np.arange(self.start[pair], self.start[pair + 1])
 
 
 def common_points(images: Int, begin: Int, point: Int) -> tuple[Int, Int, Int]:

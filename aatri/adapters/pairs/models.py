@@ -1,0 +1,230 @@
+"""Models: relative orientations of pairs as tables, and Models as the graph of their pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.film_errors import film_errors
+from aatri.adapters.pairs.image_pairs import pair_names
+from aatri.adapters.solution import stacked
+from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
+from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.models import Elements, ModelPoints, Models, Orientations, SecondOrientations, Turns, Unformed
+from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.geometry.vectors import finite_rows
+from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
+from aatri.orientation.relative.connected_pairs import Connection
+from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
+from aatri.orientation.relative.essential import EssentialOrientations
+from aatri.orientation.relative.film import film_in_orientations
+from aatri.orientation.relative.image_pairs import ImagePairs
+from aatri.orientation.relative.orientations import RelativeOrientations
+
+SCALE = "scale"
+"""Name of the element that tells the scale of a model in units of the model before."""
+
+FEWEST = 8
+"""Points of a pair of the graph that must fit."""
+
+
+def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, found: RelativeOrientations) -> Models:
+    """Models of oriented pairs, and the pairs that make none with the reason."""
+    formed, unformed = np.flatnonzero(found.formed), np.flatnonzero(~found.formed)
+    model_of = np.full(len(pairs.left), -1, dtype=np.int32)
+    model_of[formed] = np.arange(len(formed))
+    model = np.repeat(model_of, np.diff(pairs.start))
+    covariance, film = found.covariance, film_errors(block, image_points)
+    if film is not None:
+        covariance = covariance + film_in_orientations(pairs, found, film.basis, film.covariance)
+    points, parallax = _model_points(pairs, model, found)
+    made = Models(
+        images=image_points.images,
+        points=image_points.points,
+        orientations=Orientations(
+            id=np.asarray(pair_names(block, pairs)[formed], dtype=np.str_),
+            left=pairs.left[formed],
+            right=pairs.right[formed],
+            left_from_right=found.left_from_right[formed],
+            base=found.base[formed],
+            covariance=covariance[formed],
+            sigma0=found.sigma0[formed],
+            redundancy=found.redundancy[formed].astype(np.int32),
+            iterations=found.iterations[formed].astype(np.int32),
+        ),
+        model_points=points,
+        unformed=Unformed(
+            left=pairs.left[unformed],
+            right=pairs.right[unformed],
+            common_points=np.diff(pairs.start)[unformed].astype(np.int32),
+            reason=np.array([found.reasons[pair] for pair in unformed.tolist()], dtype=np.str_),
+        ),
+        suspects=stacked([image_points.suspects, _suspects(block, pairs, model, found)]),
+    )
+    mine, m = model >= 0, image_points.measurements
+    in_models = np.concatenate([pairs.left_row[mine], pairs.right_row[mine]])
+    alone = in_no_model(block, m.active & finite_rows(m.xy_mm) & block.images.active[m.image], in_models)
+    return replace(made, uncontrolled=stacked([alone, _uncontrolled(block, made, parallax)]))
+
+
+def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontrolled:
+    """Along the base the points of one model only; across it those whose y-parallax is not controlled."""
+    p = models.model_points
+    single = np.bincount(p.point[p.active], minlength=len(block.points))[p.point] == 1
+    weak = redundancy < BELOW
+    across = seen_by_one(block, models, np.flatnonzero(p.active & weak), redundancy[p.active & weak])
+    return stacked([across, seen_by_one(block, models, np.flatnonzero(p.active & single))])
+
+
+def _model_points(pairs: ImagePairs, model: Int, found: RelativeOrientations) -> tuple[ModelPoints, Float]:
+    """Points that have an intersection, and the redundancy numbers of their y-parallaxes; the others are suspects."""
+    rows = np.flatnonzero((model >= 0) & finite_rows(found.point_covariance))
+    error = np.abs(found.error_mm[rows])
+    # The estimated error of a parallax is the parallax over its redundancy number.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        redundancy = np.where(error > 0, np.abs(found.parallax_mm[rows]) / error, 1.0)
+    redundancy = np.where(np.isnan(found.test[rows]), 0.0, redundancy)
+    points = ModelPoints(
+        model=model[rows],
+        point=pairs.point[rows],
+        xyz=found.xyz[rows],
+        covariance=found.point_covariance[rows],
+        parallax_mm=found.parallax_mm[rows],
+        active=found.active[rows],
+    )
+    return points, redundancy
+
+
+def _suspects(block: Block, pairs: ImagePairs, model: Int, found: RelativeOrientations) -> Suspects:
+    """Rejected points; the row is that of the right image's measurement, though the error may be in the left one."""
+    rows = np.flatnonzero((model >= 0) & ~found.active)
+    n = len(rows)
+    return Suspects(
+        kind=np.full(n, "image_point"),
+        row=pairs.right_row[rows],
+        image=block.images.id[np.repeat(pairs.right, np.diff(pairs.start))[rows]],
+        point=block.points.id[pairs.point[rows]],
+        stage=np.full(n, "relative_orientation"),
+        size=found.error_mm[rows],
+        unit=np.full(n, "mm"),
+        sigma=found.error_sigma_mm[rows],
+        test=found.test[rows],
+        verdict=np.full(n, "rejected"),
+    )
+
+
+def with_elements(models: Models, frame: str) -> Models:
+    """The models with the elements of a method."""
+    o = models.orientations
+    of = independent_elements if frame == "independent" else dependent_elements
+    names = INDEPENDENT if frame == "independent" else DEPENDENT
+    values, sigma = of(o.left_from_right, o.base, o.covariance)
+    return replace(
+        models,
+        elements=Elements(
+            model=np.repeat(np.arange(len(o)), len(names)).astype(np.int32),
+            name=np.tile(np.array(names, dtype=np.str_), len(o)),
+            value=values.ravel(),
+            sigma=sigma.ravel(),
+        ),
+    )
+
+
+def with_connections(
+    block: Block, models: Models, found: RelativeOrientations, connections: Sequence[Connection]
+) -> Models:
+    """The models with the scales of their connections among the elements, and the connection points rejected."""
+    model_of = np.cumsum(found.formed) - 1
+    assert models.elements is not None  # of with_elements
+    e, each = models.elements, [c.orientation for c in connections]
+    model = np.concatenate([e.model, [model_of[c.pair] for c in connections]]).astype(np.int32)
+    order = np.argsort(model, kind="stable")
+    table = Elements(
+        model=model[order],
+        name=np.concatenate([e.name, np.full(len(each), SCALE)])[order],
+        value=np.concatenate([e.value, [one.scale for one in each]])[order],
+        sigma=np.concatenate([e.sigma, [one.scale_sigma for one in each]])[order],
+    )
+    names = models.orientations.id
+    rejected = [_rejected_connection_points(block, str(names[model_of[c.pair]]), c) for c in connections]
+    return replace(models, elements=table, suspects=stacked([models.suspects, *rejected]))
+
+
+def _rejected_connection_points(block: Block, model: str, connection: Connection) -> Suspects:
+    """Connection points rejected, under the id of the second model."""
+    one = connection.orientation
+    rows = np.flatnonzero(~one.connects)
+    n = len(rows)
+    return Suspects(
+        kind=np.full(n, "model_tie"),
+        row=np.full(n, -1, dtype=np.int32),
+        image=np.full(n, model),
+        point=block.points.id[connection.point[rows]],
+        stage=np.full(n, "relative_orientation"),
+        size=one.size[rows],
+        unit=np.full(n, "log scale"),
+        sigma=one.size_sigma[rows],
+        test=one.test[rows],
+        verdict=np.full(n, "rejected"),
+    )
+
+
+def essential_models(block: Block, image_points: ImagePoints, pairs: ImagePairs, made: EssentialOrientations) -> Models:
+    """Models of oriented pairs; second orientations of ambiguous ones; pairs without base."""
+    formed = np.flatnonzero(made.found.formed)
+    also = np.flatnonzero(finite_rows(made.second[formed]))
+    turned = np.flatnonzero(finite_rows(made.turned))
+    return replace(
+        models_of(block, image_points, pairs, made.found),
+        second_orientations=SecondOrientations(
+            model=also.astype(np.int32),
+            left_from_right=made.second[formed[also]][:, :, :3],
+            base=made.second[formed[also]][:, :, 3],
+        ),
+        turns=Turns(
+            left=pairs.left[turned],
+            right=pairs.right[turned],
+            left_from_right=made.turned[turned],
+            sigma_rad=made.turned_sigma_rad[turned],
+            points=made.turned_points[turned].astype(np.int32),
+        ),
+    )
+
+
+def turns_of(models: Models) -> RotationPairs:
+    """Pairs of which the rotation is known and nothing else."""
+    t = models.turns if models.turns is not None else Turns.empty()
+    return RotationPairs(
+        t.left.astype(np.int64), t.right.astype(np.int64), t.left_from_right, t.sigma_rad, t.points.astype(np.int64)
+    )
+
+
+def graph_of(models: Models, fewest: int = FEWEST) -> tuple[PairGraph, Int]:
+    """The graph of models with enough points that fit, and their rows in the orientations."""
+    o, p = models.orientations, models.model_points
+    order = np.lexsort((p.point, p.model))
+    order = order[p.active[order]]
+    count = np.bincount(p.model[order], minlength=len(o))
+    kept = np.flatnonzero(count >= fewest)
+    rows = order[np.isin(p.model[order], kept)]
+    base = o.base[p.model[rows]]
+    left, right = p.xyz[rows], p.xyz[rows] - base
+    depth = np.column_stack([np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=1)])
+    across = np.linalg.norm(np.cross(left, right), axis=1)
+    variance = [np.linalg.eigvalsh(c)[:, -1] if len(kept) else np.zeros(0)
+                for c in (o.covariance[kept, :3, :3], o.covariance[kept, 3:, 3:])]  # fmt: skip
+    second = np.full((len(o), 3, 3), np.nan)
+    if models.second_orientations is not None:
+        second[models.second_orientations.model] = models.second_orientations.left_from_right
+    return PairGraph(
+        len(models.images), o.left[kept].astype(np.int64), o.right[kept].astype(np.int64), o.left_from_right[kept],
+        o.base[kept], np.sqrt(variance[0]), np.sqrt(variance[1]),
+        np.concatenate([[0], np.cumsum(count[kept])]).astype(np.int64), p.point[rows].astype(np.int64), depth,
+        np.arctan2(across, np.einsum("ni,ni->n", left, right)), second[kept],
+    ), kept  # fmt: skip

@@ -1,0 +1,109 @@
+"""Pairs connected along their strips: each model with its scale in units of the model before as an unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.orientation.relative.classical_points import classical_points, connection_points
+from aatri.orientation.relative.connected import Before, Connected, connected_orientation
+from aatri.orientation.relative.image_pairs import ImagePairs
+from aatri.orientation.relative.orientations import RelativeOrientations, refresh_points
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A pair connected with the pair before it.
+
+    Attributes
+    ----------
+    pair, before : int
+    orientation : Connected
+    point : (c,) int32
+        The connection points.
+    """
+
+    pair: int
+    before: int
+    orientation: Connected
+    point: Int
+
+
+def connected_pairs(
+    pairs: ImagePairs, found: RelativeOrientations, limit: float
+) -> tuple[tuple[Connection, ...], tuple[int, ...]]:
+    """Connect pairs with those that end where they begin, and put the connected orientations in their place.
+
+    Parameters
+    ----------
+    pairs : ImagePairs
+        Along strips: an image is the right one of one pair at most.
+    found : RelativeOrientations
+        Changed.
+    limit : float
+        A connection point with a larger test statistic is rejected.
+
+    Returns
+    -------
+    connections : tuple of Connection
+    loose : tuple of int
+        Pairs with one before them that cannot be connected with it.
+    """
+    ends_at = {int(j): k for k, j in enumerate(pairs.right)}
+    connections, loose = list[Connection](), list[int]()
+    for pair, left in enumerate(pairs.left.tolist()):
+        before = ends_at.get(left)
+        if before is None or not (found.formed[pair] and found.formed[before]):
+            continue
+        connection = _connected(pairs, found, before, pair, limit)
+        if connection is None:
+            loose.append(pair)
+        else:
+            connections.append(connection)
+    return tuple(connections), tuple(loose)
+
+
+def _connected(
+    pairs: ImagePairs, found: RelativeOrientations, before: int, pair: int, limit: float
+) -> Connection | None:
+    a, b = (slice(int(pairs.start[k]), int(pairs.start[k + 1])) for k in (before, pair))
+    common, at_a, at_b = np.intersect1d(pairs.point[a], pairs.point[b], return_indices=True)
+    good = found.active[a][at_a] & found.active[b][at_b] & np.isfinite(found.point_covariance[a][at_a]).all(axis=(1, 2))
+    common, at_a, at_b = common[good], at_a[good], at_b[good]
+    rays = pairs.rays.take(np.arange(b.start, b.stop))
+    one = connected_orientation(
+        rays, found.active[b], found.left_from_right[pair], found.base[pair],
+        Before(found.left_from_right[before], found.base[before], found.covariance[before], at_b,
+               found.xyz[a][at_a], found.point_covariance[a][at_a]),
+        limit=limit,
+    )  # fmt: skip
+    if one is None:
+        return None
+    found.left_from_right[pair], found.base[pair] = one.left_from_right, one.base
+    found.covariance[pair], found.sigma0[pair] = one.covariance, one.sigma0
+    found.redundancy[pair], found.iterations[pair] = one.redundancy, found.iterations[pair] + one.iterations
+    refresh_points(found, pairs, pair)
+    return Connection(pair, before, one, common)
+
+
+def classical_model_points(
+    pairs: ImagePairs, found: RelativeOrientations, connections: tuple[Connection, ...] = ()
+) -> Float:
+    """Model points by projection coefficients, (n, 3); connection points keep the height of the model before."""
+    xyz, connection_of = found.xyz.copy(), {c.pair: c for c in connections}
+    for pair in np.flatnonzero(found.formed).tolist():
+        rows, R, base = pairs.rows(pair), found.left_from_right[pair], found.base[pair]
+        rays = pairs.rays.take(rows)
+        xyz[rows] = classical_points(R, base, rays)
+        connection = connection_of.get(pair)
+        if connection is None:
+            continue
+        one, before = connection.orientation, connection.before
+        used = connection.point[one.connects]
+        there = int(pairs.start[before]) + np.searchsorted(pairs.point[pairs.rows(before)], used)
+        seen = (xyz[there] - found.base[before]) @ found.left_from_right[before]
+        here = np.searchsorted(pairs.point[rows], used)
+        xyz[rows[here]] = connection_points(R, base, rays.take(here), seen[:, 2] / one.scale)
+    return xyz
