@@ -36,8 +36,8 @@ from pydantic import field_validator, model_validator
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.bundle.exchanged_images import without_exchanged_images
-from aatri.adapters.bundle.group_effects import effects_of
 from aatri.adapters.bundle.hidden_distortion import distortion_notes
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
@@ -67,8 +67,8 @@ from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.correlations import correlation_notes
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.group_tests import sigma_notes
-from aatri.orientation.bundle.groups.search import FoundGroup, search_in_groups
-from aatri.orientation.bundle.groups.told import contradicts, group_notes
+from aatri.orientation.bundle.groups.messages import contradicts, group_notes
+from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.notes import left_out, misfit, remarks
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_notes import column_kinds, parameter_notes
@@ -243,8 +243,8 @@ def bundle(
     return with_datum(block, made, options.datum, options.datum_over)
 
 
-def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> tuple[Round, tuple[FoundGroup, ...]]:
-    rule, groups = options.blunders.rule(), tuple[FoundGroup, ...]()
+def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> tuple[Round, tuple[AcceptedGroup, ...]]:
+    rule, groups = options.blunders.rule(), tuple[AcceptedGroup, ...]()
     if options.variance_components is not None and rule.sigmas == "estimated":
         rule = replace(rule, sigmas="tests")  # the weights are for them to find
 
@@ -260,7 +260,7 @@ def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> 
         done = robustly(given, adjust, rule)
     else:
         given = given if rule.method == "none" else without_exchanged_images(given)
-        done, groups = search_in_groups(given, adjust, single, effects_of, rule)
+        done, groups = search_with_groups(given, adjust, single, candidate_groups, rule)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
     return done, groups
@@ -279,22 +279,16 @@ def _adjusted(given: BundleInput, options: BundleOptions, context: Context, how:
 
 
 def _settings(options: BundleOptions, how: How) -> BundleSettings:
-    return BundleSettings(
-        options.datum,
-        options.datum_over,
-        options.standard_deviations
-        or options.reliability
-        or options.variance_components is not None
-        or options.blunders.method != "none",
-        options.blunders.method == "none",  # one adjustment: a search would keep the factors of several
-        how.huber,
-        how.weights,
-        Settings(
-            max_iterations=options.max_iterations,
-            tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
-            ordering=options.ordering,
-            reproducible=options.reproducible,
-            memory_gb=options.memory_gb,
-            solver=options.solver,
-        ),
+    searched = options.blunders.method != "none"
+    covariances = searched or options.standard_deviations or options.reliability
+    covariances = covariances or options.variance_components is not None
+    solution = Settings(
+        max_iterations=options.max_iterations,
+        tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
+        ordering=options.ordering,
+        reproducible=options.reproducible,
+        memory_gb=options.memory_gb,
+        solver=options.solver,
     )
+    keep_factor = not searched  # a search would keep the factors of several adjustments
+    return BundleSettings(options.datum, options.datum_over, covariances, keep_factor, how.huber, how.weights, solution)

@@ -16,9 +16,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.effects import NEIGHBOURHOOD, Cause, Effects
+from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, Cause
 
 SIZES = (3, 4, 6, 8, 12, 16, 24, 32)
 """Points of a neighbourhood."""
@@ -36,11 +36,11 @@ MOST_IMAGES = 12
 """Images in which the test is made, those with the largest bounds."""
 
 
-def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Iterator[Effects]:
+def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Iterator[Candidates]:
     """Neighbourhoods of image points, to be tested for a common shift; v (n, 2), the whitened residuals of the rows."""
     assert given.rays is not None
     image, point, xy_mm = given.rays.image[rows], given.rays.point[rows], given.rays.xy_mm[rows]
-    large = (np.abs(v) > LARGE).any(axis=1)
+    large: Bool = np.asarray((np.abs(v) > LARGE).any(axis=1))
     order, count = np.argsort(image, kind="stable"), np.bincount(image, minlength=len(given.image_ids))
     last = np.cumsum(count)
     searched = [
@@ -71,7 +71,7 @@ def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Itera
     unit = np.repeat(np.arange(len(windows)), [len(some) for _, some in windows])
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
     tests = sum(len(some) * _most(len(some)) for some in searched)
-    yield Effects(place, NEIGHBOURHOOD, names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests)
+    yield Candidates(place, NEIGHBOURHOOD, names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests)
 
 
 def _elsewhere(image: Int, point: Int, candidates: Int, some: Int) -> Iterator[tuple[int, Int]]:

@@ -1,10 +1,10 @@
 """The search for gross errors with groups before single observations.
 
 1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
-   does, the group is carried as unknowns (`carried`), and the block adjusted again: it is found if that halves the
-   squares of what is above the limit; of several the one that leaves the least v'v.
+   does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that halves
+   the squares of what is above the limit; of several the one that leaves the least v'v.
 2. Search for single gross errors, the groups being carried.
-3. Groups of what is left (`find`), which single ones had hidden: with each the search begins anew.
+3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew.
 4. Adjust once more without the unknowns of the groups. Positions and attitudes of a group whose shift is beyond the
    limit are left out, all of them, where the block is determined without; every other group is kept, all of it.
 """
@@ -24,9 +24,10 @@ from aatri.orientation.bundle.blunders.kinds import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, How
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import tests_of
-from aatri.orientation.bundle.groups.carried import name_of, with_groups, without_groups
-from aatri.orientation.bundle.groups.effects import EffectsOf
-from aatri.orientation.bundle.groups.find import Group, at_result, wrong_groups
+from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
+from aatri.orientation.bundle.groups.candidates import CandidatesOf
+from aatri.orientation.bundle.groups.group import Group
+from aatri.orientation.bundle.groups.score_tests import at_result, significant_groups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 
@@ -35,25 +36,24 @@ Single = Callable[[BundleInput, BundleResult | None], Round]
 MOST_GROUPS = 6
 """Groups that are looked for, one by one; where more is wrong, the model of the block is."""
 
-
 SMALLER = 0.5
 """Share of the squares of what is above the limit that a group may leave: what explains less is not what is wrong."""
 
 BETTER = 0.8
-"""Share of v'v that a group of more parameters must leave of that of another: else the simpler one is found."""
+"""Share of v'v that a group of more parameters must leave of that of another: else the simpler one is accepted."""
 
 
 @dataclass(frozen=True)
-class FoundGroup:
-    """A group that is wrong, and whether it was left out."""
+class AcceptedGroup:
+    """A group that is wrong by the search, and whether it was left out."""
 
     group: Group
     left_out: bool
 
 
-def search_in_groups(
-    given: BundleInput, adjust: Adjust, single: Single, effects_of: EffectsOf, rule: Rule
-) -> tuple[Round, tuple[FoundGroup, ...]]:
+def search_with_groups(
+    given: BundleInput, adjust: Adjust, single: Single, candidates_of: CandidatesOf, rule: Rule
+) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """Adjust a block, find groups that are wrong together, and leave out single gross errors.
 
     Parameters
@@ -62,7 +62,7 @@ def search_in_groups(
     adjust : callable
     single : callable
         (block, least squares of it or None) -> the block adjusted by `rule`, searching for single gross errors.
-    effects_of : callable
+    candidates_of : callable
         What is to be tested of a block.
     rule : Rule
         With `none` nothing is left out, and groups are told.
@@ -75,19 +75,20 @@ def search_in_groups(
     rule = rule.for_tests(AllRecords.of(given).tests)
     groups, squares = list[Group](), None
     if rule.method != "none":
-        groups, squares = _before_single_ones(given, adjust, effects_of, rule)
+        groups, squares = _before_single_ones(given, adjust, candidates_of, rule)
     done = _carried(given, groups, single, squares)
     if done is None:
         groups, done = [], single(given, None)
     while len(groups) < MOST_GROUPS:
-        one = float(_tests(done.result).max())
-        more = wrong_groups(given, done.result, effects_of, one if one > rule.limit else 0.0, [g.key for g in groups])
-        tried = ((group, _carried(given, [*groups, group], single)) for group in more)
-        found = next(((group, again) for group, again in tried if again is not None), None)
-        if found is None:
+        single_test = float(_tests(done.result).max())
+        above = single_test if single_test > rule.limit else 0.0
+        more = significant_groups(given, done.result, candidates_of, above, [g.key for g in groups])
+        trials = ((group, _carried(given, [*groups, group], single)) for group in more)
+        accepted = next(((group, again) for group, again in trials if again is not None), None)
+        if accepted is None:
             break
-        groups.append(found[0])
-        done = found[1]
+        groups.append(accepted[0])
+        done = accepted[1]
     if not groups:
         return done, ()
     return _as_given(given, done, groups, adjust, rule)
@@ -106,7 +107,7 @@ def _carried(
 
 
 def _before_single_ones(
-    given: BundleInput, adjust: Adjust, effects_of: EffectsOf, rule: Rule
+    given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, rule: Rule
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
     groups: list[Group] = []
@@ -115,27 +116,27 @@ def _before_single_ones(
         single = float(_tests(result).max())
         if single <= rule.limit:
             break
-        tried = [_tried(given, adjust, effects_of, groups, g)
-                 for g in wrong_groups(given, result, effects_of, single, [g.key for g in groups])]  # fmt: skip
+        more = significant_groups(given, result, candidates_of, single, [g.key for g in groups])
+        trials = [_adjusted_with(given, adjust, candidates_of, groups, g) for g in more]
         most = SMALLER * _misfit(result, rule.limit)
-        fits = [(g, r) for g, r in tried if r is not None and _misfit(r, rule.limit) <= most]
+        fits = [(g, r) for g, r in trials if r is not None and _misfit(r, rule.limit) <= most]
         if not fits:
             break
         least = min(r.adjusted.cost for _, r in fits)
         as_good = [(g, r) for g, r in fits if BETTER * r.adjusted.cost <= least]
-        group, result = min(as_good, key=lambda one: one[0].complexity)
+        group, result = min(as_good, key=lambda trial: trial[0].complexity)
         groups.append(group)
     return groups, result
 
 
-def _tried(
-    given: BundleInput, adjust: Adjust, effects_of: EffectsOf, groups: list[Group], group: Group
+def _adjusted_with(
+    given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, groups: list[Group], group: Group
 ) -> tuple[Group, BundleResult | None]:
     """Least squares with one more group, whose effect is taken where the adjustment with it leads."""
     result = _squares(with_groups(given, [*groups, group]), adjust)
     if result is None or group.kind != IMAGE_POINT or group.removable:
         return group, result
-    group = at_result(given, effects_of, group, result)
+    group = at_result(given, candidates_of, group, result)
     return group, _squares(with_groups(given, [*groups, group]), adjust)
 
 
@@ -161,7 +162,7 @@ def _misfit(result: BundleResult, limit: float) -> float:
 
 def _as_given(
     given: BundleInput, done: Round, groups: list[Group], adjust: Adjust, rule: Rule
-) -> tuple[Round, tuple[FoundGroup, ...]]:
+) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
     plain = without_groups(given, groups, done.given)
     left_out = rule.method != "none"
@@ -175,8 +176,8 @@ def _as_given(
                 raise
             continue
         break
-    found = tuple(FoundGroup(_as_carried(g, k, done.result), any(g is o for o in out)) for k, g in enumerate(groups))
-    return replace(done, given=block, result=result), found
+    accepted = [AcceptedGroup(_as_carried(g, k, done.result), any(g is o for o in out)) for k, g in enumerate(groups)]
+    return replace(done, given=block, result=result), tuple(accepted)
 
 
 def _as_carried(group: Group, number: int, result: BundleResult) -> Group:

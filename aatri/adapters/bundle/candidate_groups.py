@@ -1,4 +1,4 @@
-"""What observations of one kind may have in common, unit by unit: the derivatives H of their residuals.
+"""Candidate groups: what observations of a kind may have in common, unit by unit, as derivatives H of their residuals.
 
     positions       shift, shift and drift of a strip, a flight; shift and height of all;  lever arm of a camera
     attitudes       shift, shift and drift of a strip, a flight;  boresight of a camera
@@ -35,7 +35,7 @@ from aatri.observations.observed import Given
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.effects import ALL, Cause, Effects
+from aatri.orientation.bundle.groups.candidates import ALL, Candidates, Cause
 from aatri.orientation.bundle.result import BundleResult
 
 DISTANCE = "distance"
@@ -46,7 +46,7 @@ FEWEST = 3
 FEWEST_FOR_A_DRIFT = 5
 
 
-def effects_of(given: BundleInput, result: BundleResult) -> Iterator[Effects]:
+def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candidates]:
     """What is to be tested of a block, kind by kind."""
     if given.given is None:
         return
@@ -70,13 +70,13 @@ def effects_of(given: BundleInput, result: BundleResult) -> Iterator[Effects]:
             yield from _of_relief(result, place, found, rows)
 
 
-def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Effects:
-    return Effects(place, ALL, np.array([ALL]), rows, np.zeros(len(rows), dtype=np.int64), H, causes)
+def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Candidates:
+    return Candidates(place, ALL, np.array([ALL]), rows, np.zeros(len(rows), dtype=np.int64), H, causes)
 
 
 def _of_positions(
     given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
-) -> Iterator[Effects]:
+) -> Iterator[Candidates]:
     image = found.observed.records.touches[0][1][rows]
     yield from _in_time(given, place, rows, image, (ALL, "strip", "flight"))
     by_pose = found.observed.records.evaluate(result.adjusted.state, rows)[1][0]
@@ -87,7 +87,7 @@ def _of_positions(
 
 def _of_attitudes(
     given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
-) -> Iterator[Effects]:
+) -> Iterator[Candidates]:
     image = found.observed.records.touches[0][1][rows]
     cameras = given.block.cameras.id[given.block.images.camera]
     by_boresight = found.observed.records.evaluate(result.adjusted.state, rows)[1][1]
@@ -96,7 +96,7 @@ def _of_attitudes(
     yield from _in_time(given, place, rows, image, ("strip", "flight"))
 
 
-def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, ...]) -> Iterator[Effects]:
+def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, ...]) -> Iterator[Candidates]:
     """Shift, and shift and drift, of units of images."""
     images, strips = given.block.images, np.append(given.block.strips.id, "")
     names = {"strip": strips[images.strip], "flight": images.flight, ALL: np.full(len(images), ALL)}
@@ -116,8 +116,8 @@ def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, .
 def _units(
     place: int, per: str, names: Text, image: Int, rows: Int, H: Float, causes: tuple[Cause, ...],
     removable: bool = False,
-) -> Iterator[Effects]:  # fmt: skip
-    """Effects unit by unit, of units with enough observations; a single strip or flight is all there is.
+) -> Iterator[Candidates]:  # fmt: skip
+    """Candidates unit by unit, of units with enough observations; a single strip or flight is all there is.
 
     `names` are those of the units of the images, `image` that of each row.
     """
@@ -130,10 +130,10 @@ def _units(
     some, new = enough[number], np.cumsum(enough) - 1
     if not some.all():
         number, rows, H = number[some], rows[some], H[some]
-    yield Effects(place, per, ids[enough], rows, new[number], H, causes, removable)
+    yield Candidates(place, per, ids[enough], rows, new[number], H, causes, removable)
 
 
-def _of_image_points(given: BundleInput, place: int, rows: Int, residuals_mm: Float) -> Iterator[Effects]:
+def _of_image_points(given: BundleInput, place: int, rows: Int, residuals_mm: Float) -> Iterator[Candidates]:
     assert given.rays is not None
     assert given.given is not None
     rays, images, block = given.rays, given.given.block.images, given.given.block
@@ -172,7 +172,7 @@ def _by_camera(xy_mm: Float, c_mm: Float, r0_mm: Float) -> Float:
     return H
 
 
-def _of_relief(result: BundleResult, place: int, found: AdjustedObservations, rows: Int) -> Iterator[Effects]:
+def _of_relief(result: BundleResult, place: int, found: AdjustedObservations, rows: Int) -> Iterator[Candidates]:
     records = found.observed.records
     rows = rows[records.observed_components()[rows, 2]]
     if len(rows) < 2 * FEWEST:  # three heights tilt and shift the block, and some must be left to contradict

@@ -19,7 +19,7 @@ from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.find import Group
+from aatri.orientation.bundle.groups.group import Group
 
 
 def with_groups(given: BundleInput, groups: Sequence[Group]) -> BundleInput:
@@ -47,7 +47,7 @@ def without_groups(given: BundleInput, groups: Sequence[Group], done: BundleInpu
 
 
 def _scale(carried: Records, done: Records) -> Float:
-    """By what the search has changed the whiteners."""
+    """By what factors the search has changed the whiteners."""
     one = np.ones_like(carried.whitener)
     return np.divide(done.whitener, carried.whitener, out=one, where=carried.whitener != 0)
 
@@ -86,9 +86,9 @@ def _carrying(o: Observed, unknowns: Unknowns, H: Float, start: Float) -> Observ
 
 
 def _with_term(plain: Records, name: str, H: Float) -> Records:
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        v, jacobians = plain.evaluate(state, some)
-        return v + H[some] @ state[name][0], (*jacobians, H[some])
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        v, jacobians = plain.evaluate(state, rows)
+        return v + H[rows] @ state[name][0], (*jacobians, H[rows])
 
     touches = (*plain.touches, (name, np.zeros(len(plain.active), dtype=np.int32)))
     return replace(plain, touches=touches, evaluate=evaluate, compiled=None)

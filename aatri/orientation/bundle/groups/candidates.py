@@ -1,4 +1,4 @@
-"""What observations of one kind may have in common, unit by unit: derivatives of their residuals."""
+"""Candidate groups: what observations of one kind may have in common, unit by unit, as derivatives of residuals."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ NEIGHBOURHOOD = "neighbourhood"
 
 @dataclass(frozen=True)
 class Cause:
-    """Columns of H that say the same thing: what it is called, see `told`."""
+    """Columns of H that say the same thing: what it is called, see `messages`."""
 
     name: str
     columns: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Effects:
+class Candidates:
     """What the observations of a kind may have in common, unit by unit.
 
     Attributes
@@ -57,4 +57,4 @@ class Effects:
     tests: int = 0
 
 
-EffectsOf = Callable[[BundleInput, BundleResult], Iterator[Effects]]
+CandidatesOf = Callable[[BundleInput, BundleResult], Iterator[Candidates]]

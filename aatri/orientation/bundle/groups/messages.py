@@ -8,9 +8,9 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.notes import CONTRADICTION, Note
-from aatri.orientation.bundle.groups.effects import ALL, NEIGHBOURHOOD
-from aatri.orientation.bundle.groups.find import Group
-from aatri.orientation.bundle.groups.search import FoundGroup
+from aatri.orientation.bundle.groups.candidates import ALL, NEIGHBOURHOOD
+from aatri.orientation.bundle.groups.group import Group
+from aatri.orientation.bundle.groups.search import AcceptedGroup
 
 CONTRADICTED = 3.0
 """A result contradicts its own tests where a group that is kept moves a coordinate by more of its sigmas."""
@@ -25,38 +25,38 @@ RADIAL = (
 )
 
 
-def contradicts(found: FoundGroup) -> bool:
+def contradicts(accepted: AcceptedGroup) -> bool:
     """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas.
 
     Points of a neighbourhood are wrong measurements, like single ones that are kept: no error of the model.
     """
-    g = found.group
+    g = accepted.group
     if g.per == NEIGHBOURHOOD:
         return False
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
-    return g.harm > CONTRADICTED and (of_datum or not found.left_out)
+    return g.harm > CONTRADICTED and (of_datum or not accepted.left_out)
 
 
-def group_notes(groups: tuple[FoundGroup, ...]) -> list[Note]:
+def group_notes(groups: tuple[AcceptedGroup, ...]) -> list[Note]:
     """A warning for each group, contradictions first."""
-    return [_note(found) for found in sorted(groups, key=lambda found: not contradicts(found))]
+    return [_note(group) for group in sorted(groups, key=lambda group: not contradicts(group))]
 
 
-def _note(found: FoundGroup) -> Note:
-    g = found.group
+def _note(accepted: AcceptedGroup) -> Note:
+    g = accepted.group
     what, remedy = _TEXTS[g.kind, g.cause](g)
     parts = [what]
     if g.moved:
         parts.append(f"it moves {g.moved} by {g.change_m:.2g} m (up to {g.harm:.3g} standard deviations)")
     if g.or_else:
-        parts.append(f"{' or '.join(_other(*one) for one in g.or_else[:3])} would explain as much")
-    what_of_it = "left out" if found.left_out else "kept, and nothing is rejected in their stead"
-    parts.append(f"all {len(g.rows) + len(g.undecided) * found.left_out} are {what_of_it}")
-    head = f"{CONTRADICTION}: " if contradicts(found) else ""
+        parts.append(f"{' or '.join(_alternative(*other) for other in g.or_else[:3])} would explain as much")
+    outcome = "left out" if accepted.left_out else "kept, and nothing is rejected in their stead"
+    parts.append(f"all {len(g.rows) + len(g.undecided) * accepted.left_out} are {outcome}")
+    head = f"{CONTRADICTION}: " if contradicts(accepted) else ""
     return Note("warning", f"{head}{'; '.join(parts)}; {remedy}")
 
 
-def _other(per: str, unit: str, cause: str) -> str:
+def _alternative(per: str, unit: str, cause: str) -> str:
     of = "" if per == ALL else f" of {per} {'of ' if per == NEIGHBOURHOOD else ''}{unit}"
     return f"{cause}{of}"
 

@@ -1,0 +1,88 @@
+"""A group: observations that are wrong together, how, and what that does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.observations.image_points import KIND as IMAGE_POINT
+
+Key = tuple[int, str, str, str]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Observations that are wrong together, and how.
+
+    Attributes
+    ----------
+    place : int
+        Of their kind among the observations.
+    kind, per, unit, cause : str
+        As of its `Candidates`.
+    rows : (n,) int
+    H : (n, m, k) float64
+        Derivatives of their residuals by the parameters of the cause.
+    value, sigma : (k,) float64
+        Parameters, in units of the kind; a posteriori where sigma0 is above 1.
+    gain : float
+        By which they reduce v'v, over s^2.
+    sigma0 : float
+        With the parameters.
+    harm : float
+        Largest change of a coordinate of a point or of a projection centre, in its standard deviations.
+    change_m : float
+        That change; of a point where one changes by more than its standard deviation.
+    moved : str
+        What changes so.
+    or_else : tuple of (str, str, str)
+        Unit's kind, unit and cause of others that explain as much.
+    undecided : (j,) int
+        Rows of other units of the same kind that explain as much.
+    c_mm : float, mm
+        Principal distance of its image points.
+    removable : bool
+        It may be left out.
+    """
+
+    place: int
+    kind: str
+    per: str
+    unit: str
+    cause: str
+    rows: Int
+    H: Float
+    value: Float
+    sigma: Float
+    gain: float
+    sigma0: float
+    harm: float = 0.0
+    change_m: float = 0.0
+    moved: str = ""
+    or_else: tuple[tuple[str, str, str], ...] = ()
+    undecided: Int = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    c_mm: float = float("nan")
+    removable: bool = False
+
+    @property
+    def complexity(self) -> tuple[bool, bool, int]:
+        """Of what explains as much the least is taken: cameras of a strip are rare; a camera; the fewest parameters."""
+        of_image = self.kind == IMAGE_POINT
+        return of_image and self.per == "strip", of_image, len(self.value)
+
+    @property
+    def factor(self) -> float:
+        """Principal distance of the block over the one that is asked for: the correction is of measured coordinates."""
+        return 1.0 - float(self.value[0]) / self.c_mm if self.cause == "principal distance" else 1.0
+
+    @property
+    def key(self) -> Key:
+        """What tells it from others."""
+        return self.place, self.per, self.unit, self.cause
+
+    @property
+    def effect(self) -> Float:
+        """Part of the residuals of its rows, (n, m)."""
+        return self.H @ self.value

@@ -1,0 +1,238 @@
+"""Whether observations of a unit are wrong together: the score test of what they may have in common.
+
+With M and g of `adjustment.covariance.score`, v'v = W, redundancy r, and k the rank of M,
+
+    gain = g'M^-1 g,    s^2 = max(1, (W - gain) / (r - k)),    gain / s^2  ~  chi^2(k) where nothing is wrong
+
+Tested is at `ALARM` over the number of tests made, so that of a thousand blocks without errors one is told a group,
+and with the standard deviations that the kind has by its own residuals. A cause of fewer parameters is preferred to
+one that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are
+named too. Where single observations are tested as well, the group must gain more than the largest of them alone, and
+most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adjustment.adjusted import Adjusted
+from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
+from aatri.adjustment.records import whitened
+from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.arrays import Float, Int
+from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.groups.candidates import Candidates, CandidatesOf, Cause
+from aatri.orientation.bundle.groups.group import Group, Key
+from aatri.orientation.bundle.result import BundleResult
+
+ALARM = 1e-3
+"""Probability that a block without errors is told a group: shared by the candidates, and of each by all its tests."""
+
+MEDIAN, CONTROLLED = 0.4549, 1e-3
+"""Median of chi-square of one degree; least redundancy number of a residual that counts."""
+
+AS_GOOD = 0.02
+"""Share of a gain by which another explanation may fall short of it and cannot be told apart: beyond `SEPARABLE`, since
+one step from a wrong model is not exact."""
+
+MOST_TRIED, EXPLAINS = 4, 0.3
+"""Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
+is far off tells them apart only so far, an adjustment with each of them does."""
+
+LEAST_LEFT = 0.1
+"""Share of an effect on a neighbourhood that the orientation of its image leaves at least, of what the points leave: of
+a shift of 0.7 of the points of an image a linear field over the image takes up 0.9."""
+
+
+@dataclass(frozen=True)
+class _Significant:
+    """A candidate beyond the limit."""
+
+    candidates: Candidates
+    unit: int
+    cause: Cause
+    joint: Joint
+    gain: float
+    alarm: float
+
+    @property
+    def rows(self) -> Int:
+        return np.asarray(self.candidates.rows[self.candidates.unit == self.unit])
+
+
+def significant_groups(
+    given: BundleInput, result: BundleResult, candidates_of: CandidatesOf, single: float = 0.0,
+    known: Sequence[Key] = (),
+) -> list[Group]:  # fmt: skip
+    """Groups that may be wrong and do harm, the one that explains most first, then those that explain half as much.
+
+    Parameters
+    ----------
+    given : BundleInput
+    result : BundleResult
+        Of least squares.
+    candidates_of : callable
+        What is to be tested of a block.
+    single : float
+        Largest |w| of a single observation; 0: single ones have been searched for.
+    known : sequence of key
+        Groups that have been accepted already.
+    """
+    adjusted = result.adjusted
+    if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
+        return []
+    adjusted = with_factor(adjusted)
+    candidates = list(candidates_of(given, result))
+    left = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
+    groups: list[Group] = []
+    while left and len(groups) < MOST_TRIED:
+        most = max(t.gain for t in left)
+        if groups and most < EXPLAINS * groups[0].gain:
+            break
+        as_good = [t for t in left if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
+        best = min(as_good, key=lambda t: (*_group(given, adjusted, result, t).complexity, -t.gain))
+        group = _confirmed(given, adjusted, result, best, single, known)
+        if group is not None:
+            groups.append(_with_alternatives(group, [t for t in as_good if t is not best]))
+        left = [t for t in left if t is not best]
+    return groups
+
+
+def at_result(given: BundleInput, candidates_of: CandidatesOf, group: Group, result: BundleResult) -> Group:
+    """The group with the derivatives of its residuals at another result; as it is, where that does not offer it."""
+    for c in candidates_of(given, result):
+        if (c.place, c.per) != (group.place, group.per):
+            continue
+        for unit in np.flatnonzero(c.units == group.unit):
+            rows = np.flatnonzero(c.unit == unit)
+            columns = next((cause.columns for cause in c.causes if cause.name == group.cause), None)
+            if columns is not None and np.array_equal(c.rows[rows], group.rows):
+                return replace(group, H=c.H[rows][:, :, list(columns)])
+    return group
+
+
+def _significant(
+    adjusted: Adjusted, result: BundleResult, candidates: Candidates, alarm: float
+) -> Iterator[_Significant]:
+    """Score tests of all units, those that are beyond the limit."""
+    from scipy.stats import chi2  # slow to import
+
+    alarm /= max(candidates.tests, len(candidates.units)) * len(candidates.causes)
+    records, row = result.in_problem(candidates.place)
+    least_gain = LEAST_LEFT * float(chi2.isf(alarm, candidates.H.shape[2])) if candidates.tests else 0.0
+    scores = score(adjusted, records, row[candidates.rows], candidates.H, candidates.unit, least_gain)
+    for cause in candidates.causes:
+        gain, rank = scores.gains(cause.columns)
+        gain /= _variance(adjusted, gain, rank)
+        for unit in np.flatnonzero((rank > 0) & (gain > chi2.isf(alarm, np.maximum(rank, 1)))).tolist():
+            yield _Significant(candidates, unit, cause, scores.joint(unit, cause.columns), float(gain[unit]), alarm)
+
+
+def _variance(adjusted: Adjusted, gain: Float, rank: Int) -> Float:
+    """Of unit weight with the parameters, at least 1."""
+    left, W = adjusted.redundancy - rank, adjusted.cost
+    return np.maximum(1.0, np.where(left > 0, (W - gain) / np.maximum(left, 1), W / adjusted.redundancy))
+
+
+def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant) -> Group:
+    c, variance = t.candidates, float(_variance(adjusted, np.array(t.joint.gain), np.array(t.joint.rank)))
+    of_unit = np.flatnonzero(c.unit == t.unit)
+    sigma = np.sqrt(np.diagonal(t.joint.covariance) * variance)
+    kind = result.observations[c.place].observed.kind
+    H, c_mm = c.H[of_unit][:, :, list(t.cause.columns)], float("nan")
+    if kind == IMAGE_POINT and given.rays is not None:
+        c_mm = float(np.median(given.rays.c_mm[t.rows]))
+    return Group(c.place, kind, c.per, str(c.units[t.unit]), t.cause.name, t.rows, H, t.joint.value,
+                 sigma, t.gain, float(np.sqrt(variance)), c_mm=c_mm, removable=c.removable)  # fmt: skip
+
+
+def _confirmed(
+    given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant, single: float, known: Sequence[Key]
+) -> Group | None:
+    """The group, if it does harm and is significant by the residuals of its kind, and beyond single observations."""
+    from scipy.stats import chi2  # slow to import
+
+    group = _group(given, adjusted, result, t)
+    if group.key in known:
+        return None
+    change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
+    group = _with_harm(given, result, group, change)
+    if group.harm <= 1.0:
+        return None
+    before, after, scale = _residuals(adjusted, result, group, change)
+    if chi2.logsf(t.gain / scale**2, t.joint.rank) >= np.log(t.alarm):
+        return None
+    if single and not _beyond_single_ones(t.joint, before, after, single):
+        return None
+    return _without_strangers(group, before, after) if t.candidates.tests else group
+
+
+def _residuals(
+    adjusted: Adjusted, result: BundleResult, group: Group, change: dict[str, Float]
+) -> tuple[Float, Float, float]:
+    """Whitened residuals of a group before and after it is carried; scale of its whole kind after, at least 1.
+
+    Where the standard deviations of a kind are too small, all that its observations have in common is significant.
+    """
+    adjusted_kind = result.observations[group.place]
+    records, rows = adjusted_kind.observed.records, np.flatnonzero(adjusted_kind.used)
+    v, jacobians = whitened(records, adjusted.state, rows)
+    effect = np.zeros((len(adjusted_kind.observed), records.rows))
+    np.add.at(effect, group.rows, group.effect)
+    after = v + _whitened_effect(records.whitener[rows], effect[rows])
+    for (name, block), J in zip(records.touches, jacobians):
+        after += np.einsum("nmk,nk->nm", J, change[name][block[rows]])
+    r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
+    w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
+    of_group = np.isin(rows, group.rows)
+    return v[of_group], after[of_group], float(np.sqrt(max(1.0, np.median(w2) / MEDIAN if len(w2) else 1.0)))
+
+
+def _beyond_single_ones(joint: Joint, before: Float, after: Float, single: float) -> bool:
+    """Whether a group explains more than its largest member could, and most of its members."""
+    better = (after**2).sum(axis=1) < (before**2).sum(axis=1)
+    return joint.gain >= single**2 + SEPARABLE and bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
+
+
+def _whitened_effect(whitener: Float, effect: Float) -> Float:
+    return whitener * effect if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, effect)
+
+
+def _with_harm(given: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
+    """What the group does to coordinates, those of points first."""
+    for name, ids, what in ((POINT, given.point_ids, "point"), (POSE, given.image_ids, "projection centre of image")):
+        if name not in change or not len(change[name]):
+            continue
+        sigma = group.sigma0 * np.sqrt(np.einsum("nii->ni", result.covariances[name])[:, :3])
+        by = np.abs(change[name][:, :3])
+        ratio = np.divide(by, sigma, out=np.zeros_like(by), where=sigma > 0)
+        row, axis = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        if ratio[row, axis] > max(group.harm, 1.0) or (name == POINT and ratio[row, axis] > 0):
+            harmless, group = group.harm <= 1.0, replace(group, harm=float(ratio[row, axis]))
+            if harmless:
+                coordinate = f"{'XYZ'[axis]} of {what} {np.asarray(ids)[row]}"
+                group = replace(group, change_m=float(by[row, axis]), moved=coordinate)
+    return group
+
+
+def _without_strangers(group: Group, before: Float, after: Float) -> Group:
+    """Without the rows that fit much worse with it: a neighbourhood that was tested may hold some that did not move."""
+    moved_too = (after**2).sum(axis=1) < (before**2).sum(axis=1) + SEPARABLE
+    return replace(group, rows=group.rows[moved_too], H=group.H[moved_too])
+
+
+def _with_alternatives(group: Group, others: list[_Significant]) -> Group:
+    """What else explains as much: other causes, and other units of the same kind, of each set of rows the best."""
+    rows, named = group.rows, list[tuple[str, str, str]]()
+    for t in sorted(others, key=lambda t: -t.gain):
+        same = (t.candidates.place, t.candidates.per) == (group.place, group.per)
+        if same and len(np.intersect1d(t.rows, rows)):
+            continue
+        named.append((t.candidates.per, str(t.candidates.units[t.unit]), t.cause.name))
+        rows = np.union1d(rows, t.rows) if same else rows
+    return replace(group, or_else=tuple(dict.fromkeys(named)), undecided=np.setdiff1d(rows, group.rows))
