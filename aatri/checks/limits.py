@@ -113,3 +113,10 @@ plan."""
 FEWEST_OF_CONVENTION, BETTER_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 20.0
 """Values of a kind that tell a convention; ratio of the median differences from which on another one is told; medians
 below so many standard deviations are no reason to look (starts are approximate)."""
+# --- after: hinge image
+
+TIE_POINTS = 3
+"""Common points by which two images are tied: those of a resection."""
+
+OWN_DATUM = 3
+"""Control points and positions that determine a part by itself."""

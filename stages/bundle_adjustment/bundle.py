@@ -53,6 +53,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
+from aatri.checks.after.hinge_image import hinge_images
 from aatri.checks.after.weak_datum import weak_datum
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
@@ -224,7 +225,7 @@ def bundle(
     tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
     notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
     tell(notes + ([] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)), context)
-    report(weak_datum(given, result), context)
+    report([*weak_datum(given, result), *hinge_images(given)], context)
     notes = [*terrain_notes(given, result), *distortion_notes(given, result, tests=options.reliability)]
     notes += [*parameter_notes(given, result), *correlation_notes(result, column_kinds(given))]
     tell(notes, context)

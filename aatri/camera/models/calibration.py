@@ -68,7 +68,8 @@ def _forward(model: str) -> Callable[[Array, Array, Array], Residual]:
     function = projection.MODELS[model]
 
     def compared(u: Array, xy_mm: Array, parameters: Array) -> Residual:
-        xy, by_u, by_parameters = function(u, parameters)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a point in the centre has no image
+            xy, by_u, by_parameters = function(u, parameters)
         return xy - xy_mm, by_u, by_parameters
 
     return compared
