@@ -15,6 +15,14 @@ edges have 1 to 4, whatever their size (Ackermann 1966; Ebner 1972)."""
 WEAK_SHARE = 0.95
 """The quantile of the standard deviations of all points that is held against it: a few weak points are no matter."""
 
+# --- after: hinge image
+
+TIE_POINTS = 3
+"""Common points by which two images are tied: those of a resection."""
+
+OWN_DATUM = 3
+"""Control points and positions that determine a part by itself."""
+
 # --- as read: how much is told, and what is set aside
 
 MAX_REJECT_SHARE = 0.05
@@ -113,10 +121,3 @@ plan."""
 FEWEST_OF_CONVENTION, BETTER_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 20.0
 """Values of a kind that tell a convention; ratio of the median differences from which on another one is told; medians
 below so many standard deviations are no reason to look (starts are approximate)."""
-# --- after: hinge image
-
-TIE_POINTS = 3
-"""Common points by which two images are tied: those of a resection."""
-
-OWN_DATUM = 3
-"""Control points and positions that determine a part by itself."""
