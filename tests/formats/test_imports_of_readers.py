@@ -21,7 +21,7 @@ for path in sorted(pathlib.Path("stages/block").glob("[!_]*.py")):
 print(json.dumps(sorted(sys.modules)))
 """
 
-METHODS = ("bundle", "free_block", "graph", "relative", "resection", "strips", "network", "interior", "refinement")
+METHODS = ("bundle", "bodies", "graph", "relative", "resection", "strips", "network", "interior", "refinement")
 
 
 def test_block_stages_import_neither_numba_nor_a_method() -> None:
