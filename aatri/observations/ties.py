@@ -31,8 +31,9 @@ BODY = "strip"
 """Name of the group of the bodies' unknowns."""
 
 STRIP_TIE, MODEL_TIE, PERSPECTIVE_CENTRE = "strip_tie", "model_tie", "perspective_centre"
-COMPONENT_POINT = "component_point"
-"""Kinds: points of strips and of models, the perspective centres of these, points of a component made of strips."""
+COMPONENT_POINT, HELD = "component_point", "held"
+"""Kinds: points of strips and of models, the perspective centres of these, points of a component made of strips; what
+a component is held by begins with the last."""
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,9 @@ class SimilarityOptions(Options):
         description="an error where strips deform by so many times what their length explains; null: 20, and "
         "off by 0.5 % of the distance",
     )
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
 
 
 @stage(
@@ -96,5 +99,6 @@ def _oriented(
         max_sigma0=options.max_sigma0,
         two_points=options.start == "two_points",
     )
-    solution, left_out = absolute_solution(oriented, image_points, "absolute_orientation/similarity")
+    method = "absolute_orientation/similarity"
+    solution, left_out = absolute_solution(oriented, image_points, method, tests=options.reliability)
     return solution, [*oriented.notes, *left_out, *control_notes(oriented, solution)]

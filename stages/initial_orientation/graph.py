@@ -61,6 +61,9 @@ class GraphOptions(Options):
         5.0, gt=0, description="test statistic of wrong control, positions, distances and attitudes, in sigma"
     )
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
 
 
 @stage(
@@ -117,7 +120,9 @@ def graph(
         more = len(given.geodetic) or len(given.relative_control_members)
         parts, notes = to_ground(block, ground, free.components, rays, options.control_limit, by_all if more else None)
         method = "initial_orientation/graph"
-        return initial_solution(block, image_points, rays, ground, parts, method, image_points.suspects), list(notes)
+        made = initial_solution(block, image_points, rays, ground, parts, method, image_points.suspects,
+                                tests=options.reliability)  # fmt: skip
+        return made, list(notes)
 
     solution, notes = on_the_ground(block)
     if inside.partial:  # where plan control and heights lie is known better now

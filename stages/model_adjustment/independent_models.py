@@ -59,6 +59,10 @@ class IndependentModelsOptions(Options):
         None, gt=0, description="an error where sigma0 is larger; null: 20, and off by 0.5 % of the distance"
     )
 
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
+
     @field_validator("centres", mode="before")
     @classmethod
     def _sigma_alone(cls, value: object) -> object:
@@ -82,7 +86,9 @@ def independent_models(
     check_same_block(block, initial.images.id, "initial")
     sigma = options.centres.sigma
     sigma_m = None if sigma == "from_orientation" else float(sigma)
-    rules = ModelRules(sigma_m, options.iteration == "plan_height", options.limit, options.max_sigma0)
+    rules = ModelRules(
+        sigma_m, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability
+    )
     inside = in_tangent_frame(block, initial)
     solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)
     tell([*notes, *rejection_notes(solution.suspects, "model_adjustment")], context)

@@ -43,6 +43,9 @@ class ConformalOptions(Options):
         description="an error where strips deform by so many times what their length explains; null: 20, and "
         "off by 0.5 % of the distance",
     )
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
 
 
 @stage(version=2, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
@@ -69,7 +72,7 @@ def conformal(
         max_sigma0=options.max_sigma0,
     )  # fmt: skip
     solution, resected = strip_block_solution(
-        block, image_points, strips, start, adjusted, "strip_adjustment/conformal"
+        block, image_points, strips, start, adjusted, "strip_adjustment/conformal", tests=options.reliability
     )
     tell([*adjusted.notes, *resected, *rejection_notes(solution.suspects, "strip_adjustment")], context)
     return inside.back(solution)

@@ -52,6 +52,9 @@ class PolynomialOptions(Options):
         description="an error where strips deform by so many times what their length explains; null: 20, and "
         "off by 0.5 % of the distance",
     )
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
 
 
 @stage(version=4, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
@@ -78,7 +81,7 @@ def polynomial(
         max_sigma0=options.max_sigma0,
     )  # fmt: skip
     solution, resected = strip_block_solution(
-        block, image_points, strips, start, adjusted, "strip_adjustment/polynomial"
+        block, image_points, strips, start, adjusted, "strip_adjustment/polynomial", tests=options.reliability
     )
     tell([*adjusted.notes, *resected, *rejection_notes(solution.suspects, "strip_adjustment")], context)
     return inside.back(solution)

@@ -38,14 +38,16 @@ def residual_table(found: AdjustedObservations, state: State) -> Residuals:
 def reliability_table(found: AdjustedObservations, state: State, gains: Gains | None = None) -> Tests:
     """Reliability of the observations in the order of `residual_table`; rejected and exact ones have none.
 
+    Tests are those of the adjustment, with the weights that it had.
+
     Parameters
     ----------
     gains : Gains, optional
         Of the rows that take part.
     """
     o, rows = found.observed, found.rows
-    whitener = o.records.whitener[rows]
-    observed = o.records.observed_components()[rows] & found.used[rows][:, None]
+    whitener = found.records.whitener[rows]
+    observed = found.records.observed_components()[rows] & ~o.demanded()[rows] & found.used[rows][:, None]
     v = np.where(observed, found.residuals(state), 0.0)
     independent = whitener.ndim == 2
     r = independent_reliability(v, whitener, found.covariance[rows]) if independent else _correlated(found, v)
@@ -73,7 +75,7 @@ def _moved(gains: Gains | None, group: str, whitener: Float, detectable: Float, 
 
 def _correlated(found: AdjustedObservations, v: Float) -> Reliability:
     """Of records with correlated components, from covariances in units of the observation."""
-    records, rows = found.observed.records, found.rows
+    records, rows = found.records, found.rows
     L, R = records.whitener[rows], found.covariance[rows]
     used = records.observed_components()[rows]
     both: Bool = used[:, :, None] & used[:, None, :]

@@ -15,7 +15,7 @@ from aatri.adapters.ground.initial_observed import seen_attitudes
 from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
-from aatri.adapters.strips.tied_tables import names_of
+from aatri.adapters.strips.tied_tables import names_of, tests_of
 from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -207,7 +207,9 @@ def _all_of(failed: Sequence[GeometryError], free: FreeBlock) -> GeometryError:
     return GeometryError("; ".join(texts), remedy="; ".join(remedies))
 
 
-def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, method: str) -> tuple[Solution, list[Note]]:
+def absolute_solution(
+    oriented: OrientedStrips, image_points: ImagePoints, method: str, *, tests: bool = False
+) -> tuple[Solution, list[Note]]:
     """The Solution of oriented components, and which images are left out."""
     ground, parts = oriented.ground, oriented.parts
     block, strips = ground.block, ground.strips
@@ -242,5 +244,6 @@ def absolute_solution(oriented: OrientedStrips, image_points: ImagePoints, metho
         residuals=stacked(residuals),
         suspects=stacked(suspects),
         uncontrolled=uncontrolled,
+        tests=stacked([tests_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
     )
     return solution, [*pieces.left_out(block, np.isfinite(position).all(1)), *notes_of(uncontrolled, NOT_SEEN)]

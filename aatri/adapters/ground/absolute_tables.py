@@ -11,6 +11,7 @@ from aatri.adapters.ground.initial_observed import SeenAttitudes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips.tied_tables import (
+    component_residuals,
     not_rejected,
     not_tested,
     residuals_of,
@@ -30,7 +31,6 @@ from aatri.geometry.similarity import Similarity
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import Control
 from aatri.observations.observed import Spread
-from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import Positions
 from aatri.observations.ties import STRIP_TIE
@@ -98,13 +98,9 @@ def precisions(ground: Ground, part: OrientedPart) -> list[Parameters]:
 
 def residual_tables(part: OrientedPart) -> Iterator[Residuals]:
     """Component on the ground minus what is observed, and the ties in metres along the ground axes."""
-    tied, ties, to = part.result.tied, part.component.tied, part.result.ground_from_component
-    places = {POINT: tied.state[POINT].copy()}
-    for o in tied.problem.ties:  # the places of the component itself, not what they are adjusted to
-        point = o.records.touches[1][1]
-        places[POINT][point] -= o.records.evaluate(tied.state, np.arange(len(o)))[0]
-    yield residuals_of(tied, {**tied.state, **places})
-    if ties is not None:
+    yield component_residuals(part.result.tied)
+    if (ties := part.component.tied) is not None:
+        to = part.result.ground_from_component
         made = residuals_of(replace(ties, observations=tuple(_on_ground(found, to) for found in ties.observations)))
         yield replace(made, residual=to.scale * made.residual @ to.rotation.T)
 

@@ -17,6 +17,8 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
+from aatri.observations.positions import KIND as POSITION
+from aatri.observations.ties import HELD
 from aatri.orientation.bodies.datum import Datum
 from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
 from aatri.orientation.graph.component import Component
@@ -24,7 +26,7 @@ from aatri.orientation.graph.component import Component
 PRECISION = 3.0
 """Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
 
-HELD = 1e-6
+HELD_SIGMA = 1e-6
 """Standard deviation of what is held, m or rad."""
 
 HELD_ROW = (np.array([-1]), np.array(["held"]))
@@ -132,7 +134,7 @@ def held_datum(
     if attitudes is None:
         eye, R = np.eye(3)[None], component.poses.ground_from_image[first : first + 1]
         attitudes = GivenAttitudes(
-            "held direction", -np.ones(1, dtype=int), np.array(["held"]), R, R, eye, HELD**2 * eye
+            f"{HELD} direction", -np.ones(1, dtype=int), np.array(["held"]), R, R, eye, HELD_SIGMA**2 * eye
         )
     distances = tuple(replace(d, start=d.start + 1, end=d.end + 1) for d in made.distances)
     x = np.concatenate([spot, made.x])
@@ -140,9 +142,9 @@ def held_datum(
         base = np.linalg.norm(component.poses.position_m - spot, axis=1)
         farthest = int(np.nanargmax(base))
         x = np.concatenate([spot, component.poses.position_m[farthest : farthest + 1]])
-        one = np.ones(1)
-        ends, none = (np.array([0]), np.array([1])), np.zeros(1)
-        distances = (GivenDistances("held base", *HELD_ROW, *ends, base[farthest] * one, HELD * one, none > 0, none),)
+        ends, one, none = (np.array([0]), np.array([1])), np.ones(1), np.zeros(1)
+        length = (base[farthest] * one, HELD_SIGMA * one, none > 0, none)
+        distances = (GivenDistances(f"{HELD} base", *HELD_ROW, *ends, *length),)
     n = len(x)
     held = Datum(
         name=("held", *made.name),
@@ -150,13 +152,14 @@ def held_datum(
         covariance=np.tile(precision(component, rays) ** 2 * np.eye(3), (n, 1, 1)),
         offset_m=np.zeros((n, 3)),
         xyz_m=np.zeros((n, 3)),
-        covariance_m2=np.tile(HELD**2 * np.eye(3), (n, 1, 1)),
+        covariance_m2=np.tile(HELD_SIGMA**2 * np.eye(3), (n, 1, 1)),
         given=np.concatenate([np.ones((1, 3), dtype=bool), np.zeros((n - 1, 3), dtype=bool)]),
         n_control=1,
         n_given=1,
         distances=distances,
         attitudes=attitudes,
         row=np.full(n, -1),
+        kinds=(f"{HELD} place", POSITION),
     )
     return held, known
 

@@ -12,15 +12,14 @@ from aatri.adapters.ground.initial_tests import (
     STAGE,
     held_against,
     left_out_table,
-    residual_table,
 )
 from aatri.adapters.solution import solved_cameras, stacked
 from aatri.adapters.strips import strips as pieces
-from aatri.adapters.strips.tied_tables import suspects_of
+from aatri.adapters.strips.tied_tables import component_residuals, suspects_of, tests_of
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations, Tests
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
@@ -31,11 +30,12 @@ from aatri.orientation.graph.triangulation import contradicting, residuals_mm
 
 def initial_solution(
     block: Block, image_points: ImagePoints, rays: ImagePointRows, ground: Ground, parts: list[OnGround], method: str,
-    suspects: Suspects,
+    suspects: Suspects, *, tests: bool = False,
 ) -> Solution:  # fmt: skip
     """The Solution of components on the ground; an image of several components is that of the first."""
     n, m = len(block.images), len(block.points)
     position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
+    reliability = [Tests.empty()]
     tables, moves = [Residuals.empty()], [StripTransformations.empty()]
     found = [suspects]
     kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
@@ -52,8 +52,8 @@ def initial_solution(
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
         if part.oriented is not None:
             tied = part.oriented.tied
-            kinds = held_against(block, ground, part.known, c, attitudes=part.attitudes)
-            tables += [residual_table(one, part.oriented) for one in kinds]
+            tables.append(component_residuals(tied))
+            reliability.append(tests_of(tied))
             found.append(suspects_of(tied, STAGE, np.ones(len(tied.active), dtype=bool)))
         if part.left is not None:
             found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
@@ -71,7 +71,7 @@ def initial_solution(
         block, image_points, pieces.Placed(position, rotation, xyz), method=method,
         counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())), sigma0=float("nan"), iterations=0,
         transformations=stacked(moves), parameters=Parameters.empty(), residuals=stacked(tables),
-        suspects=stacked(found),
+        suspects=stacked(found), tests=stacked(reliability) if tests else None,
     )  # fmt: skip
     solution = replace(solution, cameras=solved_cameras(block))
     if free:

@@ -9,10 +9,8 @@ import numpy as np
 
 from aatri.adapters.ground.initial_datum import Known
 from aatri.adapters.ground.initial_observed import Ground, Lengths
-from aatri.adapters.solution import residuals
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import Residuals
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.carrier import log_vector
 from aatri.notes import Note
@@ -109,12 +107,6 @@ def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
     line[:, 2] += s.target_height_m - s.station_height_m
     line[part.plan[rows], 2] = 0.0
     return np.asarray(np.linalg.norm(line, axis=1))
-
-
-def residual_table(held: Held, oriented: OrientedComponent) -> Residuals:
-    """Residuals of one kind."""
-    return residuals(held.kind, held.row, held.image, held.point, held.residual, held.sigma,
-                     oriented.tied.active[oriented.tied.of(held.kind)], unit=held.unit)  # fmt: skip
 
 
 def left_out_table(held: Held) -> Suspects:

@@ -36,6 +36,7 @@ class ModelRules:
     plan_height: bool
     limit: float
     max_sigma0: float | None
+    tests: bool = False
 
 
 def adjusted_models(
@@ -83,5 +84,6 @@ def adjusted_models(
             tables.not_tested(initial.suspects, tied, names), tables.suspects_of(tied, STAGE, began)
         ]),
         point_covariance_m2=covariance_m2, uncontrolled=uncontrolled,
+        tests=tables.tests_of(tied) if rules.tests else None,
     )  # fmt: skip
     return solution, [*notes, *resected]

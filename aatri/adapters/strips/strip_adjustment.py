@@ -176,7 +176,14 @@ def adjust_strips(
 
 
 def strip_block_solution(
-    block: Block, image_points: ImagePoints, strips: Strips, initial: Solution, adjusted: AdjustedStrips, method: str
+    block: Block,
+    image_points: ImagePoints,
+    strips: Strips,
+    initial: Solution,
+    adjusted: AdjustedStrips,
+    method: str,
+    *,
+    tests: bool = False,
 ) -> tuple[Solution, list[Note]]:
     """The Solution of adjusted strips; the orientations of the images follow by resection."""
     ground, result = adjusted.ground, adjusted.result
@@ -203,6 +210,7 @@ def strip_block_solution(
         suspects=assemble.stacked([before, tested]),
         point_covariance_m2=adjusted.covariances.point_covariance_m2,
         uncontrolled=uncontrolled,
+        tests=tied_tables.tests_of(tied) if tests else None,
     )
     return solution, notes
 

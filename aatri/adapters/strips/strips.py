@@ -11,7 +11,7 @@ from aatri.adapters import solution as assemble
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations, Tests
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.artifacts.uncontrolled import Uncontrolled
@@ -134,6 +134,7 @@ def solution_of(
     suspects: Suspects,
     point_covariance_m2: Float | None = None,
     uncontrolled: Uncontrolled | None = None,
+    tests: Tests | None = None,
 ) -> Solution:
     """A Solution without covariances of its orientations.
 
@@ -143,6 +144,8 @@ def solution_of(
         Observations and unknowns.
     point_covariance_m2 : (n_points, 3, 3) float64, m^2, optional
     uncontrolled : Uncontrolled, optional
+    tests : Tests, optional
+        Of the observations in the order of the residuals.
     """
     oriented, solved = finite_rows(placed.position_m), finite_rows(placed.point_m)
     measured = image_points.measurements
@@ -171,4 +174,5 @@ def solution_of(
         history=Iterations.empty(),
         suspects=suspects,
         uncontrolled=uncontrolled,
+        tests=tests,
     )

@@ -7,19 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.adjusted_observations import residual_table
+from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
 from aatri.adapters.solution import stacked
 from aatri.adapters.uncontrolled_before import of_observations
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.solution import Residuals
+from aatri.artifacts.solution import Residuals, Tests
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
-from aatri.observations.ties import BODY, COMPONENT_POINT
+from aatri.observations.ties import BODY, COMPONENT_POINT, HELD
 
 CALLED = {
     "control": "control point {1}",
@@ -66,9 +66,9 @@ def _rejected(o: Observed, before: Suspects) -> Bool:
 
 
 def _native(result: TiedResult) -> Iterator[tuple[Observed, slice]]:
-    """Kinds of observation that are the block's, and where they are among all: points of a component are none."""
+    """Kinds of observation that are the block's, and where they are among all: not what a free body is held by."""
     for o, first in zip(result.problem.observed, result.problem.edges):
-        if o.kind != COMPONENT_POINT:
+        if o.kind != COMPONENT_POINT and not o.kind.startswith(HELD):
             yield o, slice(first, first + len(o))
 
 
@@ -81,10 +81,29 @@ def residuals_of(result: TiedResult, state: State | None = None) -> Residuals:
     state : mapping, optional
         Other values of the unknowns, such as points that are held against control.
     """
-    tables = sorted(result.observations, key=lambda found: found.observed.spread is not None)
     values = result.state if state is None else state
-    return stacked([Residuals.empty(), *(residual_table(_of_several(found), values) for found in tables
-                                         if found.observed.kind != COMPONENT_POINT)])  # fmt: skip
+    return stacked([Residuals.empty(), *(residual_table(found, values) for found in _shown(result))])
+
+
+def component_residuals(result: TiedResult) -> Residuals:
+    """A component as it lies on the ground minus what is observed there."""
+    X = result.state[POINT].copy()
+    for o in result.problem.ties:  # where its points are, not where they are adjusted to
+        X[o.records.touches[1][1]] -= o.records.evaluate(result.state, np.arange(len(o)))[0]
+    return residuals_of(result, {**result.state, POINT: X})
+
+
+def tests_of(result: TiedResult) -> Tests:
+    """Redundancy numbers, tests and detectable errors of the observations in the order of `residuals_of`."""
+    return stacked([Tests.empty(), *(reliability_table(found, result.state) for found in _shown(result))])
+
+
+def _shown(result: TiedResult) -> Iterator[AdjustedObservations]:
+    """What is observed of the ground, then ties of several bodies."""
+    native = [o.kind for o, _ in _native(result)]
+    for found in sorted(result.observations, key=lambda found: found.observed.spread is not None):
+        if found.observed.kind in native:
+            yield _of_several(found)
 
 
 def _of_several(found: AdjustedObservations) -> AdjustedObservations:

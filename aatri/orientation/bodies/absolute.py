@@ -28,7 +28,6 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, compose, robust_closed_form, transform
 from aatri.ids import shown
-from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import Control, observed_control
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
@@ -216,7 +215,7 @@ def _of_datum(datum: Datum, names: Text) -> Iterator[Observed]:
     """Control, positions, distances and attitudes as observations of the rows of a datum and of the body."""
     m = datum.coordinates
     first = m if datum.n_control is None else datum.n_control
-    for kind, of in ((CONTROL, np.arange(first)), (POSITION, np.arange(first, m))):
+    for kind, of in zip(datum.kinds, (np.arange(first), np.arange(first, m))):
         given, C = datum.given[of], datum.covariance_m2[of]
         exact = given & (np.einsum("nii->ni", C) == 0)
         row = of if datum.row is None else datum.row[of]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
 
 
@@ -38,6 +40,8 @@ class Datum:
         Of control and positions in their tables of the Block; default: their numbers.
     id : (n,) str, optional
         Of points and images; default: their names.
+    kinds : (str, str)
+        Of the rows of control and positions.
     """
 
     name: tuple[str, ...]
@@ -53,6 +57,7 @@ class Datum:
     attitudes: GivenAttitudes | None = None
     row: Int | None = None
     id: Text | None = None
+    kinds: tuple[str, str] = (CONTROL, POSITION)
 
     @property
     def coordinates(self) -> int:
