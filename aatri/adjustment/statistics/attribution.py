@@ -51,16 +51,19 @@ class BlockRecords:
     present : (n, k) bool
     firm : (n, k) bool
         Demanded exact: to leave it out counts as two.
+    limit : (n, k) float64
+        |w| up to which a record agrees.
     """
 
     v: Float
     B: Float
     present: Bool
     firm: Bool
+    limit: Float
 
     def of(self, blocks: Int | Bool) -> BlockRecords:
         """Some of the blocks."""
-        return BlockRecords(self.v[blocks], self.B[blocks], self.present[blocks], self.firm[blocks])
+        return BlockRecords(self.v[blocks], self.B[blocks], self.present[blocks], self.firm[blocks], self.limit[blocks])
 
 
 @dataclass(frozen=True)
@@ -85,30 +88,29 @@ class Explanation:
     gain: Float
 
 
-def explain(records: BlockRecords, limit: float, suspected: Bool) -> Explanation:
+def explain(records: BlockRecords, suspected: Bool) -> Explanation:
     """Find what is wrong in each block.
 
     Parameters
     ----------
     records : BlockRecords
-    limit : float
     suspected : (n,) bool
         Blocks in which at least one record is wrong, as a stricter test has shown.
     """
     n, k = records.present.shape
     cost_before, largest, _ = _agreement(records, records.present)
     keep, undecided = records.present.copy(), np.zeros((n, k), dtype=bool)
-    todo = np.flatnonzero(suspected | (largest > limit))
+    todo = np.flatnonzero(suspected | (largest > 1.0))
     while len(todo):
         some, kept = records.of(todo), keep[todo]
-        out, unclear = _least(some, kept, limit, [((j,), kept[:, j] & ~some.firm[:, j]) for j in range(k)])
+        out, unclear = _least(some, kept, [((j,), kept[:, j] & ~some.firm[:, j]) for j in range(k)])
         missing = np.flatnonzero(~out.any(axis=1))
         if len(missing):
             few, left = some.of(missing), kept[missing]
             free = left & ~few.firm & (left.sum(axis=1) <= MOST_FOR_PAIRS)[:, None]
             choices: list[Choice] = [((i, j), free[:, i] & free[:, j]) for i, j in combinations(range(k), 2)]
             choices += [((j,), left[:, j] & few.firm[:, j]) for j in range(k)]
-            out[missing], unclear[missing] = _least(few, left, limit, choices)
+            out[missing], unclear[missing] = _least(few, left, choices)
         keep[todo] &= ~out
         undecided[todo] |= unclear
         open_ = np.flatnonzero(~out.any(axis=1) & ((kept & ~some.firm).sum(axis=1) > 1))
@@ -119,7 +121,7 @@ def explain(records: BlockRecords, limit: float, suspected: Bool) -> Explanation
     return Explanation(records.present & ~keep, undecided, step, cost_before - cost)
 
 
-def _least(records: BlockRecords, kept: Bool, limit: float, choices: Sequence[Choice]) -> tuple[Bool, Bool]:
+def _least(records: BlockRecords, kept: Bool, choices: Sequence[Choice]) -> tuple[Bool, Bool]:
     """What to leave out where one of the choices is enough, and what of it is undecided; (n, k) each."""
     n, k = kept.shape
     cost = np.full((n, len(choices)), np.inf)
@@ -129,7 +131,7 @@ def _least(records: BlockRecords, kept: Bool, limit: float, choices: Sequence[Ch
             less = kept[there].copy()
             less[:, choice] = False
             value, largest, _ = _agreement(records.of(there), less)
-            cost[there, j] = np.where(largest <= limit, value, np.inf)
+            cost[there, j] = np.where(largest <= 1.0, value, np.inf)
     near = np.isfinite(cost) & (cost <= cost.min(axis=1, initial=np.inf)[:, None] + SEPARABLE)
     member = np.zeros((len(choices), k), dtype=bool)
     for j, (choice, _) in enumerate(choices):
@@ -152,7 +154,7 @@ def _without_each(records: BlockRecords, kept: Bool) -> Float:
 
 
 def _agreement(records: BlockRecords, kept: Bool) -> tuple[Float, Float, Float]:
-    """e'e (n,), largest |w| (n,) and x (n, 3) of the records kept."""
+    """e'e (n,), largest |w| over its limit (n,) and x (n, 3) of the records kept."""
     B = np.where(kept[:, :, None, None], records.B, 0.0)
     v = np.where(kept[:, :, None], records.v, 0.0)
     N = np.einsum("nkmi,nkmj->nij", B, B)
@@ -163,5 +165,5 @@ def _agreement(records: BlockRecords, kept: Bool) -> tuple[Float, Float, Float]:
     e = v + np.einsum("nkmi,ni->nkm", B, x)
     r = 1.0 - np.einsum("nkmi,nij,nkmj->nkm", B, inverse, B)
     tested = kept[:, :, None] & (r > CONTROLLED)
-    w = np.where(tested, np.abs(e) / np.sqrt(np.where(tested, r, 1.0)), 0.0)
+    w = np.where(tested, np.abs(e) / np.sqrt(np.where(tested, r, 1.0)), 0.0) / records.limit[:, :, None]
     return np.einsum("nkm,nkm->n", e, e), w.max(axis=(1, 2), initial=0.0), x

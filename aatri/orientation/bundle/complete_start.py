@@ -42,7 +42,7 @@ def complete_start(
         What else is known of images, observed or roughly; NaN where nothing is. Default: `poses`.
     """
     while True:
-        xyz_m = _intersected(rays, poses, xyz_m)
+        xyz_m = intersected(rays, poses, xyz_m)
         completed = _resected(rays, poses, xyz_m, linear, offered or poses)
         if (_oriented(completed) == _oriented(poses)).all() and offered is not None:
             completed = _as_offered(rays, poses, offered)
@@ -82,7 +82,8 @@ def _with(poses: Poses, some: Bool, others: Poses) -> Poses:
                  np.where(some[:, None, None], others.ground_from_image, poses.ground_from_image))  # fmt: skip
 
 
-def _intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
+def intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
+    """Points, those without coordinates where the rays of oriented images meet, (n_points, 3), m."""
     missing = ~finite_rows(xyz_m)
     use = rays.active & missing[rays.point] & _oriented(poses)[rays.image]
     looking = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])

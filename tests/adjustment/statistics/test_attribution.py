@@ -23,11 +23,11 @@ def _rays(places: list[float], errors: dict[int, tuple[float, float]], firm: boo
     if firm:
         B[0, -1] = 1e4 * np.eye(3)
         demanded[0, -1] = True
-    return BlockRecords(v, B, np.ones((1, k), dtype=bool), demanded)
+    return BlockRecords(v, B, np.ones((1, k), dtype=bool), demanded, np.full((1, k), LIMIT))
 
 
 def _found(records: BlockRecords, suspected: bool = False) -> tuple[list[int], list[int]]:
-    found = explain(records, LIMIT, np.array([suspected]))
+    found = explain(records, np.array([suspected]))
     return np.flatnonzero(found.out[0]).tolist(), np.flatnonzero(found.undecided[0]).tolist()
 
 

@@ -16,9 +16,6 @@ from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_s
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import Tried
 
-BACK = 3.29
-"""|w| below which what was rejected comes back: below the limit, or what lies there would go to and fro."""
-
 DOUBT = 6.0
 """|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
 control point perhaps, is as good as the others."""
@@ -52,7 +49,7 @@ class Hearings:
         self.given, self.all = given, AllRecords.of(given)
         self.rule = rule = rule.for_tests(self.all.tests)
         observed = [o.records for o in self.all.observed]
-        self.snooping = Snooping(rule.limit, (POINT,), ("", 1.0), CLEAR[rule.method], 1.0, min(BACK, rule.limit))
+        self.snooping = Snooping(rule.limit, (POINT,), ("", 1.0), CLEAR[rule.method], 1.0)
         pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
         self.pool: Pool = replace(pool, counted=self.all.native)
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
@@ -66,7 +63,7 @@ class Hearings:
         points = np.unique(self.all.point[at])
         points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
         state, suspected = tried.result.adjusted.state, np.ones(len(points), dtype=bool)
-        out = self.heard(state, points, suspected, use, tried.test, move=False) & use
+        out = self.heard(state, points, suspected, use, tried.test, tried.tails, move=False) & use
         heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
         blamed = picked & ~(heard & self.all.at_points)
         kept = self.within_room(out | blamed, use, tried.test)
@@ -82,7 +79,9 @@ class Hearings:
         np.maximum.at(largest, self.all.point[held], test[held])
         return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
 
-    def heard(self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, *, move: bool) -> Bool:
+    def heard(
+        self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, tails: Float, *, move: bool
+    ) -> Bool:
         """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
         known = np.isin(points, with_start(state[POINT], points))
         points, suspected = points[known], suspected[known]
@@ -91,7 +90,8 @@ class Hearings:
             return wrong
         self.hearings[points] += 1
         native = self.all.split(self.all.native if move else active)
-        found: AtPoints = explained(self.all.observed, native, state, points, suspected, self.rule.limit)
+        limits = tuple(self.rule.limit * of_kind for of_kind in self.all.split(tails))
+        found: AtPoints = explained(self.all.observed, native, state, points, suspected, limits)
         rows = self.all.first[found.members.place] + found.members.row
         largest = np.zeros(len(points))
         np.maximum.at(largest, found.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])

@@ -162,7 +162,7 @@ class _InTurn:
         for place, sigma in soft.items():
             observed[place] = _softened(observed[place], sigma)
         given = replace(given, observed=tuple(observed))
-        return Tried(given, self.adjust(given, How()), use, self.tried.rule)
+        return replace(self.tried, given=given, result=self.adjust(given, How()), active=use)
 
     def _place(self, places: list[int], row: int) -> tuple[int, int]:
         """Place of a record's observations, and its row there."""

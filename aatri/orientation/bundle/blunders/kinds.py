@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Key, keys_of
+
+Array = TypeVar("Array", Bool, Float)
 
 DATUM = 7.0
 """Coordinates that place a block."""
@@ -69,7 +72,7 @@ class AllRecords:
         """Where the records of each kind are."""
         return [slice(int(a), int(b)) for a, b in zip(self.first[:-1], self.first[1:])]
 
-    def split(self, values: Bool) -> tuple[Bool, ...]:
+    def split(self, values: Array) -> tuple[Array, ...]:
         """Values of all records, kind by kind."""
         return tuple(values[part] for part in self.parts)
 
@@ -96,10 +99,10 @@ class AllRecords:
             redundancy[i] = redundancy_in_records(r + left * exact, m + exact)
         return redundancy, count
 
-    def smallest(self, number: Sequence[Int], factor: Float) -> Float | float:
+    def smallest(self, number: Sequence[Int], factor: Float) -> Float:
         """Smallest factor of the classes of each record's components, (n,)."""
         if (factor == 1.0).all():
-            return 1.0
+            return np.ones(len(self.native))
         of_class = np.append(factor, 1.0)
         return np.concatenate([np.zeros(0), *(of_class[n].min(axis=1) for n in number if n.shape[1])])
 

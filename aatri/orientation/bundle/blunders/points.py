@@ -73,7 +73,12 @@ class AtPoints:
 
 
 def explained(
-    observed: tuple[Observed, ...], native: tuple[Bool, ...], state: State, points: Int, suspected: Bool, limit: float
+    observed: tuple[Observed, ...],
+    native: tuple[Bool, ...],
+    state: State,
+    points: Int,
+    suspected: Bool,
+    limit: tuple[Float, ...],
 ) -> AtPoints:
     """Find what is wrong at some points.
 
@@ -87,15 +92,16 @@ def explained(
         Blocks of POINT, ascending, with a start.
     suspected : (n,) bool
         At least one record is wrong there.
-    limit : float
+    limit : tuple of (n,) float64
+        |w| up to which each record agrees with the others.
     """
     members = members_of(observed, native, points, len(state[POINT]))
     here: dict[str, Any] = dict(state)
     before: Bool | None = None
     for _ in range(PASSES):
-        records = _at(observed, here, members)
-        found = explain(records, limit, suspected)
-        here = _moved(observed, here, members, records, found)
+        records = _at(observed, here, members, limit)
+        found = explain(records, suspected)
+        here = _moved(observed, here, members, records, found, limit)
         if before is not None and (before == found.out).all():
             break
         before = found.out
@@ -124,19 +130,20 @@ def members_of(observed: tuple[Observed, ...], native: tuple[Bool, ...], points:
     return Members(points, place, row, block, np.arange(len(block)) - first)
 
 
-def _at(observed: tuple[Observed, ...], state: State, members: Members) -> BlockRecords:
+def _at(observed: tuple[Observed, ...], state: State, members: Members, limit: tuple[Float, ...]) -> BlockRecords:
     """Whitened residuals and derivatives of the members, padded."""
     n, k = len(members.points), int(members.slot.max(initial=-1)) + 1
     m = max((observed[i].records.rows for i in np.unique(members.place)), default=1)
     v, B = np.zeros((n, k, m)), np.zeros((n, k, m, 3))
     present = np.zeros((n, k), dtype=bool)
     present[members.block, members.slot] = True
-    exact, demanded = [], np.zeros((n, k), dtype=bool)
+    exact, demanded, agrees = [], np.zeros((n, k), dtype=bool), np.ones((n, k))
     for i in np.unique(members.place):
         o, some = observed[i], np.flatnonzero(members.place == i)
         residual, jacobians = predicted(o.records, state, members.row[some])
         at = [group for group, _ in o.records.touches].index(POINT)
         block, slot = members.block[some], members.slot[some]
+        agrees[block, slot] = limit[i][members.row[some]]
         v[block, slot, : o.records.rows], B[block, slot, : o.records.rows] = residual, jacobians[at]
         if o.holds is not None and o.holds.group == POINT:
             exact.append((o, some))
@@ -149,11 +156,16 @@ def _at(observed: tuple[Observed, ...], state: State, members: Members) -> Block
         v[block, slot, :3] = np.where(held, off * firm, v[block, slot, :3])
         demanded[block, slot] = held.any(axis=1)
         B[block, slot, :3] = np.where(held[:, :, None], np.eye(3) * firm[:, :, None], B[block, slot, :3])
-    return BlockRecords(np.nan_to_num(v, nan=FAR), np.nan_to_num(B), present, demanded)
+    return BlockRecords(np.nan_to_num(v, nan=FAR), np.nan_to_num(B), present, demanded, agrees)
 
 
 def _moved(
-    observed: tuple[Observed, ...], state: dict[str, Any], members: Members, records: BlockRecords, found: Explanation
+    observed: tuple[Observed, ...],
+    state: dict[str, Any],
+    members: Members,
+    records: BlockRecords,
+    found: Explanation,
+    limit: tuple[Float, ...],
 ) -> dict[str, Any]:
     """The points where the records kept see them; where they stood if that does not fit better."""
     xyz = np.array(state[POINT])
@@ -161,7 +173,7 @@ def _moved(
     moved = {**state, POINT: xyz}
     keep = records.present & ~found.out
     before, after = (np.where(keep, (r.v**2).sum(axis=2), 0.0).sum(axis=1)
-                     for r in (records, _at(observed, moved, members)))  # fmt: skip
+                     for r in (records, _at(observed, moved, members, limit)))  # fmt: skip
     worse = members.points[~(after <= before)]
     xyz[worse] = state[POINT][worse]
     return moved

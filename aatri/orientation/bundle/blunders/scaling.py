@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
-from aatri.adjustment.statistics.variance_components import ESTIMABLE
+from aatri.adjustment.statistics.long_tails import Tail, tail_of
+from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.tested import WELL_CONTROLLED, known_covariance
+from aatri.orientation.bundle.blunders.tested import known_covariance, residuals_and_redundancy
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
 
@@ -80,22 +80,29 @@ class Classes:
         squares : BundleResult, optional
             The adjustment whose covariances are known, where `result` has none.
         """
-        parts = []
-        for i, (found, number) in enumerate(zip(result.observations, self.number)):
-            o, rows = found.observed, np.flatnonzero(found.used)
-            if o.exact or o.components or not len(rows):
-                continue
-            H = found.covariance if squares is None else known_covariance(found, squares, i)
-            v = predicted(o.records, result.adjusted.state, rows)[0]
-            r = 1.0 - np.einsum("nii->ni", H[rows])
-            known = o.records.observed_components()[rows] & (r > WELL_CONTROLLED)
-            parts.append((v.ravel(), r.ravel(), np.where(known, number[rows], -1).ravel()))
-        if not parts:
-            return ClassScales(
-                np.ones(len(self.names)), np.zeros(len(self.names)), np.zeros(len(self.names), dtype=bool)
-            )
-        v, r, group = (np.concatenate(values) for values in zip(*parts))
+        v, r, group = self._residuals(result, squares)
         return self._with_small_ones(class_scales(v, r, group, len(self.names)), v, r, group)
+
+    def tails(self, result: BundleResult, squares: BundleResult | None, limit: float) -> tuple[Tail, ...]:
+        """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`."""
+        v, r, group = self._residuals(result, squares, predicted=True)
+        known = r > LEAST_SHARE
+        return tuple(tail_of(np.abs(v[mine]) / np.sqrt(r[mine]), limit)
+                     for mine in (known & (group == g) for g in range(len(self.names))))  # fmt: skip
+
+    def _residuals(
+        self, result: BundleResult, squares: BundleResult | None, *, predicted: bool = False
+    ) -> tuple[Float, Float, Int]:
+        """Whitened residuals, redundancy numbers and classes of all components in use, and of predicted ones."""
+        parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
+        for i, (found, number) in enumerate(zip(result.observations, self.number)):
+            o, rows = found.observed, found.rows if predicted else np.flatnonzero(found.used)
+            if not (o.exact or o.components) and len(rows):
+                H = found.covariance if squares is None else known_covariance(found, squares, i)
+                v, r = residuals_and_redundancy(replace(found, covariance=H), result.adjusted.state, rows)
+                parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel()))
+        v, r, group = (np.concatenate(values) for values in zip(*parts))
+        return v, r, group
 
     def _with_small_ones(self, found: ClassScales, v: Float, r: Float, group: Int) -> ClassScales:
         """Parts, cameras and groups of little redundancy have the scale of their kind."""

@@ -24,21 +24,25 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics import search as statistics
+from aatri.adjustment.statistics.long_tails import Tail
 from aatri.adjustment.statistics.rejection import room_left
 from aatri.adjustment.statistics.room import room_of
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.hearings import Hearings
 from aatri.orientation.bundle.blunders.in_turn import is_ray, tried_in_turn
 from aatri.orientation.bundle.blunders.other_numbers import other_numbers
+from aatri.orientation.bundle.blunders.points import with_start
 from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.scaling import Scaling
 from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
 from aatri.orientation.bundle.blunders.tested import Tried, known_covariance, tests_of
 from aatri.orientation.bundle.blunders.told import Found, findings
+from aatri.orientation.bundle.complete_start import intersected
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, keys_of, with_readmission
 
@@ -85,12 +89,13 @@ class _Search(Hearings):
         super().__init__(given, rule)
         self.adjust, self.tolerance = adjust, tolerance
         self.as_given, self.scaling = self.all.observed, Scaling.of(given)
+        self.tails: tuple[Tail, ...] = ()
         self.whole = np.zeros(len(self.all.native), dtype=bool)
 
     def run(self, squares: BundleResult | None) -> Round:
         """Search."""
         active = self.began = self.all.native & ~self.all.rejected_in(self.given)
-        first, failure = (Tried(self.given, squares, active, self.rule), None) if squares else self._first(active)
+        first, failure = (self._tested(squares, active), None) if squares else self._first(active)
         if first is not None and not np.isfinite(first.test).any():
             plain = with_readmission(self.given, lambda block: self.adjust(block, How()))
             return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))
@@ -105,7 +110,9 @@ class _Search(Hearings):
         harmful = start is None or (self._harmful(start, active) and not start.small)
         if self.rule.method == "robust_snooping" and harmful:
             active, start = self._from_robust(active, start), None
-        elif start is None and failure is not None:
+        elif start is not None:
+            start = replace(start, tails=self._tails(start.result))
+        elif failure is not None:
             raise failure
         tried, use, swapped = self._searched(start, active)
         turn = tried_in_turn(tried, self.undecided & ~use, self.all, self.adjust)
@@ -119,7 +126,12 @@ class _Search(Hearings):
         told = Found(
             use, undecided, above & ~turn.kept, doubtful, swapped, renumbered, tried.small, tried.plain, self.whole
         )
-        notes = (*self.scaling.notes(self._final), *findings(tried.given, self.all, told, self.rule), *turn.notes)
+        notes = (
+            *self.scaling.notes(self._final),
+            *self._tail_notes(),
+            *findings(tried.given, self.all, told, self.rule),
+            *turn.notes,
+        )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return Round(*self._with_final_sigmas(tried), notes, self.all.keys(undecided), self.all.keys(above),
                      tuple((a, b) for a, b in pairs), renumbered, bool((self._final != 1.0).any()))  # fmt: skip
@@ -133,17 +145,17 @@ class _Search(Hearings):
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
         for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
             scaling, by = self.scaling.after(self.scaling.classes.scales(tried.result))
-            if self._harmful(tried, tried.active, self.all.smallest(self.scaling.classes.number, by)):
+            if self._harmful(tried, tried.active, self._of_classes(by)):
                 break
             self._rescale(scaling, by, from_result(self.given, tried.result))
             if (by == 1.0).all():
                 break
-            tried = Tried(self.given, self.adjust(self.given, How(coarse=True)), tried.active, self.rule)
+            tried = self._tested(self.adjust(self.given, How(coarse=True)), tried.active)
         return tried
 
     def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
-        return self.all.native & ~active & (self.all.smallest(self.scaling.classes.number, self.scaling.factor) > 1.0)
+        return self.all.native & ~active & (self._of_classes(self.scaling.factor) > 1.0)
 
     def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
         self.scaling = scaling
@@ -182,6 +194,7 @@ class _Search(Hearings):
                 first, active = tried, use
                 continue
             back = self._overfull(above, use)
+            back = back if back.any() else self._at_lost_points(tried, use)
             if not back.any():
                 return tried, use, swapped
             first, active = tried, use | back
@@ -198,6 +211,22 @@ class _Search(Hearings):
                 back[part] = mine
         return back
 
+    def _at_lost_points(self, tried: Tried, use: Bool) -> Bool:
+        """What nearly agrees at points that were lost with rejections of earlier stages, (n,): the block tests it."""
+        out, rays, result = self.all.native & self.all.at_points & ~use, self.given.rays, tried.result
+        points = np.unique(self.all.point[out])
+        points = points[~result.point_adjusted[points] & (self.hearings[points] == 0)]
+        if rays is None or not len(points):
+            return np.zeros_like(use)
+        xyz = result.adjusted.state[POINT].copy()
+        xyz[points] = np.nan
+        xyz = intersected(replace(rays, active=result.image_adjusted[rays.image]), result.adjusted.state[POSE], xyz)
+        state = {**result.adjusted.state, POINT: xyz}
+        nothing = np.zeros(len(points), dtype=bool)
+        wrong = self.heard(state, points, nothing, use, tried.test, HARMLESS * tried.tails, move=True)
+        seen = with_start(xyz, points)
+        return out & self.of_points(seen) & ~wrong
+
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
         point = np.maximum(self.all.point, 0)
@@ -207,9 +236,37 @@ class _Search(Hearings):
     def _first(self, active: Bool) -> tuple[Tried | None, Exception | None]:
         """Least squares with everything; None where that fails."""
         try:
-            return Tried(self.given, self.adjust(self.given, How(coarse=True)), active, self.rule), None
+            return self._tested(self.adjust(self.given, How(coarse=True)), active), None
         except (ConvergenceError, GeometryError) as error:
             return None, error
+
+    def _tested(self, result: BundleResult, active: Bool) -> Tried:
+        """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""
+        return Tried(self.given, result, active, self.rule, np.ones(len(active)))
+
+    def _of_classes(self, factor: Float) -> Float:
+        return self.all.smallest(self.scaling.classes.number, factor)
+
+    def _tails(self, result: BundleResult, squares: BundleResult | None = None) -> Float:
+        """Limit of each record over that of normal errors; a limit that the user has stated obeys."""
+        limit, classes = self.rule.limit, self.scaling.classes
+        if not self.rule.counts:
+            return np.ones(len(self.all.native))
+        self.tails = classes.tails(result, squares, limit)
+        return self._of_classes(np.array([tail.limit for tail in self.tails]) / limit)
+
+    def _tail_notes(self) -> list[Note]:
+        """Classes of observations whose errors have long tails."""
+        limit = self.rule.limit
+        text = (
+            "{}: errors have longer tails than normal ones (as Student's of {:.0f} degrees of freedom): gross is what "
+        )
+        text += "is beyond {:.3g} sigma, not {:.3g}"
+        return [
+            Note("note", text.format(name, tail.freedom, tail.limit, limit))
+            for name, tail in zip(self.scaling.classes.names, self.tails)
+            if tail.limit > limit
+        ]
 
     def _harmful(self, tried: Tried, active: Bool, scale: Float | float = 1.0) -> bool:
         return bool((active & (tried.test > HARMLESS * self.rule.limit * scale)).any())
@@ -232,11 +289,13 @@ class _Search(Hearings):
             tests_of(replace(o, covariance=known_covariance(o, squares, i)), state)
             for i, o in enumerate(result.observations)
         ]
-        above = active & (np.concatenate(tests) > self.rule.limit)
+        tails = self._tails(result, squares)
+        test = np.concatenate(tests) / tails
+        above = active & (test > self.rule.limit)
         self.given = from_result(self.given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        out = self.heard(state, points, np.zeros(len(points), dtype=bool), active, np.concatenate(tests), move=True)
+        out = self.heard(state, points, np.zeros(len(points), dtype=bool), active, test, tails, move=True)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)
@@ -245,7 +304,7 @@ class _Search(Hearings):
             wrong[whole] = active[whole]
             self.whole[whole] = True
             self.pool = replace(self.pool, counted=self.pool.counted & ~self.whole)
-        rejected = self.within_room(wrong, active, np.concatenate(tests))
+        rejected = self.within_room(wrong, active, test)
         return (active | (self.all.native & self.of_points(points) & ~out)) & ~rejected
 
     def _whole_kind(self, wrong: Bool, active: Bool) -> slice | None:
@@ -284,7 +343,8 @@ class _Search(Hearings):
             return before
         given = self.given if before is None else from_result(self.given, before.result)
         given = replace(given, observed=self.all.without(given.observed, use))
-        return Tried(given, self.adjust(given, How()), use, self.rule)
+        result = self.adjust(given, How())
+        return Tried(given, result, use, self.rule, self._tails(result))
 
     def _converged(self, result: BundleResult) -> bool:
         return result.adjusted.history[-1].decrement <= self.tolerance

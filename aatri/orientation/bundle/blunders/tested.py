@@ -35,6 +35,8 @@ class Tried:
     result: BundleResult
     active: Bool
     rule: Rule
+    tails: Float
+    """Limit of each record over that of normal errors, (n,)."""
 
     @cached_property
     def plain(self) -> Float:
@@ -54,7 +56,7 @@ class Tried:
             unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
         elif self.small and adjusted.redundancy > 0:
             unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)
-        return self.plain / unit
+        return np.asarray(self.plain / (unit * self.tails))
 
     def controlled(self, rows: Int) -> Bool:
         """All that has a test is controlled well enough."""
@@ -67,16 +69,20 @@ class Tried:
 
 def tests_of(found: AdjustedObservations, state: State) -> Float:
     """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
-    records, rows = found.observed.records, found.rows
     test = np.full(len(found.observed), np.nan)
-    if len(rows) and not (found.observed.exact or found.observed.components):
-        v = whitened_residuals(records, state, rows)
-        sign = np.where(records.active[rows], -1.0, 1.0)[:, None]
-        r = 1.0 + sign * np.einsum("nii->ni", found.covariance[rows])
-        tested = records.observed_components()[rows] & (r > WELL_CONTROLLED)
-        w = np.where(tested, np.abs(v) / np.sqrt(np.where(tested, r, 1.0)), -1.0).max(axis=1)
-        test[rows] = np.where(w >= 0, w, np.nan)
+    if len(found.rows) and not (found.observed.exact or found.observed.components):
+        v, r = residuals_and_redundancy(found, state, found.rows)
+        w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
+        test[found.rows] = np.where(w >= 0, w, np.nan)
     return test
+
+
+def residuals_and_redundancy(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
+    """Whitened residuals and redundancy numbers, (k, m) each; of what has no test the second is zero."""
+    records = found.observed.records
+    v = whitened_residuals(records, state, rows)
+    r = 1.0 + np.where(records.active[rows], -1.0, 1.0)[:, None] * np.einsum("nii->ni", found.covariance[rows])
+    return v, np.where(records.observed_components()[rows] & (r > WELL_CONTROLLED), r, 0.0)
 
 
 def known_covariance(found: AdjustedObservations, squares: BundleResult | None, i: int) -> Float:
