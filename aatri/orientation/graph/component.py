@@ -49,7 +49,7 @@ TOLERANCE, FINALLY = 1.0, 0.1
 needs no more, and Huber's loss converges slowly."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # its arrays have no truth value: components are the same or not
 class Component:
     """Images in one free frame.
 
