@@ -11,13 +11,18 @@ of the rotation group. Source: docs/formulas.md 5.6; Sola 2018 for J.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.carrier import angle_axes, body_from_mount, carrier_angles, left_jacobian, log_vector
-from aatri.geometry.rotations import AngleSystem, angles_from_rotation
+from aatri.geometry.rotations import (
+    angle_axes,
+    angles_from_rotation,
+    body_from_mount,
+    left_jacobian,
+    log_rotation,
+)
 
 CARRIER = "roll-pitch-heading"
 
@@ -60,9 +65,9 @@ class ObservedAngles:
     def predicted(self, rotation: Float) -> tuple[Float, Float]:
         """The angles of rotations as R_obs, and G there."""
         if self.system != CARRIER:
-            angles = angles_from_rotation(rotation, cast(AngleSystem, self.system))
+            angles = angles_from_rotation(rotation, self.system)
             return angles, angle_axes(angles, self.system)[1]
-        angles = carrier_angles(self.ground.swapaxes(1, 2) @ rotation @ self._body.swapaxes(1, 2))
+        angles = angles_from_rotation(self.ground.swapaxes(1, 2) @ rotation @ self._body.swapaxes(1, 2), CARRIER)
         return angles, self.ground @ angle_axes(angles, self.system)[1]
 
     @property
@@ -80,7 +85,7 @@ def whole_differences(predicted: Any, observed: Float, turning: Float) -> tuple[
     turning : (n, 3, 3) float64
         G of the observed angles.
     """
-    back, w = np.linalg.inv(turning), log_vector(predicted @ observed.swapaxes(1, 2))
+    back, w = np.linalg.inv(turning), log_rotation(predicted @ observed.swapaxes(1, 2))
     return np.einsum("nij,nj->ni", back, w), back @ np.linalg.inv(left_jacobian(w))
 
 

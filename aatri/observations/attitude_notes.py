@@ -19,8 +19,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.errors import InputError
-from aatri.geometry.carrier import angle_axes, body_from_mount, log_vector
-from aatri.geometry.rotations import nearest_rotation
+from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, nearest_rotation
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.poses import POSE
@@ -89,7 +88,7 @@ def _scatter(observed: Float, rotation: Float) -> float:
     """Median turn between attitudes and orientations beyond a common one, rad."""
     lacking = observed.swapaxes(1, 2) @ rotation
     common = nearest_rotation(np.median(lacking, axis=0))
-    return float(np.median(np.linalg.norm(log_vector(lacking @ common.T), axis=1)))
+    return float(np.median(np.linalg.norm(log_rotation(lacking @ common.T), axis=1)))
 
 
 def _readings(angles: Float) -> Iterator[tuple[str, Float]]:

@@ -33,7 +33,7 @@ from aatri.adjustment.records import Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import OBSERVED_VALUE
-from aatri.geometry.carrier import exp_matrix, left_jacobian
+from aatri.geometry.rotations import exp_rotation, left_jacobian
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.angle_differences import (
     CARRIER,
@@ -244,7 +244,7 @@ def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None, *,
         poses: Poses = state[POSE]
         b: Any = state[BORESIGHT][camera[some]]
         B = rows.axes[some].swapaxes(1, 2)
-        predicted = B @ poses.ground_from_image[image[some]] @ exp_matrix(-b)
+        predicted = B @ poses.ground_from_image[image[some]] @ exp_rotation(-b)
         v, by_turn = differences(predicted, some)
         nothing = np.zeros((len(some), 3, 3))
         by_pose = np.concatenate([nothing, by_turn @ B], axis=2)

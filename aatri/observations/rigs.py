@@ -29,8 +29,7 @@ from pydantic import Field
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int
-from aatri.geometry.carrier import angle_axes, exp_matrix, left_jacobian, log_vector
-from aatri.geometry.rotations import skew
+from aatri.geometry.rotations import angle_axes, exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.coordinates import value_records
 from aatri.observations.observed import Given, Observed, named
@@ -171,7 +170,7 @@ def rig_records(pairs: RigPairs, position_m: float, angle_rad: float) -> tuple[R
         poses: Poses = state[POSE]
         a, b, ma, mb = pairs.first[some], pairs.second[some], pairs.first_mount[some], pairs.second_mount[some]
         mounts: Any = state[MOUNT]
-        F = poses.ground_from_image[a] @ (exp_matrix(mounts[ma, 3:]) @ pairs.mount[ma]).swapaxes(1, 2)
+        F = poses.ground_from_image[a] @ (exp_rotation(mounts[ma, 3:]) @ pairs.mount[ma]).swapaxes(1, 2)
         back, away = F.swapaxes(1, 2), poses.position_m[b] - poses.position_m[a]
         y = np.einsum("nij,nj->ni", back, away)
         nothing, one = np.zeros((len(some), 3, 3)), np.broadcast_to(np.eye(3), (len(some), 3, 3))
@@ -184,9 +183,9 @@ def rig_records(pairs: RigPairs, position_m: float, angle_rad: float) -> tuple[R
         poses: Poses = state[POSE]
         a, b, ma, mb = pairs.first[some], pairs.second[some], pairs.first_mount[some], pairs.second_mount[some]
         mounts: Any = state[MOUNT]
-        back = exp_matrix(mounts[ma, 3:]) @ pairs.mount[ma] @ poses.ground_from_image[a].swapaxes(1, 2)
-        E = back @ poses.ground_from_image[b] @ (exp_matrix(mounts[mb, 3:]) @ pairs.mount[mb]).swapaxes(1, 2)
-        q = log_vector(E)
+        back = exp_rotation(mounts[ma, 3:]) @ pairs.mount[ma] @ poses.ground_from_image[a].swapaxes(1, 2)
+        E = back @ poses.ground_from_image[b] @ (exp_rotation(mounts[mb, 3:]) @ pairs.mount[mb]).swapaxes(1, 2)
+        q = log_rotation(E)
         inverse, nothing = np.linalg.inv(left_jacobian(q)), np.zeros((len(some), 3, 3))
         turned = inverse @ back
         by = (-turned, turned, inverse @ left_jacobian(mounts[ma, 3:]), -inverse @ E @ left_jacobian(mounts[mb, 3:]))

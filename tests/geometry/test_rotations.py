@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from aatri.geometry.rotations import (
-    AngleSystem,
+    angle_axes,
     angle_covariance,
     angles_from_rotation,
+    body_from_mount,
     exp_rotation,
+    left_jacobian,
     levelling,
     log_rotation,
     nearest_rotation,
@@ -21,7 +24,7 @@ from aatri.geometry.rotations import (
     skew,
 )
 
-SYSTEMS: tuple[AngleSystem, ...] = ("omega-phi-kappa", "phi-omega-kappa")
+SYSTEMS = ("omega-phi-kappa", "phi-omega-kappa", "roll-pitch-heading")
 angle = st.floats(-math.pi, math.pi)
 
 
@@ -46,7 +49,7 @@ def test_omega_phi_kappa_is_the_product_of_the_elementary_turns() -> None:
 @pytest.mark.parametrize("system", SYSTEMS)
 @settings(max_examples=200, deadline=None)
 @given(angle, st.floats(-1.5, 1.5), angle)
-def test_angles_survive_the_round_trip(system: AngleSystem, first: float, middle: float, third: float) -> None:
+def test_angles_survive_the_round_trip(system: str, first: float, middle: float, third: float) -> None:
     R = rotation_from_angles([first, middle, third], system)
     returned = rotation_from_angles(angles_from_rotation(R, system), system)
     np.testing.assert_allclose(returned, R, atol=1e-13)
@@ -55,7 +58,7 @@ def test_angles_survive_the_round_trip(system: AngleSystem, first: float, middle
 
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("middle", [math.pi / 2, -math.pi / 2])
-def test_at_the_pole_the_matrix_still_returns(system: AngleSystem, middle: float) -> None:
+def test_at_the_pole_the_matrix_still_returns(system: str, middle: float) -> None:
     R = rotation_from_angles([0.4, middle, -0.7], system)
     np.testing.assert_allclose(rotation_from_angles(angles_from_rotation(R, system), system), R, atol=1e-9)
 
@@ -83,7 +86,7 @@ def test_nearest_rotation_of_a_mirrored_matrix_is_no_mirror() -> None:
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_angle_covariance_is_that_of_sampled_increments(system: AngleSystem) -> None:
+def test_angle_covariance_is_that_of_sampled_increments(system: str) -> None:
     rng = np.random.default_rng(3)
     R = rotation_from_angles([0.2, -0.4, 2.0], system)
     half = rng.normal(size=(3, 3))
@@ -105,3 +108,55 @@ def test_levelling_turns_a_direction_to_z_by_the_angle_between_them(up: tuple[fl
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(R) == pytest.approx(1.0)
     assert np.trace(R) == pytest.approx(1.0 + 2.0 * u[2], abs=1e-12)
+
+
+RNG = np.random.default_rng(4)
+VECTORS = np.concatenate([RNG.normal(size=(50, 3)), 1e-5 * RNG.normal(size=(20, 3)), np.zeros((1, 3)),
+                          np.pi * 0.999999 * np.eye(3), 3.0 * np.eye(3)])  # fmt: skip
+
+
+def test_rotation_vectors_and_matrices_are_those_of_scipy() -> None:
+    expected = Rotation.from_rotvec(VECTORS)
+    np.testing.assert_allclose(exp_rotation(VECTORS), expected.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(log_rotation(expected.as_matrix()), expected.as_rotvec(), atol=1e-8)
+    small = np.linalg.norm(VECTORS, axis=1) < 3
+    np.testing.assert_allclose(log_rotation(exp_rotation(VECTORS))[small], expected.as_rotvec()[small], atol=1e-14)
+
+
+def test_the_left_jacobian_is_the_derivative_of_the_exponential_map() -> None:
+    for w in VECTORS[:60]:
+        columns = []
+        for k in range(3):
+            z = w.astype(complex)
+            z[k] += 1e-200j
+            turn = (exp_rotation(z[None])[0].imag / 1e-200) @ exp_rotation(w[None])[0].T
+            columns.append([turn[2, 1], turn[0, 2], turn[1, 0]])
+        np.testing.assert_allclose(left_jacobian(w[None])[0], np.array(columns).T, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("system", "order", "columns", "sign"),
+    [("omega-phi-kappa", "XYZ", (0, 1, 2), (1, 1, 1)), ("phi-omega-kappa", "YXZ", (0, 1, 2), (-1, 1, 1)),
+     ("roll-pitch-heading", "ZYX", (2, 1, 0), (1, 1, 1))],
+)  # fmt: skip
+def test_angles_turn_in_the_order_of_their_system(system: str, order: str, columns: tuple[int, ...],
+                                                  sign: tuple[int, ...]) -> None:  # fmt: skip
+    angles = RNG.uniform(-1, 1, (20, 3))
+    R, G = angle_axes(angles, system)
+    expected = Rotation.from_euler(order, angles[:, columns] * sign).as_matrix()
+    np.testing.assert_allclose(R, expected, atol=1e-14)
+    for k in range(3):
+        step = np.zeros(3)
+        step[k] = 1e-6
+        ahead, back = (Rotation.from_euler(order, (angles + s)[:, columns] * sign) for s in (step, -step))
+        np.testing.assert_allclose((ahead * back.inv()).as_rotvec() / 2e-6, G[:, :, k], atol=1e-8)
+
+
+def test_the_camera_looks_down_and_its_x_axis_points_where_the_mount_says() -> None:
+    """Body: x forward, y right, z down. Clockwise from above, 90 degrees from the nose is the right wing."""
+    looking = np.array([0.0, 0.0, -1.0])
+    for mount, x in ((0, [1, 0, 0]), (90, [0, 1, 0]), (180, [-1, 0, 0]), (270, [0, -1, 0])):
+        M = body_from_mount(np.array([mount]))[0]
+        np.testing.assert_allclose(M @ looking, [0, 0, 1], atol=1e-15)
+        np.testing.assert_allclose(M[:, 0], x, atol=1e-15)
+        assert np.linalg.det(M) == pytest.approx(1.0)

@@ -10,7 +10,7 @@ import pytest
 
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, poses_into
 from aatri.artifacts.block import Block
-from aatri.geometry.carrier import exp_matrix
+from aatri.geometry.rotations import exp_rotation
 from aatri.observations.angle_differences import ObservedAngles
 from aatri.observations.attitudes import (
     BORESIGHT,
@@ -34,11 +34,11 @@ def test_derivatives_are_those_of_the_residual_by_complex_step(system: str, size
     rng = np.random.default_rng(2)
     n = 3
     angles = rng.uniform(-0.6, 0.6, (n, 3))
-    some = exp_matrix(rng.normal(size=(3 * n, 3)))
+    some = exp_rotation(rng.normal(size=(3 * n, 3)))
     given = ObservedAngles(angles, system, some[:n], np.array([0, 90, 180]))
     observed, G = given.rotations()
     B, b = some[2 * n :], 0.3 * size * rng.normal(size=(2, 3))
-    rotation = B @ exp_matrix(size * rng.normal(size=(n, 3)) / 2) @ observed
+    rotation = B @ exp_rotation(size * rng.normal(size=(n, 3)) / 2) @ observed
     camera, group, time = np.array([0, 1, 0]), np.array([0, 0, 1], np.int32), rng.normal(size=n)
     rows = Attitudes(np.arange(n), np.arange(n), camera, observed, G, np.full((n, 3), 0.1), B)
     records = attitude_records(rows, (group, time))
@@ -49,7 +49,7 @@ def test_derivatives_are_those_of_the_residual_by_complex_step(system: str, size
 
         def by_pose(step: Any, row: Any = row, k: int = k) -> Any:
             turned = rotation.astype(complex)
-            turned[k] = exp_matrix(step[None, 3:])[0] @ rotation[k]
+            turned[k] = exp_rotation(step[None, 3:])[0] @ rotation[k]
             return records.evaluate({**state, POSE: Poses(np.zeros((n, 3)), turned)}, row)[0]
 
         def by_boresight(value: Any, row: Any = row, k: int = k) -> Any:

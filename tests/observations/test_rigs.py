@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.artifacts.block import Block
-from aatri.geometry.carrier import exp_matrix
+from aatri.geometry.rotations import exp_rotation
 from aatri.observations.observed import Given
 from aatri.observations.poses import POSE, Poses
 from aatri.observations.rigs import MOUNT, RigOptions, RigPairs, poses_by_rigs, rig_pairs, rig_records, rigs
@@ -31,9 +31,9 @@ def rigged(seed: int = 2, members: Any = RIG, **options: Any) -> Block:
 
 def test_derivatives_are_those_of_the_residual_by_complex_step() -> None:
     rng = np.random.default_rng(6)
-    mount = exp_matrix(rng.normal(size=(3, 3)))
+    mount = exp_rotation(rng.normal(size=(3, 3)))
     pairs = RigPairs(*(np.array(a, np.int32) for a in ([0, 0], [1, 2], [0, 2], [1, 1])), mount)
-    R, X, mounts = exp_matrix(rng.normal(size=(3, 3))), rng.normal(size=(3, 3)), 0.3 * rng.normal(size=(3, 6))
+    R, X, mounts = exp_rotation(rng.normal(size=(3, 3))), rng.normal(size=(3, 3)), 0.3 * rng.normal(size=(3, 6))
     state: dict[str, Any] = {POSE: Poses(X, R), MOUNT: mounts}
     for records in rig_records(pairs, 1.0, 1.0):
         _, J = records.evaluate(state, np.arange(2))
@@ -47,7 +47,7 @@ def test_derivatives_are_those_of_the_residual_by_complex_step() -> None:
                         m[k] = m[k] + step
                     else:
                         x[k] = x[k] + step[:3]
-                        turned[k] = exp_matrix(step[None, 3:])[0] @ R[k]
+                        turned[k] = exp_rotation(step[None, 3:])[0] @ R[k]
                     return records.evaluate({POSE: Poses(x, turned), MOUNT: m}, np.array([row]))[0]
 
                 np.testing.assert_allclose(J[slot][row], complex_step(moved, np.zeros(6)), atol=1e-10)

@@ -10,7 +10,6 @@ such coordinates as they are given, has none.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from aatri.arrays import Float, Text
 from aatri.artifacts.block import CONTROL, NO_ROLE, Block, Exterior, GroundPoints
 from aatri.artifacts.solution import Solution
 from aatri.frames.tangent import TangentFrame
-from aatri.geometry.rotations import AngleSystem, angles_from_rotation, rotation_from_angles
+from aatri.geometry.rotations import angles_from_rotation, rotation_from_angles
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import Poses
 from aatri.observations.positions import positions_of
@@ -111,11 +110,9 @@ def _exterior(block: Block, frame: TangentFrame, near: Solution | None) -> Exter
     known = finite_rows(position)
     angles = e.angles_rad
     if block.rotation != "roll-pitch-heading" and known.any():
-        system = cast(AngleSystem, block.rotation)
-        turned = angles_from_rotation(frame.axes_at(position[known]) @ rotation_from_angles(angles[known], system),
-                                      system)  # fmt: skip
+        turned = frame.axes_at(position[known]) @ rotation_from_angles(angles[known], block.rotation)
         angles = angles.copy()
-        angles[known] = turned
+        angles[known] = angles_from_rotation(turned, block.rotation)
     return replace(e, position_m=position, position_covariance_m2=covariance, angles_rad=angles)
 
 

@@ -12,7 +12,7 @@ from aatri.adapters.ground.initial_observed import Ground, Lengths
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
-from aatri.geometry.carrier import log_vector
+from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientedComponent
@@ -92,7 +92,7 @@ def held_against(
     if attitudes:
         a, rows = ground.attitudes, known.attitude
         R = poses.ground_from_image[a.image[rows]] @ a.ground_from_image[rows].swapaxes(1, 2)
-        w = np.einsum("nij,nj->ni", np.linalg.inv(a.turning[rows]), log_vector(R))
+        w = np.einsum("nij,nj->ni", np.linalg.inv(a.turning[rows]), log_rotation(R))
         sigma = np.sqrt(np.einsum("nii->ni", a.covariance_rad2[rows]))
         yield Held("attitude", a.row[rows], block.images.id[a.image[rows]], np.full(len(rows), ""), w, sigma, "rad")
 
@@ -214,7 +214,7 @@ def attitude_notes(block: Block, ground: Ground, rows: Int, poses: Poses, what: 
         return []
     a, notes = ground.attitudes, []
     image = a.image[rows]
-    lacking = log_vector(a.ground_from_image[rows].swapaxes(1, 2) @ poses.ground_from_image[image])
+    lacking = log_rotation(a.ground_from_image[rows].swapaxes(1, 2) @ poses.ground_from_image[image])
     camera = block.images.camera[image]
     for k in np.unique(camera).tolist():
         mine = np.flatnonzero(camera == k)

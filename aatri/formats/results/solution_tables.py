@@ -32,7 +32,7 @@ from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
-from aatri.geometry.rotations import AngleSystem, angle_covariance, angles_from_rotation
+from aatri.geometry.rotations import angle_covariance, angles_from_rotation
 from aatri.observations.poses import ADDITIONAL
 from aatri.tables.schema import columns_of
 
@@ -250,11 +250,11 @@ def _role_text(code: Int) -> str:
     return " ".join(f"{axes}:{role}" for role, axes in parts.items())
 
 
-def _angles(solution: Solution, system: AngleSystem, names: Iterable[str]) -> Columns:
+def _angles(solution: Solution, system: str, names: Iterable[str]) -> Columns:
     return _split(names, _DEGREES * angles_from_rotation(solution.images.ground_from_image, system))
 
 
-def _angle_sigmas(solution: Solution, system: AngleSystem, names: Iterable[str]) -> Columns:
+def _angle_sigmas(solution: Solution, system: str, names: Iterable[str]) -> Columns:
     images = solution.images
     sigma = np.full((len(images), 3), np.nan)
     known = images.oriented & np.isfinite(images.covariance[:, 3:, 3:]).all(axis=(1, 2))

@@ -22,7 +22,7 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.geometry.carrier import left_jacobian, log_vector
+from aatri.geometry.rotations import left_jacobian, log_rotation
 from aatri.observations.geodetic.lengths import horizontal, slope
 from aatri.observations.geodetic.sights import Sights, observed_sights
 from aatri.observations.level import PLANE
@@ -104,7 +104,7 @@ class GivenAttitudes:
         def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
             poses: Any = state[BODY]
             turned = poses.rotation[0] @ self.strip_from_image[rows]
-            w = log_vector(turned @ self.observed_rotation[rows].swapaxes(1, 2))
+            w = log_rotation(turned @ self.observed_rotation[rows].swapaxes(1, 2))
             J = np.zeros((len(rows), 3, 7))
             J[:, :, 3:6] = back[rows] @ np.linalg.inv(left_jacobian(w))
             return np.einsum("nij,nj->ni", back[rows], w), (J,)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import GeometryError
-from aatri.geometry.carrier import angle_axes
+from aatri.geometry.rotations import angle_axes
 from aatri.geometry.similarity import Similarity, inverse, transform
 from aatri.observations import ties
 from aatri.orientation.bodies.absolute import OrientedComponent, orient_component
