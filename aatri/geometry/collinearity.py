@@ -48,6 +48,13 @@ def project(u: Float, c_mm: Float) -> Float:
     Returns
     -------
     (n, 2) float64, mm, from the principal point
+
+    Examples
+    --------
+    A point 100 m to the right and 1500 m below a vertical image of c = 150 mm:
+
+    >>> project(np.array([[100.0, 0.0, -1500.0]]), 150.0) + 0.0
+    array([[10.,  0.]])
     """
     return np.asarray(-np.asarray(c_mm)[..., None] * u[..., :2] / u[..., 2:])
 

@@ -52,18 +52,6 @@ class RayPairs:
         return RayPairs(self.left[rows], self.right[rows], self.left_sigma[rows], self.right_sigma[rows])
 
 
-def ray_directions(xy_mm: npt.ArrayLike, c_mm: float) -> Float:
-    """Directions (x, y, -c) of image points in the frame of their image.
-
-    Parameters
-    ----------
-    xy_mm : (n, 2) float64, mm, from the principal point
-    c_mm : float, mm, principal distance
-    """
-    xy = np.asarray(xy_mm, dtype=np.float64)
-    return np.column_stack([xy, np.full(len(xy), -c_mm)])
-
-
 def essential_matrix(left_from_right: npt.ArrayLike, base: npt.ArrayLike) -> Float:
     """E = -[b]x R, so that F = u1' E u2.
 

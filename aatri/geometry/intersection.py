@@ -102,6 +102,13 @@ def intersect_rays(X0: Float, directions: Float, point_row: Int, n_points: int) 
     Returns
     -------
     (n_points, 3) float64, NaN where the rays do not determine the point
+
+    Examples
+    --------
+    >>> X0 = np.array([[0.0, 0.0, 10.0], [4.0, 0.0, 10.0]])
+    >>> directions = np.array([[1.0, 0.0, -5.0], [-1.0, 0.0, -5.0]])
+    >>> intersect_rays(X0, directions, np.array([0, 0]), 1).round(9) + 0.0
+    array([[2., 0., 0.]])
     """
     xyz = np.full((n_points, 3), np.nan)
     if not len(X0):

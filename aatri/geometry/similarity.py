@@ -122,6 +122,13 @@ def closed_form(x: Float, X: Float, weight: Float | None = None) -> Similarity:
         Source and target; at least three points that are not on a line.
     weight : (n,) float64, optional
         One weight per point.
+
+    Examples
+    --------
+    >>> x = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> found = closed_form(x, 2.0 * x + [5.0, 0.0, 0.0])
+    >>> round(found.scale, 9), found.translation.round(9) + 0.0
+    (2.0, array([5., 0., 0.]))
     """
     w = np.ones(len(x)) if weight is None else weight
     w = w / w.sum()

@@ -1,6 +1,7 @@
 """Functions by which a strip is deformed: linear in their coefficients, in the axes of the strip.
 
-U runs along the strip, V across, W up; u and v are centred and divided by half of their range.
+U runs along the strip, V across, W up; u and v are U and V centred and divided by half of their range, so that they lie
+in [-1, 1] and the terms are about equally large.
 
     polynomial   dU = a'p, dV = b'p, dW = c'p,   p = 1; u, v; u^2, u v; u^3, u^2 v                       (degree 0 to 3)
                  full: v^2 in degree 2, u v^2 and v^3 in degree 3 as well
@@ -29,6 +30,48 @@ POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (3, 0), (2, 1), (0, 2), (1, 2)
 
 LINEAR_ACROSS = 7
 """Terms without powers of v."""
+
+
+@dataclass(frozen=True)
+class StripAxes:
+    """Axes of a strip: U along it, V across, W up.
+
+    Attributes
+    ----------
+    origin_m : (3,) float64, m
+        Centre of the points' range in U and V, at their mean height.
+    half_range_m : (2,) float64, m
+        Half the range of U and V.
+    ground_from_axes : (3, 3) float64
+        Rotation about the vertical.
+    """
+
+    origin_m: Float
+    half_range_m: Float
+    ground_from_axes: Float
+
+
+def strip_axes(points_m: Float, centres_m: Float) -> StripAxes:
+    """Axes of a strip from its points and its projection centres.
+
+    U is the principal direction of the projection centres in plan, from the first to the last.
+
+    Parameters
+    ----------
+    points_m : (n, 3) float64, m
+        On the ground, Z up.
+    centres_m : (k, 3) float64, m
+        Projection centres, in order along the strip.
+    """
+    plan = centres_m[:, :2] - centres_m[:, :2].mean(0)
+    along = np.linalg.svd(plan, full_matrices=True)[2][0] if len(plan) > 1 else np.array([1.0, 0.0])
+    along = along * (np.sign(along @ (centres_m[-1, :2] - centres_m[0, :2])) or 1.0)
+    rotation = np.array([[along[0], -along[1], 0.0], [along[1], along[0], 0.0], [0.0, 0.0, 1.0]])
+    local = points_m @ rotation
+    low, high = local[:, :2].min(0), local[:, :2].max(0)
+    middle = np.append((low + high) / 2, local[:, 2].mean())
+    half = np.maximum((high - low) / 2, 1e-6 * max(float((high - low).max()), 1e-3))
+    return StripAxes(rotation @ middle, half, rotation)
 
 
 @dataclass(frozen=True)

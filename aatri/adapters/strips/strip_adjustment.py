@@ -21,10 +21,9 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.errors import GeometryError
-from aatri.geometry.polynomials import StripAxes, strip_axes
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
-from aatri.geometry.strip_bases import StripBasis
+from aatri.geometry.strip_bases import StripAxes, StripBasis, strip_axes
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL

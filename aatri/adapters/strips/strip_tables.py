@@ -11,8 +11,8 @@ from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import StripTransformations
 from aatri.artifacts.strips import Strips
-from aatri.geometry.polynomials import StripAxes
 from aatri.geometry.similarity import Similarity
+from aatri.geometry.strip_bases import StripAxes
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials

@@ -27,7 +27,7 @@ from aatri.adjusting.added_variance import tie_whitener, typical_variance, white
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import thread_control
 from aatri.arrays import Float, Int
-from aatri.geometry.polynomials import StripAxes
+from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import StripPoints

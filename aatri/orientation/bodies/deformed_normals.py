@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.polynomials import StripAxes
-from aatri.geometry.strip_bases import StripBasis
+from aatri.geometry.strip_bases import StripAxes, StripBasis
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.polynomial_ties import in_axes
 from aatri.orientation.bodies.summed_deformation import causes, functions

@@ -16,8 +16,7 @@ import numpy as np
 from aatri.adjustment.records import Bind, Fill, Weigh
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.geometry.polynomials import StripAxes, polynomial_rows
-from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripAxes, StripBasis, terms
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
 from aatri.orientation.bodies.component_growth import StripPoints
@@ -88,7 +87,7 @@ def polynomial_ties(
 def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:
     """The terms 1, U, V, UU, UV of every strip point, (n, 5)."""
     local, _ = in_axes(points, axes)
-    return polynomial_rows(local[:, 0], local[:, 1])
+    return terms(local[:, 0], local[:, 1], full=False, degree=2)
 
 
 def design_of_points(points: StripPoints, axes: Sequence[StripAxes], basis: StripBasis) -> Float:

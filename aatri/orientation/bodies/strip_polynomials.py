@@ -20,8 +20,7 @@ from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.geometry.polynomials import StripAxes
-from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
+from aatri.geometry.strip_bases import SECOND_DEGREE, StripAxes, StripBasis
 from aatri.notes import Level, Note
 from aatri.observations.control import Control, observed_control
 from aatri.observations.observed import Observed

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.geometry.polynomials import correction_design, strip_axes
-from aatri.geometry.strip_bases import strip_basis
+from aatri.geometry.strip_bases import strip_axes, strip_basis
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials, fall_notes, textbook_counts
+from tests.geometry.strip_deformation import correction_design
 
 RNG = np.random.default_rng(21)
 

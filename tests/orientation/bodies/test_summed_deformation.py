@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.geometry.polynomials import strip_axes
+from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.deformation_components import deformation_components

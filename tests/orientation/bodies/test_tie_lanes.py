@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.records import whitened
-from aatri.geometry.polynomials import strip_axes
 from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import StripPoints

@@ -31,6 +31,11 @@ def gruber_ground(per_place=1, rng=None, relief=0.0, b=0.6):
     return X
 
 
+def ray_directions(xy_mm, c_mm):
+    """Directions (x, y, -c) of image points."""
+    return np.column_stack([xy_mm, np.full(len(xy_mm), -c_mm)])
+
+
 def rays_of(left, right, sigma=0.005, c=C_MM):
     """Rays of image coordinates with one standard deviation."""
     s = np.full((len(left), 2), sigma)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from aatri.geometry.coplanarity import RayPairs, ray_directions
+from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation, rotation_from_angles
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.relative.elements import (
@@ -20,7 +20,7 @@ from aatri.orientation.relative.elements import (
     left_rotation,
 )
 from aatri.orientation.relative.equal_weights import adjusted_with_equal_weights, equation_rows
-from tests.orientation.relative.pairs import gruber_ground, relative_orientation, rotation, simulate
+from tests.orientation.relative.pairs import gruber_ground, ray_directions, relative_orientation, rotation, simulate
 
 
 @pytest.fixture

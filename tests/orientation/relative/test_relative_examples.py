@@ -14,14 +14,13 @@ from aatri.geometry.coplanarity import (
     coplanarity_derivatives,
     essential_derivatives,
     essential_matrix,
-    ray_directions,
 )
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import angle_covariance, angles_from_rotation, exp_rotation
 from aatri.geometry.vectors import tangents
 from aatri.orientation.relative.elements import dependent_elements
 from tests.adjustment.dense import adjust
-from tests.orientation.relative.pairs import relative_orientation
+from tests.orientation.relative.pairs import ray_directions, relative_orientation
 
 
 @pytest.fixture
