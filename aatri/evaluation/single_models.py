@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,113 +25,18 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.statistics import rmse
-from aatri.geometry.collinearity import in_image_axes, project, project_derivatives
+from aatri.evaluation.ray_pairs import RayPairs, ray_pairs
+from aatri.geometry.collinearity import in_image_axes
 from aatri.observations.poses import Poses
-
-FEWEST = 6
-"""Common points from which on two images are a model."""
-
-CORRECTED = ("none", "table", "brown")
-"""Distortions that correct what is measured: the corrected coordinates are those of a central projection."""
-
-LEAST_BASE = 1e-3
-"""Share of the distance of the points: images from one place, as of a rig, are no model."""
 
 CHUNK = 20_000
 """Points restituted at once, which stay in the cache."""
 
-STEPS = 3
+STEPS = 2
 """From the adjusted point the intersection has converged after two steps."""
 
 PARALLEL = 1e-12
 """Determinant of normal equations of mean diagonal 1: about the square of the angle between the two rays, rad."""
-
-
-@dataclass(frozen=True)
-class RayPairs:
-    """Points of models, each with its two rays.
-
-    Attributes
-    ----------
-    left, right : (k,) int
-        Images of each model.
-    model, point : (m,) int
-    xy_mm, sigma_mm : (m, 2, 2) float64, mm
-        Of the left and the right ray: corrected coordinates from the principal point, their standard deviations.
-    c_mm : (m, 2) float64, mm
-    """
-
-    left: Int
-    right: Int
-    model: Int
-    point: Int
-    xy_mm: Float
-    sigma_mm: Float
-    c_mm: Float
-
-
-def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> RayPairs | None:
-    """The models of a block and their points; None where it has none.
-
-    Corrected coordinates are those that the adjusted point would have, less the residual.
-
-    Parameters
-    ----------
-    block : Block
-    solution : Solution
-        With residuals of its image points.
-    poses : Poses
-        In the Cartesian frame of the adjustment.
-    xyz_m : (n_points, 3) float64, m
-        In the same frame.
-    """
-    r = solution.residuals
-    rows = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
-    image, point = block.image_points.image[r.row[rows]], block.image_points.point[r.row[rows]]
-    finite = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
-    finite &= np.isfinite(r.residual[rows, :2]).all(axis=1)
-    finite &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
-    rows, image, point = rows[finite], image[finite], point[finite]
-    if not len(rows):
-        return None
-    left, right = _pairs(block, image, point)
-    base = np.linalg.norm(poses.position_m[right] - poses.position_m[left], axis=1)
-    distance = np.median(np.linalg.norm(xyz_m[point] - poses.position_m[image], axis=1))
-    left, right = left[base > LEAST_BASE * distance], right[base > LEAST_BASE * distance]
-    if not len(left):
-        return None
-    c = solution.cameras.principal_distance_mm[block.images.camera[image]]
-    u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
-    xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
-    first = np.searchsorted(image, np.arange(len(block.images) + 1), sorter=(order := np.argsort(image, kind="stable")))
-    common, model = [], []
-    for k, pair in enumerate(zip(left.tolist(), right.tolist())):
-        a, b = (order[first[i] : first[i + 1]] for i in pair)
-        _, in_a, in_b = np.intersect1d(point[a], point[b], return_indices=True)
-        common.append(np.stack([a[in_a], b[in_b]], axis=1))
-        model.append(np.full(len(in_a), k))
-    both = np.concatenate(common)
-    return RayPairs(left, right, np.concatenate(model), point[both[:, 0]], xy[both], sigma[both], c[both])
-
-
-def _pairs(block: Block, image: Int, point: Int) -> tuple[Int, Int]:
-    """Neighbours in a strip, and partners of images without one, that share enough points."""
-    from scipy.sparse import csr_array  # slow to import
-
-    n = len(block.images)
-    seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
-    shared = (seen @ seen.T).tolil()
-    shared.setdiag(0)
-    strip, sequence = block.images.strip, block.images.sequence
-    order = np.lexsort((sequence, strip))
-    order = order[(strip[order] >= 0) & np.isin(order, image)]
-    pairs = [(a, b) for a, b in zip(order[:-1].tolist(), order[1:].tolist()) if strip[a] == strip[b]]
-    for a in np.flatnonzero((strip < 0) & np.isin(np.arange(n), image)).tolist():
-        row = shared[[a]].toarray()[0]
-        pairs.append((min(a, int(row.argmax())), max(a, int(row.argmax()))))
-    enough = [pair for pair in dict.fromkeys(pairs) if shared[pair] >= FEWEST]
-    return np.array([a for a, _ in enough], dtype=np.int64), np.array([b for _, b in enough], dtype=np.int64)
 
 
 def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Float, Float]:
@@ -165,21 +70,28 @@ def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Fl
 
 
 def _least_squares(pair: list[tuple[Float, Float]], rays: RayPairs, X: Float) -> tuple[Float, Float]:
-    """Points of the two rays each, and the lengths of the residuals; NaN of rays that do not meet."""
+    """Points of the two rays each, and the lengths of the residuals; NaN of rays that do not meet.
+
+    x = -c u / w with (u, v, w) in the axes of the image, i, j and k: dx/dX = -c / w (i - u / w k).
+    """
     meet = np.ones(len(X), dtype=bool)
     for step in range(STEPS + 1):
         N, right, squares = np.zeros((len(X), 3, 3)), np.zeros((len(X), 3)), np.zeros(len(X))
         for k, (X0, R) in enumerate(pair):
-            xy, by_u = project_derivatives(in_image_axes(X0, R, X), rays.c_mm[:, k])
-            weight, off = rays.sigma_mm[:, k] ** -1.0, rays.xy_mm[:, k] - xy
-            B, v = weight[:, :, None] * (by_u @ R.swapaxes(1, 2)), weight * off
-            N += B.swapaxes(1, 2) @ B
-            right += (v[:, None] @ B)[:, 0]
-            squares += v**2 @ np.ones(2)
+            u = in_image_axes(X0, R, X)
+            scale = -rays.c_mm[:, k] / u[:, 2]
+            for axis in (0, 1):
+                v = (rays.xy_mm[:, k, axis] - scale * u[:, axis]) / rays.sigma_mm[:, k, axis]
+                squares += v**2
+                B = R[:, :, axis] - (u[:, axis] / u[:, 2])[:, None] * R[:, :, 2]
+                B *= (scale / rays.sigma_mm[:, k, axis])[:, None]
+                N += np.einsum("ni,nj->nij", B, B)
+                right += v[:, None] * B
         if step < STEPS:
-            meet &= np.linalg.det(N / (np.einsum("nii->n", N)[:, None, None] / 3)) > PARALLEL
-            N[~meet], right[~meet] = np.eye(3), 0.0
-            X = X + np.linalg.solve(N, right[:, :, None])[:, :, 0]
+            cofactors = np.cross(N[:, [1, 2, 0]], N[:, [2, 0, 1]])
+            determinant = np.einsum("ni,ni->n", N[:, 0], cofactors[:, 0])
+            meet &= determinant > PARALLEL * (np.einsum("nii->n", N) / 3) ** 3
+            X = X + np.einsum("nij,nj->ni", cofactors, right) / np.where(meet, determinant, np.inf)[:, None]
     return np.where(meet[:, None], X, np.nan), np.where(meet, np.sqrt(squares), np.nan)
 
 
@@ -234,7 +146,14 @@ def single_models(
     largest = [part.start + int(np.nan_to_num(np.abs(parallax[part]), nan=-1.0).argmax()) for part in parts]
 
     def of_models(values: Float) -> Float:
-        return np.array([rmse(values[part]) for part in parts]).reshape(n, *values.shape[1:])
+        """Root mean square of each column, model by model."""
+        finite = np.isfinite(values)
+        squares = np.where(finite, values, 0.0) ** 2
+        total, number = (
+            np.stack([np.bincount(rays.model, weights=column, minlength=n) for column in part.T], axis=1)
+            for part in (squares, finite)
+        )
+        return np.sqrt(np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0))
 
     def count(values: Float) -> Int:
         return np.bincount(rays.model, weights=np.isfinite(values).any(axis=1), minlength=n).astype(np.int32)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK
-from aatri.evaluation.single_models import RayPairs, intersected
+from aatri.evaluation.ray_pairs import RayPairs
+from aatri.evaluation.single_models import intersected
 from aatri.observations.poses import Poses
 from aatri.stages.accuracy.evaluation import evaluation
 from aatri.stages.bundle_adjustment.bundle import bundle

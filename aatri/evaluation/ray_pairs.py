@@ -1,0 +1,114 @@
+"""The single models of a block: pairs of images and their common points, with corrected coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.geometry.collinearity import in_image_axes, project
+from aatri.observations.poses import Poses
+
+FEWEST = 6
+"""Common points from which on two images are a model."""
+
+CORRECTED = ("none", "table", "brown")
+"""Distortions that correct what is measured: the corrected coordinates are those of a central projection."""
+
+LEAST_BASE = 1e-3
+"""Share of the distance of the points: images from one place, as of a rig, are no model."""
+
+
+@dataclass(frozen=True)
+class RayPairs:
+    """Points of models, each with its two rays.
+
+    Attributes
+    ----------
+    left, right : (k,) int
+        Images of each model.
+    model, point : (m,) int
+    xy_mm, sigma_mm : (m, 2, 2) float64, mm
+        Of the left and the right ray: corrected coordinates from the principal point, their standard deviations.
+    c_mm : (m, 2) float64, mm
+    """
+
+    left: Int
+    right: Int
+    model: Int
+    point: Int
+    xy_mm: Float
+    sigma_mm: Float
+    c_mm: Float
+
+
+def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> RayPairs | None:
+    """The models of a block and their points; None where it has none.
+
+    Corrected coordinates are those that the adjusted point would have, less the residual.
+
+    Parameters
+    ----------
+    block : Block
+    solution : Solution
+        With residuals of its image points.
+    poses : Poses
+        In the Cartesian frame of the adjustment.
+    xyz_m : (n_points, 3) float64, m
+        In the same frame.
+    """
+    r = solution.residuals
+    rows = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
+    image, point = block.image_points.image[r.row[rows]], block.image_points.point[r.row[rows]]
+    finite = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
+    finite &= np.isfinite(r.residual[rows, :2]).all(axis=1)
+    finite &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
+    rows, image, point = rows[finite], image[finite], point[finite]
+    if not len(rows):
+        return None
+    left, right = _pairs(block, image, point)
+    base = np.linalg.norm(poses.position_m[right] - poses.position_m[left], axis=1)
+    distance = np.median(np.linalg.norm(xyz_m[point] - poses.position_m[image], axis=1))
+    left, right = left[base > LEAST_BASE * distance], right[base > LEAST_BASE * distance]
+    if not len(left):
+        return None
+    c = solution.cameras.principal_distance_mm[block.images.camera[image]]
+    u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
+    xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
+    model, both = _common(left, right, image, point)
+    return RayPairs(left, right, model, point[both[:, 0]], xy[both], sigma[both], c[both])
+
+
+def _common(left: Int, right: Int, image: Int, point: Int) -> tuple[Int, Int]:
+    """Points that both images of a model see: the model and the two rays of each, (m,), (m, 2)."""
+    n_points = int(point.max()) + 1
+    seen, ray = np.unique(image.astype(np.int64) * n_points + point, return_index=True)
+    first, last = np.searchsorted(seen, left * n_points), np.searchsorted(seen, (left + 1) * n_points)
+    model = np.repeat(np.arange(len(left)), last - first)
+    in_left = np.arange(len(model)) + np.repeat(first - np.cumsum(last - first) + (last - first), last - first)
+    wanted = seen[in_left] + (right - left)[model] * n_points
+    in_right = np.minimum(np.searchsorted(seen, wanted), len(seen) - 1)
+    common = seen[in_right] == wanted
+    return model[common], np.stack([ray[in_left], ray[in_right]], axis=1)[common]
+
+
+def _pairs(block: Block, image: Int, point: Int) -> tuple[Int, Int]:
+    """Neighbours in a strip, and partners of images without one, that share enough points."""
+    from scipy.sparse import csr_array  # slow to import
+
+    n = len(block.images)
+    seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
+    shared = (seen @ seen.T).tolil()
+    shared.setdiag(0)
+    strip, sequence = block.images.strip, block.images.sequence
+    order = np.lexsort((sequence, strip))
+    order = order[(strip[order] >= 0) & np.isin(order, image)]
+    pairs = [(a, b) for a, b in zip(order[:-1].tolist(), order[1:].tolist()) if strip[a] == strip[b]]
+    for a in np.flatnonzero((strip < 0) & np.isin(np.arange(n), image)).tolist():
+        row = shared[[a]].toarray()[0]
+        pairs.append((min(a, int(row.argmax())), max(a, int(row.argmax()))))
+    enough = [pair for pair in dict.fromkeys(pairs) if shared[pair] >= FEWEST]
+    return np.array([a for a, _ in enough], dtype=np.int64), np.array([b for _, b in enough], dtype=np.int64)
