@@ -154,7 +154,7 @@ def _carry_out(
     full = How(selection, command=_command(), source=opened.source, request=opened.request.plain(), compiled=compiled,
                **how)  # fmt: skip
     try:
-        with Narrator(quiet) as narrator:
+        with Narrator(quiet, opened.compilation) as narrator:
             records = run_pipeline(opened.spec, opened.nodes, narrator, full)
     except BaseException as error:
         began = events.exists() and events.stat().st_size != before

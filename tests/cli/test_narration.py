@@ -6,7 +6,6 @@ import io
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from aatri.cli.terminal.compiling import Compiling, declared, shown
+from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.live import Live
 from aatri.cli.terminal.narrator import Narrator
 from aatri.progress import SILENT, tell_iteration
@@ -108,55 +107,44 @@ def test_iterations_are_told_with_sigma0_step_and_damping() -> None:
     tell_iteration(SILENT, 1, 1.0, 0, 1.0, 0.0)  # without redundancy there is no sigma0, and no error
 
 
-def _kernel(folder: Path, name: str) -> None:
-    (folder / "room").mkdir(exist_ok=True)
-    (folder / "room" / f"{name}.nbi").write_text("")
+class _Compiling:
+    """A compilation of three modules, of which one more is ready each time that somebody asks how far it is."""
+
+    def __init__(self) -> None:
+        self.ready = 0
+
+    def wait(self, timeout_s: float) -> bool:
+        return self.ready == 3
+
+    def progress(self) -> str:
+        self.ready += 1
+        return f"compiling, once: {self.ready} of 3 modules ready"
 
 
-def test_compilation_is_counted_while_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    compiling = Compiling()
-    assert compiling.told() == ""
-    _kernel(tmp_path, "a")
-    assert compiling.told() == f"compiling, once: 1 kernels ready of {declared()} that methods may need"
-    assert compiling.told() == ""  # it stands still
-    assert declared() > 20
-
-
-def test_compilation_within_a_stage_is_announced_at_once_and_told_at_its_end(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_compilation_is_told_beside_the_stages_that_wait_for_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr("aatri.cli.terminal.narrator._LOOK_S", 0.01)
-    with Narrator(quiet=False) as narrator:
+    monkeypatch.setattr("aatri.cli.terminal.narrator._HEARTBEAT_S", 0.02)
+    compiling: Any = _Compiling()
+    with Narrator(quiet=False, compilation=compiling) as narrator:
         narrator.started("bundle", "bundle_adjustment/bundle", 1, 1)
-        narrator.advanced("bundle", 0, 0, "iteration 1")
-        _kernel(tmp_path, "a")
         narrator._ended.wait(0.2)
-        _kernel(tmp_path, "b")
         narrator.finished({"stage": "bundle", "seconds": 7.9, "metrics": {}})
-        narrator.started("next", "a/b", 1, 1)
-        narrator.finished({"stage": "next", "seconds": 0.1, "metrics": {}})
     told = capsys.readouterr().err
-    assert "compiling, once: 1 kernels ready" in told
-    assert "[1/1] bundle  7.90 s (2 kernels compiled meanwhile, once)" in told
-    assert "[1/1] next  0.10 s\n" in told.replace("  \n", "\n")
+    assert "[1/1] bundle: bundle_adjustment/bundle  0 s  compiling, once: 1 of 3 modules ready\n" in told
+    assert "[1/1] bundle  7.90 s" in told
 
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_compilation_is_told_while_a_pipeline_is_planned(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, terminal: bool
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, terminal: bool
 ) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setattr("aatri.cli.terminal.compiling._LOOK_S", 0.01)
-    monkeypatch.setattr("aatri.cli.terminal.compiling._LINE_S", 0.01)
     told: list[str] = []
-    with shown(told.append, terminal=terminal):
-        time.sleep(0.1)
-        _kernel(tmp_path, "a")
-        time.sleep(0.4)
-    assert "1 kernels ready" in (capsys.readouterr().err if terminal else told[0])
+    compiling: Any = _Compiling()
+    wait_for(compiling, told.append, terminal=terminal)
+    assert "of 3 modules ready" in (capsys.readouterr().err if terminal else told[1])
 
 
 def test_where_the_narration_has_no_place_to_go_the_work_goes_on(tmp_path: Path) -> None:

@@ -5,13 +5,12 @@ A run keeps what was asked for in its run.json, so that a verb that is given the
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aatri.cli.arguments.locate import in_folder
-from aatri.cli.terminal.compiling import shown
+from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
 
@@ -101,9 +100,10 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
         spec, nodes, notes = wired(spec, request, local)
     else:
         spec, nodes, notes = without_compiler(wired, spec, request, local)
-        if not background:
-            with contextlib.nullcontext() if quiet else shown(narrate, terminal=is_terminal()):
-                compilation.wait()
+        if quiet and not background:
+            compilation.wait()
+        elif not background:
+            wait_for(compilation, narrate, terminal=is_terminal())
     for note in notes:
         narrate(f"note: {note}")
     return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins), compilation)
@@ -122,10 +122,10 @@ def wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple
 
 
 def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: bool) -> Compilation | None:
-    """Begin to compile what stages reach, where that has not been done on this machine."""
+    """Begin to compile what stages reach, where that has not been done on this machine and the wheel has it not."""
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
-    from aatri.pipeline.methods.kernel_cache import remove_unused, use_kernel_cache
+    from aatri.pipeline.methods.kernel_cache import remove_unused, take_carried, use_kernel_cache
 
     folder = use_kernel_cache()
     if folder is None:
@@ -133,6 +133,7 @@ def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: boo
     uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
     kernels = kernels_of(Catalogue(local).codes(uses))
     remove_unused(folder, kernels)
+    take_carried(missing(kernels))
     if not (lacking := missing(kernels)):
         return None
     if not quiet:

@@ -1,7 +1,7 @@
 """Tells what happens during a run, on stderr: bars on a terminal (`live`), else a line now and then.
 
-A line per stage that is done and per iteration of a long adjustment; warnings always. While code is compiled, how many
-kernels are ready, and at the end of the stage how many there were: its seconds are theirs too.
+A line per stage that is done and per iteration of a long adjustment; warnings always; while code is compiled, how far
+that is.
 """
 
 from __future__ import annotations
@@ -14,17 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.terminal.compiling import Compiling, found
 from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.cli.terminal.figures import highlights
 
 if TYPE_CHECKING:
     from aatri.cli.terminal.live import Live
+    from aatri.pipeline.methods.compile_kernels import Compilation
     from aatri.pipeline.plan.plan import Plan
 
 _LOOK_S, _HEARTBEAT_S = 0.25, 10.0
-_COMPILING_S = 6.0
-"""So long after the last one compiled a count of kernels is shown; the largest take as long."""
 LONG_S = 1.0
 """Iterations of a stage under way for longer are told one by one."""
 
@@ -37,21 +35,27 @@ class _UnderWay:
     use: str
     began: float
     step: str = ""
-    ready: int = 0  # kernels compiled when it began
 
 
 class Narrator:
-    """The listener of `aatri run`; used as a context, so that its clock stops with the run."""
+    """The listener of `aatri run`; used as a context, so that its clock stops with the run.
 
-    def __init__(self, quiet: bool) -> None:
-        self._quiet = quiet
+    Parameters
+    ----------
+    quiet : bool
+        Only warnings are told.
+    compilation : Compilation, optional
+        Told as long as it goes on.
+    """
+
+    def __init__(self, quiet: bool, compilation: Compilation | None = None) -> None:
+        self._quiet, self._compilation = quiet, compilation
         self._live: Live | None = None
         self._under_way: dict[str, _UnderWay] = {}
         self._heads: dict[str, str] = {}
         self._expected: Mapping[str, float] = {}
         self._turn = threading.RLock()
         self._ended = threading.Event()
-        self._compiling = Compiling()
         self._clock = threading.Thread(target=self._tick, daemon=True)
 
     def __enter__(self) -> Narrator:
@@ -85,7 +89,7 @@ class Narrator:
         """Remember how the line of the stage begins."""
         with self._turn:
             self._heads[stage] = f"[{number:{len(str(total))}}/{total}] {stage}"
-            self._under_way[stage] = _UnderWay(self._heads[stage], use, time.monotonic(), ready=found())
+            self._under_way[stage] = _UnderWay(self._heads[stage], use, time.monotonic())
             if self._live is not None:
                 self._live.started(stage, self._heads[stage], self._expected.get(stage, 0.0))
 
@@ -108,11 +112,9 @@ class Narrator:
     def finished(self, record: Mapping[str, Any]) -> None:
         """One line per stage."""
         with self._turn:
-            at = self._end(record["stage"])
+            self._end(record["stage"])
             if not self._quiet:
-                compiled = found() - at.ready if at else 0
-                once = f" ({compiled} kernels compiled meanwhile, once)" if compiled > 0 else ""
-                head = f"{self._heads[record['stage']]}  {record['seconds']:.2f} s{once}"
+                head = f"{self._heads[record['stage']]}  {record['seconds']:.2f} s"
                 self._say(f"{head}  {highlights(record['metrics'])}")
 
     def failed(self, stage: str, folder: Path) -> None:
@@ -121,10 +123,10 @@ class Narrator:
             self._end(stage)
             self._say(f"{self._heads[stage]}  failed; log: {folder / 'stage.log'}", "red")
 
-    def _end(self, stage: str) -> _UnderWay | None:
+    def _end(self, stage: str) -> None:
         if self._live is not None:
             self._live.ended(stage)
-        return self._under_way.pop(stage, None)
+        self._under_way.pop(stage, None)
 
     def _say(self, text: str, style: str = "") -> None:
         with self._turn:
@@ -136,23 +138,21 @@ class Narrator:
                 self._live.line(printable(text), style)
 
     def _tick(self) -> None:
-        line_at, noted, noted_until = time.monotonic() + _HEARTBEAT_S, "", 0.0
+        line_at = time.monotonic() + _HEARTBEAT_S
         while not self._ended.wait(_LOOK_S):
-            now, told = time.monotonic(), self._compiling.told()
-            begins = bool(told) and not noted
-            if told:
-                noted, noted_until = told, now + _COMPILING_S
-            elif now >= noted_until:
-                noted = ""
             with self._turn:
                 if self._live is not None:
-                    self._live.tick(noted)
-                elif begins or now >= line_at:
-                    line_at = now + _HEARTBEAT_S
+                    self._live.tick(self._compiling())
+                elif time.monotonic() >= line_at:
+                    line_at = time.monotonic() + _HEARTBEAT_S
                     for stage in self._under_way:
-                        narrate(self._line(stage, noted))
+                        narrate(self._line(stage))
 
-    def _line(self, stage: str, compiling: str) -> str:
+    def _compiling(self) -> str:
+        return self._compilation.progress() if self._compilation else ""
+
+    def _line(self, stage: str) -> str:
         at = self._under_way[stage]
         expected = f" of about {self._expected[stage]:.0f} s" if self._expected.get(stage, 0) >= 1 else ""
-        return f"{at.head}: {at.use}  {time.monotonic() - at.began:.0f} s{expected}  {compiling or at.step}".rstrip()
+        step = self._compiling() or at.step
+        return f"{at.head}: {at.use}  {time.monotonic() - at.began:.0f} s{expected}  {step}".rstrip()

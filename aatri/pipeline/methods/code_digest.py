@@ -130,34 +130,35 @@ def _read(path: Path) -> dict[str, Any]:
         tree = ast.parse(text)
     except (SyntaxError, ValueError):
         return {"digest": hashlib.sha256(text).hexdigest(), "imports": []}
-    imports = sorted(set(_imports(tree)))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            _strip_docstring(node)
+    imports: set[tuple[int, str]] = set()
+    _look_through(tree, imports)
     digest = hashlib.sha256(ast.dump(tree, include_attributes=False).encode()).hexdigest()
-    return {"digest": digest, "imports": [list(pair) for pair in imports]}
+    return {"digest": digest, "imports": [list(pair) for pair in sorted(imports)]}
+
+
+def _look_through(node: ast.AST, imports: set[tuple[int, str]]) -> None:
+    """Collect the imports of a statement and those within it, and take docstrings out; expressions have neither.
+
+    An import is (level, dotted name); of `from x import y` the name is `x.y`, which may be a module.
+    """
+    if isinstance(node, ast.Import):
+        imports.update((0, alias.name) for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        head = f"{node.module}." if node.module else ""
+        imports.update((node.level, head + alias.name) for alias in node.names)
+    elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        _strip_docstring(node)
+    type_checking = isinstance(node, ast.If) and _is_type_checking(node.test)
+    for field in ("orelse",) if type_checking else ("body", "orelse", "handlers", "finalbody", "cases"):
+        below = getattr(node, field, ())
+        for child in below if isinstance(below, list) else ():
+            _look_through(child, imports)
 
 
 def _strip_docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> None:
     first = node.body[0] if node.body else None
     if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str):
         node.body = node.body[1:] or [ast.Pass()]
-
-
-def _imports(node: ast.AST) -> list[tuple[int, str]]:
-    """(level, dotted name) of every import; of `from x import y` the name `x.y`, which may be a module."""
-    found: list[tuple[int, str]] = []
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.Import):
-            found += [(0, alias.name) for alias in child.names]
-        elif isinstance(child, ast.ImportFrom):
-            head = f"{child.module}." if child.module else ""
-            found += [(child.level, head + alias.name) for alias in child.names]
-        elif isinstance(child, ast.If) and _is_type_checking(child.test):
-            found += [pair for other in child.orelse for pair in _imports(ast.Module([other], []))]
-        else:
-            found += _imports(child)
-    return found
 
 
 def _is_type_checking(test: ast.expr) -> bool:

@@ -20,8 +20,16 @@ from multiprocessing.pool import AsyncResult
 from pathlib import Path
 from typing import TypeVar
 
-from aatri.pipeline.methods.code_digest import Code
-from aatri.pipeline.methods.kernel_cache import code_of, is_compiled
+from aatri.pipeline.methods.code_digest import PACKAGE, Code
+from aatri.pipeline.methods.kernel_cache import (
+    FEATURES,
+    GENERIC,
+    PROCESSOR,
+    VARIABLE,
+    code_of,
+    is_compiled,
+    use_kernel_cache,
+)
 
 PROCESSES = 4
 """More do not help: the chain of modules that wait for each other is a quarter of the work."""
@@ -40,6 +48,23 @@ def kernels_of(codes: Iterable[Code]) -> dict[str, Path]:
 def missing(kernels: Mapping[str, Path]) -> dict[str, Path]:
     """Those that are not compiled yet."""
     return {name: file for name, file in kernels.items() if not is_compiled(name, file)}
+
+
+def compile_all(folder: Path) -> None:
+    """Compile every kernel module of aatri for the processor `GENERIC` into a folder, for a wheel to carry.
+
+    Raises
+    ------
+    Exception
+        What stands in the way of a module.
+    """
+    os.environ |= {VARIABLE: str(folder), PROCESSOR: GENERIC, FEATURES: ""}
+    use_kernel_cache()
+    files = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
+    kernels = {".".join(("aatri", *file.relative_to(PACKAGE).with_suffix("").parts)): file for file in files}
+    Compilation(kernels).wait()
+    for module in missing(kernels):
+        importlib.import_module(module)
 
 
 def without_compiler(function: Callable[..., R], *arguments: object) -> R:
@@ -63,14 +88,21 @@ class Compilation:
     """Kernel modules that are being compiled, given with their files; ends with this process at the latest."""
 
     def __init__(self, kernels: Mapping[str, Path]) -> None:
-        self._under_way, self._changed = set(kernels), threading.Condition()
+        self._count, self._under_way, self._changed = len(kernels), set(kernels), threading.Condition()
         threading.Thread(target=self._run, args=(kernels,), daemon=True).start()
 
-    def wait(self, modules: Iterable[str] | None = None) -> None:
-        """Come back when some modules are compiled, by default all."""
+    def wait(self, modules: Iterable[str] | None = None, timeout_s: float | None = None) -> bool:
+        """Come back when some modules are compiled, by default all, or after some seconds; says whether they are."""
         needed = None if modules is None else set(modules)
         with self._changed:
-            self._changed.wait_for(lambda: not (self._under_way if needed is None else self._under_way & needed))
+            return self._changed.wait_for(
+                lambda: not (self._under_way if needed is None else self._under_way & needed), timeout_s
+            )
+
+    def progress(self) -> str:
+        """`compiling, once: 12 of 34 modules ready`; empty when all are."""
+        left = len(self._under_way)
+        return f"compiling, once: {self._count - left} of {self._count} modules ready" if left else ""
 
     def _run(self, kernels: Mapping[str, Path]) -> None:
         needs = {name: set(code_of(name, file).files) & set(kernels) - {name} for name, file in kernels.items()}

@@ -1,16 +1,26 @@
-"""Compiled kernels in the user's cache: a folder per kernel module, named by the digest of the code it reaches.
+"""Compiled kernels in the user's cache: a folder per kernel module, named by the digest of all that it follows from.
 
-The same code is compiled once on a machine, for all its clones and environments; an edit leads to a new folder. A
-folder that no run has used for `KEPT_DAYS` is removed.
+That is the code that the module reaches, Python, Numba and the processor. So the same code is compiled once on a
+machine, for all its clones and environments; an edit leads to a new folder. A folder that no run has used for
+`KEPT_DAYS` is removed.
+
+Processors of x86-64 with AVX2 count as one, `GENERIC`, and run the same machine code; that for AVX-512 is not faster
+here (docs/speed.md). So a wheel can carry the folders of such a processor (`hatch_build.py`): those that fit are copied
+into the cache, as if they had been compiled there.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
+import importlib.metadata
 import importlib.util
 import os
+import platform
 import shutil
+import sys
+import tempfile
 import time
 from collections.abc import Mapping
 from functools import cache
@@ -18,12 +28,23 @@ from pathlib import Path
 
 from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
 from aatri.pipeline.store.cache import Cache, cache_folder, cache_name
+from aatri.pipeline.store.inside import temporary_name
 
 VARIABLE = "NUMBA_CACHE_DIR"
 LOCATORS = "NUMBA_CACHE_LOCATOR_CLASSES"
+PROCESSOR, FEATURES = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"
 
 OTHERS = "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,IPythonCacheLocator,ZipCacheLocator"
 """Numba's own, for compiled functions of other libraries."""
+
+GENERIC = "x86-64-v3"
+"""The processor of the x86-64 psABI that has AVX2 and fused multiply-add: Intel since 2013, AMD since 2015."""
+
+_GENERIC_FLAGS = frozenset({"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"})
+"""How Linux tells it."""
+
+CARRIED = PACKAGE / "compiled"
+"""Where a wheel carries compiled kernels."""
 
 KEPT_DAYS = 60
 """A folder is 0.2 MB; of an edited kernel some ten a day may come."""
@@ -37,6 +58,8 @@ _DAY_S = 86_400.0
 def use_kernel_cache() -> Path | None:
     """Lead Numba to the compiled kernels; to be called before Numba is imported.
 
+    Where the cache cannot be written compiled kernels are kept for this run only.
+
     Returns
     -------
     Path or None
@@ -44,20 +67,48 @@ def use_kernel_cache() -> Path | None:
     """
     if importlib.util.find_spec("numba") is None:
         return None
-    folder = Path(os.environ.setdefault(VARIABLE, str(cache_folder() / "numba")))
+    if not os.environ.keys() & {PROCESSOR, FEATURES} and set(_described_processor().split()) >= _GENERIC_FLAGS:
+        os.environ |= {PROCESSOR: GENERIC, FEATURES: ""}
+    folder = Path(os.environ.get(VARIABLE) or cache_folder() / "numba")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        folder = Path(tempfile.mkdtemp(prefix="aatri-kernels-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ[VARIABLE] = str(folder)
     os.environ[LOCATORS] = f"aatri.pipeline.methods.kernel_locator.ByContent,{OTHERS}"
     return folder
 
 
 @cache
 def folder_name(module: str, file: Path) -> str:
-    """Name of the folder of a kernel module: its name, and the digest of its text and of the code that it reaches."""
-    digest = hashlib.sha256(code_of(module, file).digest.encode() + file.read_bytes()).hexdigest()[:16]
+    """Name of the folder of a kernel module: its name, and the digest of all that its compiled code follows from."""
+    parts = [code_of(module, file).digest, file.read_bytes().hex(), *_compiler()]
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
     return f"{module.removeprefix('aatri.').replace('.kernels', '')}-{digest}"
 
 
+@cache
+def _compiler() -> tuple[str, ...]:
+    """Compiler, system and processor; Numba looks again at its version and at the processor when it loads code."""
+    versions = [importlib.metadata.version(name) for name in ("numba", "llvmlite")]
+    named = [os.environ.get(name, _described_processor()) for name in (PROCESSOR, FEATURES)]
+    return (*versions, sys.platform, platform.machine(), *named)
+
+
+@cache
+def _described_processor() -> str:
+    """Name and features of the processor, as the system describes it."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").partition("\n\n")[0].splitlines()
+        about = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+        return " ".join(about.get(key, "") for key in ("model name", "CPU part", "flags", "Features"))
+    return platform.processor()
+
+
 def is_compiled(module: str, file: Path) -> bool:
-    """Whether all functions that a kernel module declares are in the cache, for some processor at least."""
+    """Whether all functions that a kernel module declares are in the cache."""
     folder = Path(os.environ[VARIABLE]) / folder_name(module, file)
     return len(list(folder.glob(f"*{INDEX}"))) >= declared(file) if folder.is_dir() else False
 
@@ -76,6 +127,18 @@ def code_of(module: str, file: Path) -> Code:
 @cache
 def _reader() -> CodeReader:
     return CodeReader(Cache(cache_name("code", PACKAGE)))
+
+
+def take_carried(kernels: Mapping[str, Path]) -> None:
+    """Copy the compiled code of kernel modules that the wheel carries into the cache; the others are left out."""
+    folder = Path(os.environ[VARIABLE])
+    for name in {folder_name(module, file) for module, file in kernels.items()}:
+        if (CARRIED / name).is_dir():
+            copy = temporary_name(folder / name)
+            with contextlib.suppress(OSError):
+                shutil.copytree(CARRIED / name, copy)
+                copy.rename(folder / name)  # fails where another process has been faster
+            shutil.rmtree(copy, ignore_errors=True)
 
 
 def remove_unused(folder: Path, kernels: Mapping[str, Path]) -> None:

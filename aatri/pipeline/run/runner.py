@@ -73,7 +73,7 @@ class How:
     command: str = "aatri run"
     source: Source = field(default_factory=Source)
     request: Mapping[str, Any] = field(default_factory=dict)
-    compiled: Callable[[Iterable[str]], None] | None = None
+    compiled: Callable[[Iterable[str]], object] | None = None
 
 
 def run_pipeline(

@@ -74,7 +74,10 @@ def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pyt
     kernels = _clone(tmp_path, 2.0)
     assert use_kernel_cache() == tmp_path / "numba"
     assert missing(kernels) == kernels
-    Compilation(kernels).wait()
+    compilation = Compilation(kernels)
+    assert compilation.progress() == "compiling, once: 0 of 2 modules ready"
+    assert compilation.wait()
+    assert compilation.progress() == ""
     assert missing(kernels) == {}
     assert len(list((tmp_path / "numba").iterdir())) == 2
 
@@ -84,6 +87,57 @@ def test_a_module_that_fails_is_left_to_who_needs_it(tmp_path: Path, monkeypatch
     kernels = _clone(tmp_path, 2.0)  # not on the path: no process can import it
     Compilation(kernels).wait()
     assert missing(kernels) == kernels
+
+
+def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Built in one folder, run from another: the same code, Numba and processor; then a later Numba."""
+    kernels = _clone(tmp_path / "built", 2.0)
+    assert _called(tmp_path / "built", tmp_path / "carried") == "7.0 0"
+    monkeypatch.setattr(kernel_cache, "CARRIED", tmp_path / "carried")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
+    kernel_cache.take_carried(kernels)
+    assert missing(kernels) == {}
+    assert _called(tmp_path / "built", tmp_path / "numba") == "7.0 1"
+    assert sorted(p.name for p in (tmp_path / "numba").iterdir()) == sorted(
+        p.name for p in (tmp_path / "carried").iterdir()
+    )
+    folder_name.cache_clear()
+    monkeypatch.setattr(kernel_cache, "_compiler", lambda: ("99.0",))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "later"))
+    kernel_cache.take_carried(kernels)
+    assert missing(kernels) == kernels
+    folder_name.cache_clear()
+
+
+def test_a_cache_that_cannot_be_written_is_replaced_by_one_for_this_run(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    _clone(tmp_path / "clone", 2.0)
+    assert _called(tmp_path / "clone", tmp_path / "file" / "numba") == "7.0 0"
+    assert not list((tmp_path / "clone").rglob("*.nbi"))
+
+
+@pytest.mark.parametrize(
+    ("flags", "environment", "processor"),
+    [
+        ("sse2 avx avx2 fma bmi1 bmi2 f16c abm movbe avx512f", {}, ("x86-64-v3", "")),
+        ("sse2 avx", {}, (None, None)),
+        ("sse2 avx avx2 fma bmi1 bmi2 f16c abm movbe", {"NUMBA_CPU_NAME": "generic"}, ("generic", None)),
+    ],
+    ids=["avx2", "older", "the user's own"],
+)
+def test_processors_with_avx2_are_one(
+    flags: str, environment: dict[str, str], processor: tuple[str | None, str | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel_cache, "_described_processor", lambda: flags)
+    for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    use_kernel_cache()
+    assert (os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")) == processor
 
 
 def test_folders_that_nobody_has_used_for_long_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
