@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPointCovariances, GroundPoints, Points
@@ -112,6 +111,8 @@ def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> 
     if len(full) < 2:
         return
     sigma = np.sqrt(np.trace(rows.covariance_m2[full], axis1=1, axis2=2))
+    from scipy.spatial import cKDTree  # slow to import
+
     near = cKDTree(rows.xyz_m[full]).query_pairs(SAME_PLACE_SIGMAS * float(sigma.max()))
     for a, b in sorted(near):
         gap = float(np.linalg.norm(rows.xyz_m[full[a]] - rows.xyz_m[full[b]]))

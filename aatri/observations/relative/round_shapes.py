@@ -9,7 +9,6 @@ Source: docs/formulas.md 5.5.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from aatri.arrays import Float
 from aatri.observations.observed import Given, Observed
@@ -71,6 +70,8 @@ def _fit_cylinder(points: Float, _axes: Float, radius_m: float = np.nan) -> tupl
 
         def residuals(t: Float, x: Float = x, start: Float = start) -> Float:
             return _cylinder(x, np.tile([*t, *start[len(t) :]], (len(x), 1)))[0][:, 0]
+
+        from scipy.optimize import least_squares  # takes a tenth of a second to import
 
         fitted = least_squares(residuals, start[: 4 if known else 5])
         if fitted.cost < best:

@@ -11,16 +11,14 @@ from __future__ import annotations
 import contextlib
 import gc
 import importlib
-import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing.pool import AsyncResult
 from pathlib import Path
 from typing import TypeVar
 
 from aatri.pipeline.methods.code_digest import PACKAGE, Code
+from aatri.pipeline.methods.helper_process import HelperProcess
 from aatri.pipeline.methods.kernel_cache import (
     FEATURES,
     GENERIC,
@@ -33,8 +31,6 @@ from aatri.pipeline.methods.kernel_cache import (
 
 PROCESSES = 4
 """More do not help: the chain of modules that wait for each other is a quarter of the work."""
-
-_LOOK_S = 0.02
 
 R = TypeVar("R")
 
@@ -75,13 +71,8 @@ def without_compiler(function: Callable[..., R], *arguments: object) -> R:
     Exception
         What the function raises.
     """
-    spawned = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=spawned, initializer=_disable_compiler) as pool:
-        return pool.submit(function, *arguments).result()
-
-
-def _disable_compiler() -> None:
-    os.environ["NUMBA_DISABLE_JIT"] = "1"
+    with HelperProcess(NUMBA_DISABLE_JIT="1") as helper:
+        return helper.call(function, *arguments)
 
 
 class Compilation:
@@ -89,7 +80,10 @@ class Compilation:
 
     def __init__(self, kernels: Mapping[str, Path]) -> None:
         self._count, self._under_way, self._changed = len(kernels), set(kernels), threading.Condition()
-        threading.Thread(target=self._run, args=(kernels,), daemon=True).start()
+        self._needs = {name: set(code_of(name, file).files) & set(kernels) - {name} for name, file in kernels.items()}
+        self._waiting = sorted(kernels, key=lambda name: -kernels[name].stat().st_size)
+        for _ in range(min(PROCESSES, os.cpu_count() or 1, len(kernels))):
+            threading.Thread(target=self._work, daemon=True).start()
 
     def wait(self, modules: Iterable[str] | None = None, timeout_s: float | None = None) -> bool:
         """Come back when some modules are compiled, by default all, or after some seconds; says whether they are."""
@@ -104,36 +98,40 @@ class Compilation:
         left = len(self._under_way)
         return f"compiling, once: {self._count - left} of {self._count} modules ready" if left else ""
 
-    def _run(self, kernels: Mapping[str, Path]) -> None:
-        needs = {name: set(code_of(name, file).files) & set(kernels) - {name} for name, file in kernels.items()}
-        waiting = sorted(kernels, key=lambda name: -kernels[name].stat().st_size)
-        processes = min(PROCESSES, os.cpu_count() or 1, len(waiting))
-        begun: dict[str, AsyncResult[None]] = {}
-        with contextlib.ExitStack() as ending:
-            ending.callback(self._end, set(kernels))
-            pool = ending.enter_context(multiprocessing.get_context("spawn").Pool(processes, initializer=_as_compiler))
-            while waiting or begun:
-                for name in [name for name in waiting if not needs[name] & self._under_way][: processes - len(begun)]:
-                    waiting.remove(name)
-                    begun[name] = pool.apply_async(_compile, (name,))
-                ended = {name for name, result in begun.items() if result.ready()}
-                begun = {name: result for name, result in begun.items() if name not in ended}
-                self._end(ended)
-                threading.Event().wait(0.0 if ended else _LOOK_S)
+    def _work(self) -> None:
+        """Compile one module after the other in a process, until there are no more."""
+        try:
+            with HelperProcess() as helper:
+                while (name := self._next()) is not None:
+                    with contextlib.suppress(Exception):
+                        helper.call(_compile, name)
+                    self._end({name})
+        except OSError:  # no process can be started
+            self._waiting.clear()
+            self._end(set(self._under_way))
 
     def _end(self, modules: set[str]) -> None:
         with self._changed:
             self._under_way -= modules
             self._changed.notify_all()
 
+    def _next(self) -> str | None:
+        """The longest module that waits for no other, as soon as there is one; None if all have been taken."""
 
-def _as_compiler() -> None:
-    """What runs meanwhile, and who types, come first."""
-    gc.disable()
-    with contextlib.suppress(AttributeError, OSError):
-        os.nice(5)
+        def ready() -> list[str]:
+            return [name for name in self._waiting if not self._needs[name] & self._under_way]
+
+        with self._changed:
+            self._changed.wait_for(lambda: ready() or not self._waiting)
+            if not self._waiting:
+                return None
+            self._waiting.remove(name := ready()[0])
+            return name
 
 
 def _compile(module: str) -> None:
-    with contextlib.suppress(Exception):
-        importlib.import_module(module)
+    """Import a module without the garbage collector; what runs meanwhile, and who types, come first."""
+    gc.disable()
+    with contextlib.suppress(AttributeError, OSError):
+        os.nice(5 - os.nice(0))
+    importlib.import_module(module)

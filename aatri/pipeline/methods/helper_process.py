@@ -1,0 +1,95 @@
+"""A Python process beside this one that calls functions for it.
+
+Processes of `multiprocessing` first import the script that runs here, and so run it again where it is not guarded by
+`if __name__ == "__main__"`; this one imports nothing but what the function needs. Functions, arguments, results and
+exceptions are pickled. What the function prints goes to stderr.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from aatri.errors import ResourceError
+
+R = TypeVar("R")
+
+_SERVE = "from aatri.pipeline.methods.helper_process import serve; serve()"
+
+
+class HelperProcess:
+    """A process that answers one call after the other; used as a context, it ends with it, at the latest with this one.
+
+    Parameters
+    ----------
+    environment : {name: value}
+        Set in the process beside what is set here.
+    """
+
+    def __init__(self, **environment: str) -> None:
+        path = os.pathsep.join(entry or str(Path.cwd()) for entry in sys.path)
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _SERVE],  # -P: nothing is imported from the folder where it happens to run
+            env={**os.environ, "PYTHONPATH": path, **environment}, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        )  # fmt: skip
+        atexit.register(self._process.kill)
+
+    def __enter__(self) -> HelperProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        atexit.unregister(self._process.kill)
+        self._process.kill()
+        self._process.communicate()
+
+    def call(self, function: Callable[..., R], *arguments: object) -> R:
+        """The result of a function of a module.
+
+        Raises
+        ------
+        ResourceError
+            If the process has ended.
+        Exception
+            What the function raises.
+        """
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            pickle.dump((function, arguments), self._process.stdin)
+            self._process.stdin.flush()
+            raised, answer = pickle.load(self._process.stdout)
+        except (EOFError, BrokenPipeError) as error:
+            raise ResourceError("a process that helps this one was ended from outside, perhaps for lack of memory",
+                                remedy="a machine with more memory") from error  # fmt: skip
+        if raised:
+            raise answer
+        result: R = answer
+        return result
+
+
+def serve() -> None:
+    """Answer calls from stdin on stdout until it is closed; interrupts are the business of who calls."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with os.fdopen(os.dup(0), "rb") as calls, os.fdopen(os.dup(1), "wb") as answers:
+        os.dup2(2, 1)
+        while True:
+            try:
+                function, arguments = pickle.load(calls)
+            except EOFError:
+                return
+            pickle.dump(_answer(function, arguments), answers)
+            answers.flush()
+
+
+def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[bool, Any]:
+    try:
+        return False, function(*arguments)
+    except Exception as error:
+        return True, error
