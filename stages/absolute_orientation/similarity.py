@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.absolute_orientation import absolute_solution, control_notes, ground_of, orient_strips
+from aatri.adapters.ground.absolute_orientation import absolute_solution, control_notes, ground_of_strips, orient_strips
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -92,7 +92,7 @@ def _oriented(
     block: Block, as_given: Block, strips: Strips, image_points: ImagePoints, options: SimilarityOptions
 ) -> tuple[Solution, list[Note]]:
     oriented = orient_strips(
-        ground_of(block, as_given, strips, use_positions=options.use_positions),
+        ground_of_strips(block, as_given, strips, use_positions=options.use_positions),
         tie_limit=options.tie_limit,
         control_limit=options.control_limit,
         every_component=options.components == "all",

@@ -9,9 +9,9 @@ import numpy as np
 
 from aatri.adapters.ground import absolute_tables as tables
 from aatri.adapters.ground.absolute_datum import free_images, oriented_part
-from aatri.adapters.ground.absolute_tables import Ground, OrientedPart
+from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
 from aatri.adapters.ground.control_fit import exchange_notes, height_notes
-from aatri.adapters.ground.initial_observed import seen_attitudes
+from aatri.adapters.ground.initial_observed import ground_of
 from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
@@ -21,12 +21,9 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
-from aatri.codes import OBSERVED_VALUE
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
-from aatri.observations.control import control_of
-from aatri.observations.positions import positions_of
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes, sigma0_notes
 
@@ -40,30 +37,26 @@ WORST = 5
 class OrientedStrips:
     """Components on the ground, and what there is to say of them."""
 
-    ground: Ground
+    ground: GroundOfStrips
     parts: tuple[OrientedPart, ...]
     notes: tuple[Note, ...]
 
 
-def ground_of(block: Block, as_given: Block, strips: Strips, *, use_positions: bool) -> Ground:
+def ground_of_strips(block: Block, as_given: Block, strips: Strips, *, use_positions: bool) -> GroundOfStrips:
     """What a block in the frame of the adjustment knows of the ground; attitudes from that in its own frame."""
-    control, positions = control_of(block), positions_of(block)
-    if not use_positions:
-        positions = positions.take(np.zeros(0, dtype=np.int64))
-    seen = (as_given.exterior.angle_use == OBSERVED_VALUE).any()
-    attitudes = seen_attitudes(as_given)[0] if seen else None
-    return Ground(block, strips, control, positions, pieces.origin_of(control, positions), attitudes)
+    known = ground_of(block, as_given, use_positions=use_positions)
+    return GroundOfStrips(known.control, known.positions, known.origin_m, (), known.attitudes, (), block, strips)
 
 
 def orient_strips(
-    ground: Ground, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float | None,
+    ground: GroundOfStrips, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float | None,
     two_points: bool = False,
 ) -> OrientedStrips:  # fmt: skip
     """Join strips to components and orient each.
 
     Parameters
     ----------
-    ground : Ground
+    ground : GroundOfStrips
     tie_limit, control_limit : float
         Test statistics of wrong ties and of wrong control.
     every_component : bool
@@ -101,7 +94,7 @@ def orient_strips(
 
 
 def _joined_and_oriented(
-    ground: Ground, tie_limit: float, control_limit: float, two_points: bool, *, weakly: bool
+    ground: GroundOfStrips, tie_limit: float, control_limit: float, two_points: bool, *, weakly: bool
 ) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError], list[Note]]:
     """Strips joined to components, each of them oriented; those that are not determined with their errors.
 
@@ -131,7 +124,7 @@ def _joined_and_oriented(
     return free, parts, failed, [*joined, *notes]
 
 
-def _distance_m(ground: Ground, parts: Sequence[OrientedPart]) -> float:
+def _distance_m(ground: GroundOfStrips, parts: Sequence[OrientedPart]) -> float:
     """From the projection centres to the points, mean of all components, m."""
     found = []
     for part in parts:
@@ -175,10 +168,10 @@ def control_notes(oriented: OrientedStrips, solution: Solution) -> list[Note]:
     return [*notes, *lost_control(block, control.point, present, ground.strips.suspects)]
 
 
-def _height_notes(ground: Ground, part: OrientedPart) -> list[Note]:
+def _height_notes(ground: GroundOfStrips, part: OrientedPart) -> list[Note]:
     component, control = part.component, ground.control
     x = component.xyz[np.searchsorted(component.point, control.point[part.control])]
-    model = ground.origin + transform(part.result.ground_from_component, x)
+    model = ground.origin_m + transform(part.result.ground_from_component, x)
     return height_notes(ground.block, control, part.control, model, part.what)
 
 
@@ -220,12 +213,12 @@ def absolute_solution(
     for part in parts:
         to_ground, component = part.result.ground_from_component, part.component
         centres, rotations, image = free_images(strips, component)
-        position[image] = transform(to_ground, centres) + ground.origin
+        position[image] = transform(to_ground, centres) + ground.origin_m
         rotation[image] = to_ground.rotation @ rotations
-        points[component.point] = transform(to_ground, component.xyz) + ground.origin
+        points[component.point] = transform(to_ground, component.xyz) + ground.origin_m
         for strip, pose in zip(component.strips, component.component_from_strip):
             name = str(strips.strips.id[strip])
-            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), ground.origin))
+            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), ground.origin_m))
         parameters += tables.precisions(ground, part)
         residuals += tables.residual_tables(part)
         suspects += tables.suspect_tables(ground, part)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.initial_observed import SeenAttitudes
+from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips.tied_tables import (
@@ -21,7 +21,7 @@ from aatri.adapters.strips.tied_tables import (
 from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.arrays import Float, Int
+from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Parameters, Residuals
 from aatri.artifacts.strips import Strips
@@ -29,10 +29,8 @@ from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.similarity import Similarity
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.control import Control
 from aatri.observations.observed import Spread
 from aatri.observations.positions import KIND as POSITION
-from aatri.observations.positions import Positions
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.absolute import OrientedComponent
 from aatri.orientation.bodies.components import Component, strip_names
@@ -41,20 +39,16 @@ ROLE_NAME = "absolute_orientation"
 
 
 @dataclass(frozen=True)
-class Ground:
-    """What the Block knows about the ground."""
+class GroundOfStrips(Ground):
+    """What is known of the ground of strips, and these."""
 
     block: Block
     strips: Strips
-    control: Control
-    positions: Positions
-    origin: Float
-    attitudes: SeenAttitudes | None
 
 
 @dataclass(frozen=True)
 class OrientedPart:
-    """A component on the ground; rows of control and positions as in `Ground`."""
+    """A component on the ground; rows of control and positions as in the ground."""
 
     what: str
     component: Component
@@ -86,7 +80,7 @@ def pooled(parts: Sequence[OrientedPart]) -> tuple[tuple[int, int], float]:
     return (observations, unknowns), float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
 
 
-def precisions(ground: Ground, part: OrientedPart) -> list[Parameters]:
+def precisions(ground: GroundOfStrips, part: OrientedPart) -> list[Parameters]:
     """Deformation of a component towards the ground, and of its strips towards each other."""
     name = strip_names(part.component, ground.strips.strips.id.tolist())
     rows = [pieces.precision_row(f"{name} to the ground", part.result.tied.tau_m)]
@@ -113,7 +107,7 @@ def _on_ground(found: AdjustedObservations, to: Similarity) -> AdjustedObservati
     return replace(found, observed=replace(found.observed, spread=turned))
 
 
-def carried(ground: Ground, parts: Sequence[OrientedPart]) -> Suspects:
+def carried(ground: GroundOfStrips, parts: Sequence[OrientedPart]) -> Suspects:
     """Suspects of earlier stages but those that were tested here anew."""
     before = ground.strips.suspects
     for part in parts:
@@ -122,7 +116,7 @@ def carried(ground: Ground, parts: Sequence[OrientedPart]) -> Suspects:
     return before
 
 
-def suspect_tables(ground: Ground, part: OrientedPart) -> Iterator[Suspects]:
+def suspect_tables(ground: GroundOfStrips, part: OrientedPart) -> Iterator[Suspects]:
     """Control, positions and ties that were tested and not believed, or believed again."""
     tied, ties = part.result.tied, part.component.tied
     before = dict.fromkeys((CONTROL, POSITION, STRIP_TIE), ground.strips.suspects)
@@ -132,7 +126,7 @@ def suspect_tables(ground: Ground, part: OrientedPart) -> Iterator[Suspects]:
         yield suspects_of(ties, ROLE_NAME, began, part.result.ground_from_component.scale)
 
 
-def uncontrolled_tables(ground: Ground, parts: Sequence[OrientedPart]) -> Uncontrolled:
+def uncontrolled_tables(ground: GroundOfStrips, parts: Sequence[OrientedPart]) -> Uncontrolled:
     """Image points that no second model, strip or control has seen; control, positions and ties nothing controls."""
     block, table = ground.block, ground.strips.strip_points
     held, tables = np.zeros(len(block.points), dtype=bool), list[Uncontrolled]()

@@ -19,7 +19,7 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import HELD
-from aatri.orientation.bodies.datum import Datum
+from aatri.orientation.bodies.datum import Datum, FreeBody
 from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
 from aatri.orientation.graph.component import Component
 
@@ -58,7 +58,7 @@ class Known:
         return bool(len(self.control) or len(self.position))
 
 
-def known_of(ground: Ground, component: Component) -> Known:
+def known_of(ground: Ground, component: Component | FreeBody) -> Known:
     """What is known of a component."""
     known, images = finite_rows(component.xyz), component.images
     lengths = []
@@ -77,24 +77,31 @@ def known_of(ground: Ground, component: Component) -> Known:
     )
 
 
-def datum_of(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, *, attitudes: bool
-) -> Datum:
-    """The datum of a component by control, positions, distances and, where asked for, attitudes."""
-    c, p, poses = ground.control, ground.positions, component.poses
+def body_of(component: Component, rays: ImagePointRows) -> FreeBody:
+    """A component as a body: points and images are as precise as rays of typical length."""
+    spread = precision(component, rays) ** 2
+    covariance = np.broadcast_to(spread * np.eye(3), (len(component.xyz), 3, 3))
+    return FreeBody(component.poses, component.xyz, covariance, spread, angle_precision(component, rays))
+
+
+def datum_of(block: Block, ground: Ground, body: FreeBody, known: Known, *, attitudes: bool = False) -> Datum:
+    """The datum of a body by control, positions, distances and, where asked for, attitudes."""
+    c, p, poses = ground.control, ground.positions, body.poses
     control, position = known.control, known.position
     image = p.image[position]
     n = len(control) + len(position)
-    ends = _ends(known, c.point[control], len(component.xyz), n)
+    ends = _ends(known, c.point[control], len(body.xyz), n)
     distances = tuple(_distances(*of, *place) for of, place in zip(known.lengths, ends.place))
-    x = np.concatenate([component.xyz[c.point[control]], poses.position_m[image], ends.where(component)])
+    x = np.concatenate([body.xyz[c.point[control]], poses.position_m[image], ends.where(body)])
     more = len(x) - n
     return Datum(
         name=tuple(f"point {i}" for i in block.points.id[c.point[control]])
         + tuple(f"image {i}" for i in block.images.id[image])
         + ends.names(block),
         x=x,
-        covariance=np.tile(precision(component, rays) ** 2 * np.eye(3), (len(x), 1, 1)),
+        covariance=np.concatenate(
+            [body.covariance[c.point[control]], _centres(body, len(image)), ends.covariance(body)]
+        ),
         offset_m=np.concatenate(
             [np.zeros((len(control), 3)),
              np.einsum("nij,nj->ni", poses.ground_from_image[image], p.lever_arm_m[position]), np.zeros((more, 3))]
@@ -108,48 +115,47 @@ def datum_of(
         distances=distances,
         row=np.append(np.concatenate([c.row[control], p.row[position]]), np.full(more, -1)),
         id=np.array([*block.points.id[c.point[control]], *block.images.id[image], *ends.names(block)], dtype=np.str_),
-        attitudes=_attitudes(block, ground, component, rays, known.attitude) if attitudes else None,
+        attitudes=_attitudes(block, ground, body, known.attitude) if attitudes else None,
     )  # fmt: skip
 
 
-def held_datum(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known
-) -> tuple[Datum, Known]:
+def held_datum(block: Block, ground: Ground, body: FreeBody, known: Known) -> tuple[Datum, Known]:
     """A datum without control and positions: the first projection centre is held, the direction without attitudes.
 
     And what is known that takes part in it.
 
     Parameters
     ----------
-    component : Component
-        In a frame of its own: there the first image stays where it is, and the scale without distances.
+    body : FreeBody
+        There the first image stays where it is, and the scale without distances.
     """
     if not len(known.attitude):  # nothing tells what is up
         known = replace(known, lengths=tuple((part, some) for part, rows in known.lengths
                                              if len(some := rows[~part.levelled[rows]])))  # fmt: skip
-    made = datum_of(block, ground, component, rays, known, attitudes=True)
-    first = int(np.flatnonzero(component.images)[0])
-    spot = component.poses.position_m[first : first + 1]
+    made = datum_of(block, ground, body, known, attitudes=True)
+    first = int(np.flatnonzero(body.images)[0])
+    spot = body.poses.position_m[first : first + 1]
     attitudes = made.attitudes
     if attitudes is None:
-        eye, R = np.eye(3)[None], component.poses.ground_from_image[first : first + 1]
+        eye, R = np.eye(3)[None], body.poses.ground_from_image[first : first + 1]
         attitudes = GivenAttitudes(
             f"{HELD} direction", -np.ones(1, dtype=int), np.array(["held"]), R, R, eye, HELD_SIGMA**2 * eye
         )
     distances = tuple(replace(d, start=d.start + 1, end=d.end + 1) for d in made.distances)
     x = np.concatenate([spot, made.x])
     if not distances:
-        base = np.linalg.norm(component.poses.position_m - spot, axis=1)
+        base = np.linalg.norm(body.poses.position_m - spot, axis=1)
         farthest = int(np.nanargmax(base))
-        x = np.concatenate([spot, component.poses.position_m[farthest : farthest + 1]])
+        x = np.concatenate([spot, body.poses.position_m[farthest : farthest + 1]])
         ends, one, none = (np.array([0]), np.array([1])), np.ones(1), np.zeros(1)
-        length = (base[farthest] * one, HELD_SIGMA * one, none > 0, none)
-        distances = (GivenDistances(f"{HELD} base", *HELD_ROW, *ends, *length),)
+        distances = (
+            GivenDistances(f"{HELD} base", *HELD_ROW, *ends, base[farthest] * one, HELD_SIGMA * one, none > 0, none),
+        )
     n = len(x)
     held = Datum(
         name=("held", *made.name),
         x=x,
-        covariance=np.tile(precision(component, rays) ** 2 * np.eye(3), (n, 1, 1)),
+        covariance=_centres(body, n),
         offset_m=np.zeros((n, 3)),
         xyz_m=np.zeros((n, 3)),
         covariance_m2=np.tile(HELD_SIGMA**2 * np.eye(3), (n, 1, 1)),
@@ -181,11 +187,16 @@ class Ends:
     is_image: Bool
     place: tuple[tuple[Int, Int], ...]
 
-    def where(self, component: Component) -> Float:
-        """The further ones in the component, (k, 3)."""
+    def where(self, body: FreeBody) -> Float:
+        """The further ones in the body, (k, 3)."""
         image, zero = self.is_image, np.zeros_like(self.row)
         at, of = (np.where(some, self.row, zero) for some in (image, ~image))
-        return np.where(image[:, None], component.poses.position_m[at], component.xyz[of])
+        return np.where(image[:, None], body.poses.position_m[at], body.xyz[of])
+
+    def covariance(self, body: FreeBody) -> Float:
+        """Of the same, (k, 3, 3)."""
+        image = self.is_image
+        return np.where(image[:, None, None], _centres(body, len(image)), body.covariance[np.where(image, 0, self.row)])
 
     def names(self, block: Block) -> tuple[str, ...]:
         """What messages call them."""
@@ -215,17 +226,20 @@ def _distances(part: Lengths, rows: Int, start: Int, end: Int) -> GivenDistances
     return GivenDistances(part.kind, s.row, s.names, start, end, s.value, s.sigma, part.plan[rows], rise)
 
 
-def _attitudes(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, rows: Int
-) -> GivenAttitudes | None:
+def _centres(body: FreeBody, n: int) -> Float:
+    """Covariances of n projection centres."""
+    return np.tile(body.centre_variance * np.eye(3), (n, 1, 1))
+
+
+def _attitudes(block: Block, ground: Ground, body: FreeBody, rows: Int) -> GivenAttitudes | None:
     if not len(rows):
         return None
     a = ground.attitudes
-    turned = component.poses.ground_from_image[a.image[rows]]
     back = np.linalg.inv(a.turning[rows])
-    own = angle_precision(component, rays) ** 2 * back @ back.swapaxes(1, 2)
-    return GivenAttitudes("attitude", a.row[rows], block.images.id[a.image[rows]], turned, a.ground_from_image[rows],
-                          a.turning[rows], a.covariance_rad2[rows] + own)  # fmt: skip
+    own = body.turn_rad**2 * back @ back.swapaxes(1, 2)
+    return GivenAttitudes("attitude", a.row[rows], block.images.id[a.image[rows]],
+                          body.poses.ground_from_image[a.image[rows]], a.ground_from_image[rows], a.turning[rows],
+                          a.covariance_rad2[rows] + own)  # fmt: skip
 
 
 def precision(component: Component, rays: ImagePointRows) -> float:

@@ -11,6 +11,7 @@ from aatri.adapters.ground.direct import boresight_sigma
 from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
+from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.rotations import exp_rotation
 from aatri.notes import Note
 from aatri.observations.attitudes import attitudes_of
@@ -131,6 +132,9 @@ def _lengths(block: Block) -> tuple[tuple[Lengths, ...], list[Note]]:
 
 def seen_attitudes(block: Block) -> tuple[SeenAttitudes, list[Note]]:
     """Attitudes of cameras whose boresight is known or weighted; a note of the others."""
+    if not (block.exterior.angle_use == OBSERVED_VALUE).any():  # nothing to convert: the frame may be none
+        none: Int = np.zeros(0, dtype=np.int32)
+        return SeenAttitudes(none, none, *(np.zeros((0, 3, 3)) for _ in range(3))), []
     frame, n = frame_of(block), len(block.images)
     nowhere = Poses(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
     rows = attitudes_of(Given(block, None, np.zeros(3), {POSE: nowhere}, frame=frame, geodesy=geodesy_of(block, frame)))

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from aatri.adapters.ground.control_fit import exchange_notes, height_notes
-from aatri.adapters.ground.initial_datum import Known, datum_of, held_datum, known_of, precision
+from aatri.adapters.ground.initial_datum import Known, body_of, datum_of, held_datum, known_of, precision
 from aatri.adapters.ground.initial_neighbours import ground_of_neighbours
 from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_tests import (
@@ -23,7 +21,6 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose, transform
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
@@ -130,7 +127,7 @@ def _otherwise(
     why = alone.what
     try:
         if by_all is not None:
-            to = by_all(component, _body(component)[1])
+            to = by_all(component, body_of(component, rays).up)
             text = f"{what}: oriented by observations of all kinds together; without them {alone.what}"
             return (
                 OnGround(moved(component, to), known_of(ground, component), None, to, False, False),
@@ -188,7 +185,8 @@ def _free(
 ) -> tuple[OnGround, list[Note]]:
     """A component without control and positions: its scale by distances, its rotation by attitudes, else held."""
     own, similarity = first_base_one(component)
-    datum, known = held_datum(block, ground, own, rays, known)
+    body = body_of(own, rays)
+    datum, known = held_datum(block, ground, body, known)
     scaled, turned = sum(len(rows) for _, rows in known.lengths), len(known.attitude)
     told = [f"its scale that of {scaled} distances" if scaled else "the first base is 1"]
     if turned:
@@ -196,8 +194,7 @@ def _free(
     note = Note("warning", f"no control and no observed positions: the datum is free, {', '.join(told)}")
     if not scaled and not turned:
         return OnGround(own, known, None, similarity, False, True), [note]
-    body, up = _body(own)
-    oriented = orient_component(datum, body, up, what="the block", limit=limit, weakest=0.0, stiff=True)
+    oriented = orient_component(datum, body.places, body.up, what="the block", limit=limit, weakest=0.0, stiff=True)
     to = oriented.ground_from_component
     own = moved(own, to)
     differ = two_that_differ(known, own, precision(own, rays), limit)
@@ -209,11 +206,11 @@ def _oriented(
     weakest: float = UNDETERMINED,
 ) -> tuple[OnGround, list[Note]]:  # fmt: skip
     """By control, positions and distances; by attitudes as well where these leave something open."""
-    body, up = _body(component)
+    body = body_of(component, rays)
 
     def by(known: Known, *, attitudes: bool = False) -> OrientedComponent:
-        datum = datum_of(block, ground, component, rays, known, attitudes=attitudes)
-        return orient_component(datum, body, up, what=what, limit=limit, weakest=weakest, stiff=True)
+        datum = datum_of(block, ground, body, known, attitudes=attitudes)
+        return orient_component(datum, body.places, body.up, what=what, limit=limit, weakest=weakest, stiff=True)
 
     def part(known: Known, result: OrientedComponent, *, attitudes: bool = False) -> OnGround:
         to = result.ground_from_component
@@ -238,13 +235,6 @@ def _oriented(
         if alone.tied.tau_m == 0 and contradicts(block, ground, left, made.component, limit):
             return made, [contradiction_note(block, ground, left, made.component, kind, what)]
     return part(known, result), deformation_notes(result, precision(component, rays), what)
-
-
-def _body(component: Component) -> tuple[Float, Float]:
-    """All points of a component, and the direction against the mean viewing direction of its images."""
-    images = component.images
-    body = np.concatenate([component.xyz[finite_rows(component.xyz)], component.poses.position_m[images]])
-    return body, component.poses.ground_from_image[images][:, :, 2].mean(axis=0)
 
 
 def moved(component: Component, to: Similarity) -> Component:

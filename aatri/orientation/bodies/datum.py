@@ -4,10 +4,54 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import KIND as CONTROL
+from aatri.observations.poses import Poses
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
+
+
+@dataclass(frozen=True)
+class FreeBody:
+    """A component of images and points in a frame of its own; rows are those of all images and points of the block.
+
+    Attributes
+    ----------
+    poses : Poses
+        NaN where it has no image.
+    xyz : (n_points, 3) float64
+        NaN where it has no point.
+    covariance : (n_points, 3, 3) float64
+        Of the points.
+    centre_variance : float
+        Of a coordinate of a projection centre.
+    turn_rad : float, rad
+        Standard deviation of the rotations of the images.
+    """
+
+    poses: Poses
+    xyz: Float
+    covariance: Float
+    centre_variance: float
+    turn_rad: float
+
+    @property
+    def images(self) -> Bool:
+        """Which images it has, (n_images,)."""
+        return finite_rows(self.poses.position_m)
+
+    @property
+    def places(self) -> Float:
+        """All points and projection centres."""
+        return np.concatenate([self.xyz[finite_rows(self.xyz)], self.poses.position_m[self.images]])
+
+    @property
+    def up(self) -> Float:
+        """Direction against the mean viewing direction of its images."""
+        return np.asarray(self.poses.ground_from_image[self.images][:, :, 2].mean(axis=0))
 
 
 @dataclass(frozen=True)
