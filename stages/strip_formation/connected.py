@@ -10,22 +10,22 @@ Source: docs/formulas.md 3.5, 3.6; the lecture notes' relative orientation with 
 
 from __future__ import annotations
 
-from aatri.adapters.solution import check_same_block
-from aatri.adapters.strips.joined_models import JointRules, joined_models
+from aatri.adapters.strips.model_chains import carried_scales
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
-from aatri.notes import tell
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.orientation.strips.joints import JointTable, ModelTable, with_given_scales
+from aatri.plugin import SILENT, Context, stage
+
+from ._joined import JoiningOptions, joined
 
 
-class ConnectedOptions(Options):
+class ConnectedOptions(JoiningOptions):
     """Options of the strip formation."""
 
-    min_connection_points: int = Field(
-        2, ge=1, description="models with fewer usable common points are not joined: the strip is split there"
-    )
-    scale_jump: float = Field(2.0, gt=1, description="a scale factor above this, or below its inverse, is reported")
+
+LIMIT = 4.0
+"""Connection points whose scales disagree by more standard deviations are told; relative orientation has rejected."""
 
 
 @stage(version=1, uses=("images.strip",))
@@ -37,8 +37,8 @@ def connected(
     context: Context = SILENT,
 ) -> Strips:
     """Join the models of every strip."""
-    check_same_block(block, models.images.id, "models")
-    rules = JointRules(options.min_connection_points, 4.0, options.scale_jump, "connected")
-    strips, notes = joined_models(block, models, rules)
-    tell(notes, context)
-    return strips
+
+    def carried(_: ModelTable, joints: JointTable) -> JointTable:
+        return with_given_scales(joints, *carried_scales(models, joints))
+
+    return joined(block, models, carried, options, context, limit=LIMIT, rejecting=False)

@@ -18,33 +18,22 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.rejection_notes import rejection_notes
-from aatri.adapters.solution import check_same_block
-from aatri.adapters.strips.joined_models import JointRules, joined_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
-from aatri.notes import tell
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.orientation.strips.joints import with_mean_scales
+from aatri.plugin import SILENT, Context, Field, stage
+
+from ._joined import SnoopingOptions, joined, limit_of_joints
 
 
-class ScaleTransferOptions(Options):
+class ScaleTransferOptions(SnoopingOptions):
     """Options of the strip formation."""
 
-    min_connection_points: int = Field(
-        2, ge=1, description="models with fewer usable common points are not joined: the strip is split there"
-    )
-    snooping_limit: float | None = Field(
-        None,
-        gt=0,
-        description="a connection point is rejected if its scale is wrong by more standard deviations; null: by the "
-        "number of points, 4 at least",
-    )
     estimator: Literal["robust", "weighted", "mean"] = Field(
         "robust",
         description="weighted mean with rejection; weighted mean of all points; plain mean, as of three points",
     )
-    scale_jump: float = Field(2.0, gt=1, description="a scale factor above this, or below its inverse, is reported")
 
 
 @stage(version=2, uses=("images.strip",))
@@ -56,8 +45,8 @@ def scale_transfer(
     context: Context = SILENT,
 ) -> Strips:
     """Join the models of every strip."""
-    check_same_block(block, models.images.id, "models")
-    rules = JointRules(options.min_connection_points, options.snooping_limit, options.scale_jump, options.estimator)
-    strips, notes = joined_models(block, models, rules)
-    tell([*notes, *rejection_notes(strips.suspects, "strip_formation")], context)
-    return strips
+    plain, limit = options.estimator == "mean", limit_of_joints(models, options.snooping_limit)
+    return joined(
+        block, models, lambda _, joints: with_mean_scales(joints) if plain else joints, options, context, limit=limit,
+        rejecting=options.estimator == "robust",
+    )  # fmt: skip

@@ -1,21 +1,19 @@
-"""Models of a block as chains of neighbours, and the Strips made of them."""
+"""Models of a block as chains of neighbours, and as the methods that join them want them."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from aatri.adapters.pairs.image_pairs import images_of_strip
-from aatri.adapters.solution import stacked
-from aatri.arrays import Int, Text
+from aatri.adapters.pairs.models import SCALE
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
-from aatri.artifacts.strips import Discrepancies, FreeStrips, Gaps, Joints, StripImages, StripPoints, Strips
-from aatri.artifacts.suspects import Suspects
-from aatri.orientation.strips.chain import form_strips
+from aatri.errors import GeometryError
 from aatri.orientation.strips.joints import JointTable, ModelTable
 
 
@@ -68,6 +66,31 @@ def active_rows(models: Models) -> Int:
     return rows[np.lexsort((p.point[rows], p.model[rows]))]
 
 
+def carried_scales(models: Models, joints: JointTable) -> tuple[Float, Float, Bool]:
+    """Scales of the second models of joints as the models carry them, their sigmas, and the points not rejected there.
+
+    Raises
+    ------
+    GeometryError
+        If the models carry none.
+    """
+    e = models.elements
+    rows = np.zeros(0, dtype=np.int64) if e is None else np.flatnonzero(e.name == SCALE)
+    if e is None or not len(rows):
+        raise GeometryError(
+            "the models carry no scale of their connection",
+            remedy="take relative_orientation/connected before it, or strip_formation/scale_transfer",
+        )
+    scale, sigma = np.full(len(models.orientations), np.nan), np.full(len(models.orientations), np.nan)
+    scale[e.model[rows]], sigma[e.model[rows]] = e.value[rows], e.sigma[rows]
+    s, ties = models.suspects, models.suspects.kind == "model_tie"
+    rejected = set(zip(s.image[ties].tolist(), s.point[ties].tolist()))
+    names = models.orientations.id[joints.second[joints.of_row()]].tolist()
+    points = models.points.id[models.model_points.point[active_rows(models)[joints.first_row]]].tolist()
+    active = np.array([tie not in rejected for tie in zip(names, points)], dtype=bool)
+    return scale[joints.second], sigma[joints.second], active
+
+
 def unbroken_runs(block: Block, models: Models) -> tuple[list[Chain], list[Gap]]:
     """Runs of neighbouring models in every strip of the Block, before joining, and what breaks them."""
     o, u = models.orientations, models.unformed
@@ -106,6 +129,29 @@ def _runs_without_strip(block: Block, models: Models) -> list[Chain]:
     return runs
 
 
+def chains_of(runs: Sequence[Chain], open_joints: Mapping[int, str]) -> tuple[list[Chain], list[Gap]]:
+    """Runs of neighbouring models with their joints, numbered run by run; split at those that are not made.
+
+    Parameters
+    ----------
+    open_joints : mapping
+        Why a joint is not made, by its number.
+    """
+    chains, gaps, joint = list[Chain](), list[Gap](), -1
+    for run in runs:
+        chains.append(Chain(run.strip, run.images[:2], run.models[:1]))
+        for image, following, model in zip(run.images[1:], run.images[2:], run.models[1:]):
+            joint += 1
+            if joint in open_joints:
+                gaps.append(Gap(run.strip, image, following, open_joints[joint]))
+                chains.append(Chain(run.strip, [image, following], [model]))
+                continue
+            chains[-1].models.append(model)
+            chains[-1].images.append(following)
+            chains[-1].joints.append(joint)
+    return chains, gaps
+
+
 def images_left_alone(block: Block, chains: Sequence[Chain]) -> list[Gap]:
     """Active images that are in no free strip."""
     placed = {image for chain in chains for image in chain.images}
@@ -115,99 +161,3 @@ def images_left_alone(block: Block, chains: Sequence[Chain]) -> list[Gap]:
         Gap(int(strip[row]), row, -1, "image alone: " + ("no model" if strip[row] >= 0 else "it belongs to no strip"))
         for row in alone
     ]
-
-
-def free_strip_ids(block: Block, chains: Sequence[Chain]) -> list[str]:
-    """The Block's id of the strip, with .1 .2 ... where it is broken."""
-    of_strip = [chain.strip for chain in chains]
-    ids: list[str] = []
-    taken = set(block.strips.id.tolist())
-    for k, strip in enumerate(of_strip):
-        number = of_strip[: k + 1].count(strip)
-        if strip < 0:
-            name = f"found {number}"
-            ids.append(name if name not in taken else f"{name} by overlap")
-            continue
-        ids.append(str(block.strips.id[strip]) + (f".{number}" if of_strip.count(strip) > 1 else ""))
-    return ids
-
-
-def strips_of(
-    block: Block, models: Models, table: ModelTable, joints: JointTable, chains: Sequence[Chain], gaps: Sequence[Gap]
-) -> Strips:
-    """Strips of chains and their geometry."""
-    formed = form_strips(table, joints, [(chain.models, chain.joints) for chain in chains])
-    used = np.array([k for chain in chains for k in chain.joints], dtype=np.int64)
-    of_row = np.full(len(joints.first), -1)
-    of_row[used] = np.arange(len(used))
-    joint = of_row[joints.of_row()]
-    rows = np.flatnonzero(joint >= 0)
-    rows = rows[np.argsort(joint[rows], kind="stable")]
-    return Strips(
-        images=models.images,
-        points=models.points,
-        strips=FreeStrips(id=np.array(free_strip_ids(block, chains), dtype=np.str_)),
-        strip_images=StripImages(
-            strip=formed.image_strip.astype(np.int32),
-            image=np.array([image for chain in chains for image in chain.images], dtype=np.int32),
-            position=formed.position,
-            strip_from_image=formed.strip_from_image,
-        ),
-        strip_points=StripPoints(
-            strip=formed.strip.astype(np.int32),
-            point=formed.point.astype(np.int32),
-            xyz=formed.xyz,
-            covariance=formed.covariance,
-            models=formed.models.astype(np.int32),
-        ),
-        joints=_joints(joints, chains, used),
-        discrepancies=Discrepancies(
-            joint=joint[rows].astype(np.int32),
-            point=table.point[joints.first_row[rows]].astype(np.int32),
-            xyz=formed.placed[joints.second_row[rows]] - formed.placed[joints.first_row[rows]],
-            log_scale=joints.log_scale[rows],
-            active=joints.active[rows],
-        ),
-        gaps=_gaps(block, gaps),
-        suspects=stacked([models.suspects, _suspects(block, models, table, joints, rows[~joints.active[rows]])]),
-    )
-
-
-def _joints(joints: JointTable, chains: Sequence[Chain], used: Int) -> Joints:
-    count = np.array([len(chain.joints) for chain in chains], dtype=np.int64)
-    return Joints(
-        strip=np.repeat(np.arange(len(chains)), count).astype(np.int32),
-        image=np.array([image for chain in chains for image in chain.images[1:-1]], dtype=np.int32),
-        scale=joints.scale[used],
-        sigma=joints.sigma[used],
-        points=joints.used()[used].astype(np.int32),
-    )
-
-
-def _gaps(block: Block, gaps: Sequence[Gap]) -> Gaps:
-    def named(table: Text, row: int) -> str:
-        return str(table[row]) if row >= 0 else ""
-
-    return Gaps(
-        strip=np.array([named(block.strips.id, gap.strip) for gap in gaps], dtype=np.str_),
-        left=np.array([named(block.images.id, gap.left) for gap in gaps], dtype=np.str_),
-        right=np.array([named(block.images.id, gap.right) for gap in gaps], dtype=np.str_),
-        reason=np.array([gap.reason for gap in gaps], dtype=np.str_),
-    )
-
-
-def _suspects(block: Block, models: Models, table: ModelTable, joints: JointTable, rows: Int) -> Suspects:
-    """Rejected connection points, under the id of the second model."""
-    n = len(rows)
-    return Suspects(
-        kind=np.full(n, "model_tie"),
-        row=np.full(n, -1, dtype=np.int32),
-        image=models.orientations.id[joints.second[joints.of_row()[rows]]],
-        point=block.points.id[table.point[joints.first_row[rows]]],
-        stage=np.full(n, "strip_formation"),
-        size=joints.size[rows],
-        unit=np.full(n, "log scale"),
-        sigma=joints.size_sigma[rows],
-        test=joints.test[rows],
-        verdict=np.full(n, "rejected"),
-    )

@@ -24,7 +24,7 @@ from aatri.orientation.strips.kernels.means import means
 
 
 @dataclass(frozen=True)
-class FreeStrips:
+class ChainedModels:
     """Free strips, one after the other.
 
     Attributes
@@ -58,7 +58,7 @@ class FreeStrips:
 
 def form_strips(
     models: ModelTable, joints: JointTable, chains: Sequence[tuple[Sequence[int], Sequence[int]]]
-) -> FreeStrips:
+) -> ChainedModels:
     """Chain models to strips.
 
     Parameters
@@ -86,7 +86,7 @@ def form_strips(
     rows = np.flatnonzero(use)
     rows = rows[np.argsort(place[of_row[rows]], kind="stable")]
     means = _means(strip, models, rows, m, R, placed)
-    return FreeStrips(np.repeat(np.arange(len(chains)), count + 1), position, rotation, *means, placed)
+    return ChainedModels(np.repeat(np.arange(len(chains)), count + 1), position, rotation, *means, placed)
 
 
 def _nowhere(n: int) -> tuple[Int, Float, Float, Float]:

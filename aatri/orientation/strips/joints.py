@@ -19,7 +19,7 @@ Source: docs/formulas.md 3.5 (of the textbook k = (Z2a - Bza) / Z1b, the mean of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -151,6 +151,31 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
         _adjust(found, a, b, *_observed(of_models, first_row[rows], second_row[rows]), snooping_limit)
     found.spread[:] = _spreads(models, found)
     return found
+
+
+def with_mean_scales(joints: JointTable) -> JointTable:
+    """The joints with the plain mean of the scales of all points; their scatter gives the standard deviation."""
+    own, of_row = np.exp(joints.log_scale) * joints.scale[joints.of_row()], joints.of_row()
+    count = np.bincount(of_row, minlength=len(joints.first))
+    mean = np.bincount(of_row, own, minlength=len(count)) / np.where(count > 0, count, np.nan)
+    square = np.bincount(of_row, (own - mean[of_row]) ** 2, minlength=len(count))
+    sigma = np.sqrt(square / np.where(count > 1, count * (count - 1), np.nan))
+    return replace(
+        joints, scale=mean, sigma=sigma, active=np.ones(len(own), dtype=bool), log_scale=np.log(own / mean[of_row])
+    )
+
+
+def with_given_scales(joints: JointTable, scale: Float, sigma: Float, active: Bool) -> JointTable:
+    """The joints with scales from elsewhere, (j,), and the points used, (n,)."""
+    of_row = joints.of_row()
+    own = joints.log_scale + np.log(joints.scale[of_row])
+    return replace(joints, scale=scale, sigma=sigma, log_scale=own - np.log(scale)[of_row], active=active)
+
+
+def turns_round(models: ModelTable, joints: JointTable) -> Bool:
+    """Joints at which the base of the second model runs against that of the first, (j,)."""
+    before = np.einsum("nji,nj->ni", models.left_from_right[joints.first], models.base[joints.first])
+    return np.asarray((before * models.base[joints.second]).sum(axis=1) < 0)
 
 
 def _common(models: ModelTable, first: Int, second: Int) -> tuple[Int, Int, Int]:

@@ -1,0 +1,146 @@
+"""What the variants share: options, joining the models of every strip, and what is to be said of joints and gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from aatri.adapters.rejection_notes import rejection_notes
+from aatri.adapters.solution import check_same_block
+from aatri.adapters.strips.free_strips import strips_of
+from aatri.adapters.strips.model_chains import Gap, chains_of, images_left_alone, model_table, unbroken_runs
+from aatri.adapters.uncontrolled_before import notes_of
+from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.artifacts.block import Block
+from aatri.artifacts.models import Models
+from aatri.artifacts.strips import Strips
+from aatri.errors import GeometryError
+from aatri.notes import Note, tell
+from aatri.orientation.strips.joints import JointTable, ModelTable, scale_transfers, turns_round
+from aatri.plugin import Context, Field, Options
+
+CHECKED_POINTS = 3
+"""With fewer connection points a wrong one cannot be located."""
+
+NO_REJECTION = 1e9
+"""Limit of test statistics that no point exceeds."""
+
+UNSTABLE_SPREAD = 0.2
+"""Connection points that cover less of the width of the models make an unstable bridge."""
+
+
+class JoiningOptions(Options):
+    """Options of the strip formation."""
+
+    min_connection_points: int = Field(
+        2, ge=1, description="models with fewer usable common points are not joined: the strip is split there"
+    )
+    scale_jump: float = Field(2.0, gt=1, description="a scale factor above this, or below its inverse, is reported")
+
+
+class SnoopingOptions(JoiningOptions):
+    """Options of the strip formation with data snooping of the connection points."""
+
+    snooping_limit: float | None = Field(
+        None,
+        gt=0,
+        description="a connection point is rejected if its scale is wrong by more standard deviations; null: by the "
+        "number of points, 4 at least",
+    )
+
+
+def limit_of_joints(models: Models, limit: float | None) -> float:
+    """Limit of the test statistics of connection points; by the number of points where none is given."""
+    return limit_of_tests(int(models.model_points.active.sum())) if limit is None else limit
+
+
+def joined(
+    block: Block, models: Models, method: Callable[[ModelTable, JointTable], JointTable], options: JoiningOptions,
+    context: Context, *, limit: float, rejecting: bool,
+) -> Strips:  # fmt: skip
+    """Join the models of every strip.
+
+    Parameters
+    ----------
+    method : callable
+        The joints as a variant wants them, from those of the weighted mean.
+    limit : float
+        Test statistics of connection points above it disagree; they are rejected where the variant is `rejecting`.
+
+    Raises
+    ------
+    GeometryError
+        If there are no models.
+    """
+    check_same_block(block, models.images.id, "models")
+    runs, gaps = unbroken_runs(block, models)
+    if not runs:
+        raise GeometryError(
+            f"no strip: none of {len(models.unformed)} pairs of neighbouring images makes a model",
+            remedy="see the reasons in the table `unformed` of the relative orientation; check strip and sequence",
+        )
+    table = model_table(models)
+    first = np.array([model for run in runs for model in run.models[:-1]], dtype=np.int64)
+    second = np.array([model for run in runs for model in run.models[1:]], dtype=np.int64)
+    transfers = scale_transfers(table, first, second, snooping_limit=limit if rejecting else NO_REJECTION)
+    joints = method(table, transfers)
+    chains, breaks = chains_of(runs, _open_joints(models, joints, options.min_connection_points))
+    gaps += [*breaks, *images_left_alone(block, chains)]
+    strips = strips_of(block, models, table, joints, chains, gaps)
+    at = {joint: image for chain in chains for joint, image in zip(chain.joints, chain.images[1:])}
+    notes = [*_notes_of_joints(block, models, joints, at, options, limit), *(_note_of_gap(block, gap) for gap in gaps)]
+    turned = tuple(str(block.images.id[at[k]]) for k in np.flatnonzero(turns_round(table, joints)).tolist() if k in at)
+    if turned:
+        text = "strips turn round (the base runs backwards): is the sequence of the images right?"
+        notes.append(Note("warning", text, turned))
+    notes.append(Note("note", f"{len(chains)} free strips", tuple(strips.strips.id.tolist())))
+    assert strips.uncontrolled is not None  # of strips_of
+    notes += notes_of(strips.uncontrolled, "are in one model of their strip")
+    tell([*notes, *(rejection_notes(strips.suspects, "strip_formation") if rejecting else ())], context)
+    return strips
+
+
+def _open_joints(models: Models, joints: JointTable, needed: int) -> dict[int, str]:
+    """Why models are not joined, by joint."""
+    used, open_ = joints.used(), {}
+    for joint in np.flatnonzero((used < needed) | ~np.isfinite(joints.scale)).tolist():
+        few = f"share {used[joint]} usable points, {needed} are needed"
+        what = few if used[joint] < needed else "carry no scale of their connection"
+        open_[joint] = f"models {_names(models, joints, joint)} {what}"
+    return open_
+
+
+def _names(models: Models, joints: JointTable, joint: int) -> str:
+    return f"{models.orientations.id[joints.first[joint]]} and {models.orientations.id[joints.second[joint]]}"
+
+
+def _notes_of_joints(
+    block: Block, models: Models, joints: JointTable, at: dict[int, int], options: JoiningOptions, limit: float
+) -> list[Note]:
+    """What is to be said of joints that are made, each at its image."""
+    used, worst, scale = joints.used(), joints.largest_test(), joints.scale
+    jumps = ~((scale >= 1 / options.scale_jump) & (scale <= options.scale_jump))
+    few, disagree = used < CHECKED_POINTS, worst > limit
+    unstable = ~few & (joints.spread < UNSTABLE_SPREAD)
+    notes = []
+    for k in np.flatnonzero(jumps | few | disagree | unstable).tolist():
+        texts = (
+            (jumps, f"the scale jumps by a factor of {scale[k]:.3g}: change of height, or wrong points"),
+            (few, f"only {used[k]} connection points: a wrong one cannot be located"),
+            (disagree, f"the scales of the connection points disagree by {worst[k]:.1f} standard deviations"),
+            (
+                unstable,
+                f"bridge unstable: the connection points cover {joints.spread[k]:.0%} of the width of the models",
+            ),
+        )
+        if k in at:
+            joint = f"joint of {_names(models, joints, k)} at image {block.images.id[at[k]]}"
+            notes += [Note("warning", f"{joint}: {text}") for holds, text in texts if holds[k]]
+    return notes
+
+
+def _note_of_gap(block: Block, gap: Gap) -> Note:
+    strip = f"strip {block.strips.id[gap.strip]}" if gap.strip >= 0 else "no strip"
+    images = " - ".join(str(block.images.id[row]) for row in (gap.left, gap.right) if row >= 0)
+    return Note("warning", f"{strip}, {images}: {gap.reason}")
