@@ -30,6 +30,7 @@ from aatri.artifacts.block import (
     CameraParameters,
     Cameras,
     Exterior,
+    FiducialPoints,
     Files,
     Frames,
     Geodetic,
@@ -43,7 +44,7 @@ from aatri.artifacts.block import (
 )
 from aatri.errors import InputError
 from aatri.ids import printable
-from aatri.tables.schema import is_optional, tables_of
+from aatri.tables.schema import Table, columns_of, is_optional, tables_of
 
 Columns = Mapping[str, Any]
 """Columns of a table by name."""
@@ -55,11 +56,12 @@ PLAIN: Mapping[str, Any] = {
 
 
 def block_of(
-    *, name: str, files: Sequence[Path | str] = (), cameras: Columns | None = None, images: Columns | None = None,
-    image_points: Columns | None = None, camera_parameters: Columns | None = None, points: Iterable[str] = (),
+    *, name: str, files: Sequence[Path | str] = (), cameras: Columns | Table | None = None,
+    camera_parameters: Columns | Table | None = None, images: Columns | None = None,
+    image_points: Columns | None = None, points: Iterable[str] = (),
     ground_points: Columns | None = None, ground_point_covariances: Columns | None = None,
     exterior: Columns | None = None, geodetic: Columns | None = None, geodetic_covariances: Columns | None = None,
-    **others: Any,
+    fiducial_points: Columns | None = None, **others: Any,
 ) -> Block:  # fmt: skip
     """The Block of some columns.
 
@@ -68,8 +70,8 @@ def block_of(
     name : str
     files : sequence of Path
         The columns `file` count in it.
-    cameras ... geodetic_covariances : mapping of str to array
-        Columns of these tables.
+    cameras ... fiducial_points : mapping of str to array
+        Columns of these tables; cameras may be tables.
     points : iterable of str
         Ids that rows of `point` count in, and of points that nothing measures.
     others
@@ -81,10 +83,10 @@ def block_of(
         If an id stands twice, or one that is named is nowhere given.
     """
     paths = [str(path) for path in files]
-    cameras, images, image_points, ground_points, exterior, geodetic = (
+    cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points = (
         _plain_columns(columns, paths)
-        for columns in (cameras, images, image_points, ground_points, exterior, geodetic)
-    )  # fmt: skip
+        for columns in (cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points)
+    )
     camera_ids, image_ids = _Ids.of("camera", cameras, paths), _Ids.of("image", images, paths)
     local = list(points)
     named = [_texts_in(local), _texts_in(image_points.get("point", ())), _texts_in(ground_points.get("point", ()))]
@@ -104,8 +106,11 @@ def block_of(
     if image_points:
         measured = ImagePoints.of(**_with_rows(image_points, image=image_ids, point=point_ids))
         tables["image_points"] = measured.take(image_point_order(measured))
+    if fiducial_points:
+        marks = FiducialPoints.of(**_with_rows(fiducial_points, image=image_ids))
+        tables["fiducial_points"] = marks.take(np.lexsort((marks.fiducial, marks.image)))
     if camera_parameters:
-        of_cameras = CameraParameters.of(**_with_rows(camera_parameters, camera=camera_ids))
+        of_cameras = CameraParameters.of(**_with_rows(_plain_columns(camera_parameters, paths), camera=camera_ids))
         tables["camera_parameters"] = of_cameras.take(np.lexsort((of_cameras.name, of_cameras.camera)))
     if ground_points:
         ground = GroundPoints.of(**_with_rows(ground_points, point=point_ids))
@@ -188,8 +193,10 @@ def _texts_in(values: npt.ArrayLike) -> Text:
     return array.astype(np.str_) if array.size and array.dtype.kind not in "iu" else np.zeros(0, "U1")
 
 
-def _plain_columns(columns: Columns | None, paths: list[str]) -> dict[str, Any]:
+def _plain_columns(columns: Columns | Table | None, paths: list[str]) -> dict[str, Any]:
     """The columns with those of the table in the place of `at` and `sigma_m`; lines alone are of the one file."""
+    if isinstance(columns, Table):
+        return {name: getattr(columns, name) for name in columns_of(type(columns))}
     plain: dict[str, Any] = dict(columns or {})
     if "at" in plain:
         places = plain.pop("at")

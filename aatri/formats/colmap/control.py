@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.artifacts.block import Points
 from aatri.artifacts.builder import Columns
 from aatri.errors import InputError, raise_all
-from aatri.formats.tables.ground import GROUND_POINTS, ground_point_tables
+from aatri.formats.tables.columns import GROUND_POINTS
+from aatri.formats.tables.ground import ground_point_columns
 from aatri.formats.tables.settings.block import Settings
-from aatri.formats.tables.source import Source, texts
+from aatri.formats.tables.source import Source
 from aatri.formats.text.text_file import missing
-from aatri.ids import canonical
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import loads
 
@@ -44,14 +43,10 @@ def with_control(
         raise missing(control)
     settings = Settings.model_validate({"aatri_block": 1, "frames": {"local": {"axes": ["x", "y", "z"]}}})
     source = Source(control.parent, settings, loads("aatri_block: 1", str(control), InputError), reporter)
-    table = source.table(control.name, GROUND_POINTS)
+    columns, _ = ground_point_columns(source, source.table(control.name, GROUND_POINTS))
     raise_all(source.problems)
-    assert table is not None
-    ids = texts(canonical(table.text["point"]))
-    read = ground_point_tables(source, table, Points(id=ids), None).points
-    raise_all(source.problems)
-    given = {name: getattr(read, name) for name in start} | {"point": ids[read.point]}
-    given["file"] = np.full(len(read), len(paths), np.int32)
+    columns["file"] = np.full(len(columns["line"]), len(paths))
+    given = {name: np.asarray(columns[name]) for name in start}
     kept = ~np.isin(np.asarray(start["point"]), given["point"])
     both = {name: np.concatenate([np.asarray(values)[kept], given[name]]) for name, values in start.items()}
     return both, [*paths, control]

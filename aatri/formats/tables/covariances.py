@@ -9,26 +9,24 @@ ground_points.csv are empty.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.block import Geodetic, GeodeticCovariances, GroundPointCovariances, GroundPoints
 from aatri.errors import InputError
-from aatri.formats.tables.positions import COVARIANCES, SIGMAS
+from aatri.formats.tables.columns import COVARIANCES, SIGMAS
 from aatri.formats.tables.source import Source, choice, look_up
-from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.formats.text.csv_table import CsvTable
 from aatri.formats.text.number_text import number_of
 from aatri.frames.axes import columns_in_order
 
 TABLES = ("geodetic", "ground_points")
-COLUMNS = {"table": Column("text", "cell"), "row_a": Column("id", "cell"), "row_b": Column("id", "cell"),
-           "value": Column("number", "cell"), "coord_a": Column("text"), "coord_b": Column("text")}  # fmt: skip
 
 
 def read_covariances(source: Source) -> CsvTable | None:
     """covariances.csv as it stands; the tables it speaks of are there."""
-    table = source.table("covariances.csv", COLUMNS)
+    table = source.table("covariances.csv")
     if table is None:
         return None
     named = choice(table, "table", TABLES, "")
@@ -39,30 +37,26 @@ def read_covariances(source: Source) -> CsvTable | None:
     return table
 
 
-def geodetic_covariances(
-    source: Source, table: CsvTable | None, rows: Geodetic, unit: Float, order: Int
-) -> GeodeticCovariances:
-    """Covariances of geodetic observations, with the row numbers of the canonical order, the smaller one first.
+def geodetic_covariances(source: Source, table: CsvTable | None, n: int, unit: Float) -> dict[str, Any]:
+    """Covariances of geodetic observations, by rows of geodetic.csv; nothing where there are none, or faults.
 
     Parameters
     ----------
-    rows : Geodetic
-        In the order of the file.
+    n : int
+        Rows of geodetic.csv.
     unit : (n,) float64
         Factor of each observation's value to m or rad.
-    order : (n,) int
-        Rows of the file in canonical order.
     """
     chosen = _of(table, "geodetic")
     if table is None or not len(chosen):
-        return GeodeticCovariances.empty()
+        return {}
     before = len(source.problems)
     numbers = np.zeros((len(table), 2))
     for side, name in enumerate(("row_a", "row_b")):
         numbers[chosen, side] = [_number(table.text[name][k]) for k in chosen]
         mine = numbers[chosen, side]
-        wrong = (mine % 1 != 0) | (mine < 1) | (mine > len(rows))
-        table.complain(chosen[wrong], name, f"{name} is {{}}, but geodetic.csv has rows 1 to {len(rows)}",
+        wrong = (mine % 1 != 0) | (mine < 1) | (mine > n)
+        table.complain(chosen[wrong], name, f"{name} is {{}}, but geodetic.csv has rows 1 to {n}",
                        "rows are counted from 1, without the header")  # fmt: skip
         column = "coord" + name[3:]
         table.complain([k for k in chosen if table.text[column][k]], column, f"{column} is {{}}, but a geodetic "
@@ -70,13 +64,11 @@ def geodetic_covariances(
     table.complain(chosen[numbers[chosen, 0] == numbers[chosen, 1]], "row_b", "a variance, not a covariance",
                    "the variance is the square of sigma in geodetic.csv")  # fmt: skip
     if len(source.problems) > before:
-        return GeodeticCovariances.empty()
-    given = numbers[chosen].astype(np.intp) - 1
-    value = table.number["value"][chosen] * (unit[given[:, 0]] * unit[given[:, 1]])
-    pair = np.sort(np.argsort(order)[given], axis=1)
-    first = _without_repeats(table, chosen, pair)
-    pair, value = pair[first], value[first]
-    return GeodeticCovariances(row_a=pair[:, 0].astype(np.int32), row_b=pair[:, 1].astype(np.int32), value=value)
+        return {}
+    pair = np.sort(numbers[chosen].astype(np.intp) - 1, axis=1)
+    _refuse_repeats(table, chosen, pair)
+    value = table.number["value"][chosen] * (unit[pair[:, 0]] * unit[pair[:, 1]])
+    return {"row_a": pair[:, 0], "row_b": pair[:, 1], "value": value}
 
 
 def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTable:
@@ -102,9 +94,9 @@ def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTa
 
 
 def ground_point_covariances(
-    source: Source, table: CsvTable, covariances: CsvTable | None, frame: Int, rows: GroundPoints, order: Int
-) -> GroundPointCovariances:
-    """Covariances between two points, in right-handed axes and the rows of the canonical order.
+    source: Source, table: CsvTable, covariances: CsvTable | None, frame: Int, xyz_m: Float, covariance_m2: Float
+) -> dict[str, Any]:
+    """Covariances between two points, by rows of ground_points.csv and right-handed axes; nothing where none are.
 
     Parameters
     ----------
@@ -112,37 +104,31 @@ def ground_point_covariances(
         ground_points.csv.
     frame : (n,) int
         Frame of each of its rows.
-    rows : GroundPoints
-        In canonical order.
-    order : (n,) int
-        Rows of the file in canonical order.
+    xyz_m, covariance_m2 : (n, 3), (n, 3, 3) float64
+        Coordinates of its rows in right-handed axes, and their own covariances.
     """
     chosen = _of(covariances, "ground_points")
     if covariances is None or not len(chosen):
-        return GroundPointCovariances.empty()
+        return {}
     before = len(source.problems)
     row, axis = _places(covariances, table)
     chosen = chosen[row[chosen, 0] != row[chosen, 1]]
     covariances.complain(chosen[(frame[row[chosen]] > 0).any(axis=1)], "row_a", "a point of another frame than the "
                          "first", "covariances between points are read in the first frame only")  # fmt: skip
-    place = np.argsort(order)[row]
     axes = next(iter(source.settings.frames.values())).axes
-    axis = np.argsort(columns_in_order(axes))[axis]
-    variance = np.einsum("nii->ni", rows.covariance_m2)
+    row, axis = row[chosen], np.argsort(columns_in_order(axes))[axis[chosen]]
+    variance = np.einsum("nii->ni", covariance_m2)
     for side, name in enumerate(("row_a", "row_b")):
-        of_side = variance[place[chosen, side], axis[chosen, side]]
-        unknown = np.isnan(rows.xyz_m[place[chosen, side], axis[chosen, side]])
+        unknown = np.isnan(xyz_m[row[:, side], axis[:, side]])
         covariances.complain(chosen[unknown], name, f"{name} is {{}}, a point without this coordinate", "leave it out")
-        covariances.complain(chosen[~unknown & ~(of_side > 0)], name, f"{name} is {{}}, a point whose coordinate is "
+        exact = ~unknown & ~(variance[row[:, side], axis[:, side]] > 0)
+        covariances.complain(chosen[exact], name, f"{name} is {{}}, a point whose coordinate is "
                              "exact", "give it a standard deviation, or leave the covariance out")  # fmt: skip
     if len(source.problems) > before:
-        return GroundPointCovariances.empty()
-    pair = np.sort(3 * place[chosen] + axis[chosen], axis=1)
-    first = _without_repeats(covariances, chosen, pair)
-    pair = pair[first]
-    value = covariances.number["value"][chosen[first]] * source.settings.units.sigma_ground_m**2
-    a, b = pair.astype(np.int32).T
-    return GroundPointCovariances(row_a=a // 3, axis_a=a % 3, row_b=b // 3, axis_b=b % 3, value=value)
+        return {}
+    _refuse_repeats(covariances, chosen, np.sort(3 * row + axis, axis=1))
+    value = covariances.number["value"][chosen] * source.settings.units.sigma_ground_m**2
+    return {"row_a": row[:, 0], "axis_a": axis[:, 0], "row_b": row[:, 1], "axis_b": axis[:, 1], "value": value}
 
 
 def _of(table: CsvTable | None, name: str) -> Int:
@@ -186,9 +172,8 @@ def _number(text: str) -> float:
         return np.nan
 
 
-def _without_repeats(table: CsvTable, chosen: Int, pair: Int) -> Int:
-    """The order of the pairs; a fault for each that is given twice."""
+def _refuse_repeats(table: CsvTable, chosen: Int, pair: Int) -> None:
+    """A fault for each pair that is given twice."""
     first = np.lexsort((pair[:, 1], pair[:, 0]))
     twice = np.flatnonzero((np.diff(pair[first], axis=0) == 0).all(axis=1))
     table.complain(chosen[first[twice + 1]], "row_a", "this pair of rows is given twice", "remove one")
-    return first

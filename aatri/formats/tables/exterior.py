@@ -5,62 +5,43 @@ Angles always refer to the right-handed axes of the first frame, whatever the or
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE, Exterior
 from aatri.errors import InputError
-from aatri.formats.tables.images import ImageTables
-from aatri.formats.tables.positions import (
-    COORDINATES,
-    POSITION,
-    SIGMAS,
-    ask_for_sigma,
-    covariance_m2,
-    frames_of,
-    positions,
-    stacked,
-)
-from aatri.formats.tables.source import Source, angles_rad, choice, look_up, no_repeats, not_negative, texts
-from aatri.formats.text.csv_table import Column, CsvTable
-
-ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")
-
-EXTERIOR = {
-    "image": ID, "X": NUMBER, "Y": NUMBER, "Z": NUMBER, **POSITION, "a1": TEXT, "a2": TEXT, "a3": TEXT,
-    "s1": NUMBER, "s2": NUMBER, "s3": NUMBER, "use": TEXT, "refers_to": TEXT, "frame": TEXT, "drift_group": TEXT,
-}  # fmt: skip
+from aatri.formats.tables.columns import COORDINATES, EXTERIOR, SIGMAS
+from aatri.formats.tables.positions import ask_for_sigma, covariance_m2, frames_of, positions, stacked
+from aatri.formats.tables.source import Source, angles_rad, choice, look_up, no_repeats, not_negative
+from aatri.formats.text.csv_table import CsvTable
 
 
-def exterior_table(source: Source, images: ImageTables) -> Exterior:
-    """Exterior orientation sorted by image."""
-    table = source.table("exterior.csv", EXTERIOR)
+def exterior_columns(source: Source, images: Iterable[str]) -> dict[str, Any]:
+    """exterior.csv; nothing if it is not there or has faults, which are kept."""
+    table = source.table("exterior.csv")
     if table is None:
-        return Exterior.empty()
+        return {}
     no_repeats(table, ["image"], "image")
-    image = look_up(table, "image", images.row, "image", "add it to images.csv, or mend the id")
+    look_up(table, "image", dict.fromkeys(images, 0), "image", "add it to images.csv, or mend the id")
     use = choice(table, "use", ("", "observed", "approximate"), "")
-    refers = choice(table, "refers_to", ("projection_centre", "antenna"), "projection_centre")
+    columns = source.columns(table, EXTERIOR)
     frame = frames_of(source, table)
     xyz, sigma = stacked(table, COORDINATES), stacked(table, SIGMAS)
     position_use = _use(source, table, use, xyz, sigma, "position")
     angles, angle_sigma, angle_use = _attitudes(source, table, use, frame)
     if source.problems:
-        return Exterior.empty()
+        return {}
     default = source.settings.sigma.position
     if default is not None:
         sigma = np.where(np.isnan(sigma), default, sigma)
     sigma[(position_use == 0)[:, None] | np.isnan(xyz)] = np.nan
     xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
-    rows = Exterior(
-        image=image, position_m=xyz, position_covariance_m2=covariance, angles_rad=angles, angle_sigma_rad=angle_sigma,
-        position_use=position_use, angle_use=angle_use,
-        refers_to=np.where(np.array(refers) == "antenna", ANTENNA, PROJECTION_CENTRE).reshape(-1),
-        drift_group=texts(table.text["drift_group"]), file=source.file("exterior.csv", len(table)), line=table.line,
-    )  # fmt: skip
-    return rows.take(np.argsort(rows.image, kind="stable"))
+    return columns | {
+        "position_m": xyz, "position_covariance_m2": covariance, "angles_rad": angles, "angle_sigma_rad": angle_sigma,
+        "position_use": position_use, "angle_use": angle_use,
+    }  # fmt: skip
 
 
 def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float,

@@ -7,47 +7,30 @@ from a station to itself, or a distance that is not positive, is set aside with 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float, Int
-from aatri.artifacts.block import Geodetic, GeodeticCovariances
+from aatri.arrays import Float
 from aatri.errors import InputError
+from aatri.formats.tables.columns import GEODETIC
 from aatri.formats.tables.covariances import geodetic_covariances
-from aatri.formats.tables.source import Source, choice, look_up, plain_angle_rad, rad_of, texts, yes_no
-from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.formats.tables.source import Source, choice, look_up, plain_angle_rad, rad_of
+from aatri.formats.text.csv_table import CsvTable
 from aatri.formats.text.number_text import number_of
-
-ID, TEXT, NUMBER = Column("id", "cell"), Column("text"), Column("number")
 
 ANGLES = ("direction", "azimuth", "angle", "zenith")
 DISTANCES = ("distance", "horizontal_distance")
 TYPES = (*DISTANCES, *ANGLES, "height_difference", "dX", "dY", "dZ")
-REDUCED = ("no", "horizon", "ellipsoid", "map")
-
-GEODETIC = {
-    "type": Column("text", "cell"), "from": ID, "to": ID, "value": Column("text", "cell"),
-    "sigma": Column("text", "cell"), "via": Column("id"), "from_kind": TEXT, "to_kind": TEXT, "set": TEXT,
-    "group": TEXT, "h_from": NUMBER, "h_to": NUMBER, "active": TEXT, "reduced": TEXT,
-}  # fmt: skip
 
 
-class GeodeticTables(NamedTuple):
-    """Geodetic observations and their covariances."""
-
-    geodetic: Geodetic
-    covariances: GeodeticCovariances
-
-
-def geodetic_tables(
+def geodetic_columns(
     source: Source, images: Iterable[str], points: Iterable[str], covariances: CsvTable | None
-) -> GeodeticTables:
-    """Geodetic observations in canonical order, with their covariances."""
-    nothing = GeodeticTables(Geodetic.empty(), GeodeticCovariances.empty())
-    table = source.table("geodetic.csv", GEODETIC)
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """geodetic.csv and covariances of its rows; nothing where there are none, or faults, which are kept."""
+    table = source.table("geodetic.csv")
     if table is None:
-        return nothing
+        return {}, {}
     types = choice(table, "type", TYPES, "")
     kinds = {end: choice(table, f"{end}_kind", ("point", "image"), "point") for end in ("from", "to")}
     _check_ids(table, kinds, list(images), list(points))
@@ -56,20 +39,11 @@ def geodetic_tables(
     value, sigma = _values(source, table, types, "value"), _values(source, table, types, "sigma")
     table.complain(np.flatnonzero(sigma <= 0), "sigma", "sigma is {}", "a standard deviation is more than 0")
     if source.problems:
-        return nothing
-    units = source.settings.units
-    rows = Geodetic(
-        type=texts(_own_axis(source, t) for t in types), start=texts(table.text["from"]), end=texts(table.text["to"]),
-        via=texts(table.text["via"]), start_kind=texts(kinds["from"]), end_kind=texts(kinds["to"]), value=value,
-        sigma=sigma, set=texts(table.text["set"]), group=texts(table.text["group"]),
-        start_height_m=table.number["h_from"] * units.ground_m, end_height_m=table.number["h_to"] * units.ground_m,
-        active=yes_no(table, "active", True), reduced=texts(choice(table, "reduced", REDUCED, "no")),
-        file=source.file("geodetic.csv", len(table)), line=table.line,
-    )  # fmt: skip
-    order = geodetic_order(rows)
+        return {}, {}
+    columns = source.columns(table, GEODETIC)
+    columns |= {"type": [_own_axis(source, t) for t in types], "value": value, "sigma": sigma}
     unit = np.array([_unit(source, t) for t in types])
-    correlated = geodetic_covariances(source, covariances, rows, unit, order)
-    return GeodeticTables(rows.take(order), correlated)
+    return columns, geodetic_covariances(source, covariances, len(table), unit)
 
 
 def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], points: list[str]) -> None:
@@ -136,16 +110,6 @@ def right_handed_axis(source: Source, axis: str) -> str:
     name = list(source.settings.frames.values())[source.default_frame].axes["XYZ".index(axis)]
     known = {"east": "X", "north": "Y", "up": "Z", "longitude": "X", "latitude": "Y", "height": "Z"}
     return known.get(name, name.upper())
-
-
-def geodetic_order(rows: Geodetic) -> Int:
-    """The canonical order: by type, set, via, start, end, and the figures."""
-    names = ("type", "set", "via", "start", "end", "start_kind", "end_kind", "group", "reduced")
-    columns = [[str(text).encode() for text in getattr(rows, name)] for name in names]
-    figures = [np.nan_to_num(getattr(rows, name), nan=-1.0).tolist()
-               for name in ("value", "sigma", "start_height_m", "end_height_m")]  # fmt: skip
-    keys = list(zip(*columns, *figures))
-    return np.array(sorted(range(len(rows)), key=lambda k: keys[k]), dtype=np.intp)
 
 
 def _unit(source: Source, kind: str) -> float:

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.errors import AatriError, Errors, InputError
-from aatri.formats.tables.exterior import EXTERIOR
-from aatri.formats.tables.ground import GROUND_POINTS
+from aatri.formats.tables.columns import TABLES
 from aatri.formats.tables.settings.block import FrameSettings
 from aatri.formats.tables.source import Source
 from aatri.formats.text.csv_table import read_csv
@@ -20,7 +19,7 @@ from aatri.frames.checks import out_of_range
 from aatri.frames.conversion import Frame
 from aatri.frames.own_map import utm_of
 
-TABLES = {"ground_points.csv": GROUND_POINTS, "exterior.csv": EXTERIOR}
+WITH_COORDINATES = ("ground_points.csv", "exterior.csv")
 
 
 def with_metric_frame(source: Source) -> Source:
@@ -54,9 +53,9 @@ def with_metric_frame(source: Source) -> Source:
 def _middle(source: Source, frame: Frame) -> tuple[float, float] | None:
     """Middle latitude and longitude of the rows in the first frame, degrees."""
     found = []
-    for name, columns in TABLES.items():
+    for name in WITH_COORDINATES:
         try:
-            table = read_csv(source.folder / name, columns, [])
+            table = read_csv(source.folder / name, {column: s.cell for column, s in TABLES[name].items()}, [])
         except (Errors, AatriError):
             continue  # its faults are told where the table is read
         xyz = np.stack([table.number[c] for c in ("X", "Y", "Z")], axis=1)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, GroundPointCovariances, GroundPoints, Points
+from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.errors import InputError
+from aatri.formats.tables.columns import COORDINATES, GROUND_POINTS, SIGMAS
 from aatri.formats.tables.covariances import check_places, ground_point_covariances, with_own_covariances
 from aatri.formats.tables.positions import (
-    COORDINATES,
-    POSITION,
-    SIGMAS,
     ask_for_sigma,
     covariance_m2,
     frames_of,
@@ -22,15 +21,9 @@ from aatri.formats.tables.positions import (
     stacked,
     warn_of_unusual,
 )
-from aatri.formats.tables.source import Source, no_repeats, not_negative, yes_no
-from aatri.formats.text.csv_table import Column, CsvTable
-from aatri.ids import clipped, did_you_mean, rows_of
-
-ID, TEXT, NEEDED = Column("id", "cell"), Column("text"), Column("number", "column")
-
-GROUND_POINTS = {
-    "point": ID, "X": NEEDED, "Y": NEEDED, "Z": NEEDED, **POSITION, "role": TEXT, "datum": TEXT, "frame": TEXT,
-}  # fmt: skip
+from aatri.formats.tables.source import Source, no_repeats, not_negative
+from aatri.formats.text.csv_table import CsvTable
+from aatri.ids import clipped, did_you_mean
 
 ROLES = {"control": CONTROL, "check": CHECK, "approximate": APPROXIMATE, "ignore": NO_ROLE}
 
@@ -40,25 +33,12 @@ SAME_PLACE_SIGMAS = 3.0
 """Two control points nearer than this many sigmas are pointed out."""
 
 
-def read_ground_points(source: Source) -> CsvTable | None:
-    """ground_points.csv as it stands."""
-    return source.table("ground_points.csv", GROUND_POINTS)
-
-
-class GroundTables(NamedTuple):
-    """Ground points, and the covariances between them."""
-
-    points: GroundPoints
-    covariances: GroundPointCovariances
-
-
-def ground_point_tables(
-    source: Source, table: CsvTable | None, points: Points, covariances: CsvTable | None
-) -> GroundTables:
-    """Ground points sorted by id, with their covariances."""
-    nothing = GroundTables(GroundPoints.empty(), GroundPointCovariances.empty())
+def ground_point_columns(
+    source: Source, table: CsvTable | None, covariances: CsvTable | None = None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """ground_points.csv, and the covariances between its rows; nothing where there are faults, which are kept."""
     if table is None:
-        return nothing
+        return {}, {}
     no_repeats(table, ["point"], "ground point")
     check_places(covariances, table)
     table = with_own_covariances(table, covariances)
@@ -77,19 +57,13 @@ def ground_point_tables(
     known = needs | (role == CHECK)
     sigma = np.where(np.isnan(sigma), np.where(known, default, 0.0) if default else 0.0, sigma)
     if source.problems:
-        return nothing
+        return {}, {}
     warn_of_unusual(source, table, sigma)
     xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
-    rows = GroundPoints(
-        point=rows_of(table.text["point"], points.id),
-        xyz_m=xyz, covariance_m2=covariance, role=in_own_order(source, frame, role),
-        datum=yes_no(table, "datum", False),
-        file=source.file("ground_points.csv", len(table)), line=table.line,
-    )  # fmt: skip
-    _warn_of_same_place(source, table, rows)
-    order = np.argsort(rows.point, kind="stable")
-    rows = rows.take(order)
-    return GroundTables(rows, ground_point_covariances(source, table, covariances, frame, rows, order))
+    columns = source.columns(table, GROUND_POINTS)
+    columns |= {"xyz_m": xyz, "covariance_m2": covariance, "role": in_own_order(source, frame, role)}
+    _warn_of_same_place(source, table, columns)
+    return columns, ground_point_covariances(source, table, covariances, frame, xyz, covariance)
 
 
 def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: Float) -> None:
@@ -105,17 +79,18 @@ def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: F
                                           "the standard deviations, if these are start values only"))  # fmt: skip
 
 
-def _warn_of_same_place(source: Source, table: CsvTable, rows: GroundPoints) -> None:
+def _warn_of_same_place(source: Source, table: CsvTable, columns: Mapping[str, Any]) -> None:
     """Point out control points of two ids at one place; those of equal coordinates are counted once later."""
-    full = np.flatnonzero((rows.role == CONTROL).all(axis=1))
+    full = np.flatnonzero((columns["role"] == CONTROL).all(axis=1))
+    xyz_m = columns["xyz_m"]
     if len(full) < 2:
         return
-    sigma = np.sqrt(np.trace(rows.covariance_m2[full], axis1=1, axis2=2))
     from scipy.spatial import cKDTree  # slow to import
 
-    near = cKDTree(rows.xyz_m[full]).query_pairs(SAME_PLACE_SIGMAS * float(sigma.max()))
+    sigma = np.sqrt(np.trace(columns["covariance_m2"][full], axis1=1, axis2=2))
+    near = cKDTree(xyz_m[full]).query_pairs(SAME_PLACE_SIGMAS * float(sigma.max()))
     for a, b in sorted(near):
-        gap = float(np.linalg.norm(rows.xyz_m[full[a]] - rows.xyz_m[full[b]]))
+        gap = float(np.linalg.norm(xyz_m[full[a]] - xyz_m[full[b]]))
         if 0 < gap <= SAME_PLACE_SIGMAS * float(np.hypot(sigma[a], sigma[b])):
             names = [clipped(table.text["point"][full[k]]) for k in (a, b)]
             where = table.where(int(full[b]))

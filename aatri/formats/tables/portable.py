@@ -7,51 +7,59 @@ they lie in it (`orientation.network.portable_frame`). Each frame is a body of i
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from aatri.arrays import Float, Int
-from aatri.artifacts.block import Geodetic, GeodeticCovariances
+from aatri.arrays import Int
 from aatri.errors import GeometryError, InputError
-from aatri.formats.tables.geodetic import GeodeticTables, geodetic_order
-from aatri.formats.tables.positions import COORDINATES, SIGMAS, covariance_m2, frames_of, stacked
+from aatri.formats.tables.columns import COORDINATES, SIGMAS
+from aatri.formats.tables.positions import covariance_m2, frames_of, stacked
 from aatri.formats.tables.relative_control import Condition
-from aatri.formats.tables.source import Source, no_repeats, texts
+from aatri.formats.tables.source import FILES, Source, no_repeats
 from aatri.formats.text.csv_table import CsvTable
 from aatri.geometry.portable_frame import BodyDistances, body_distances
 
 
 class Bodies(NamedTuple):
-    """What portable frames say: distances with their covariances, by their rows, and planes."""
+    """What portable frames say: columns of distances with their covariances, and planes."""
 
-    distances: Geodetic
-    covariances: tuple[tuple[int, Float], ...]
+    distances: dict[str, Any]
+    covariances: dict[str, Any]
     planes: tuple[Condition, ...]
 
 
 def without_bodies(source: Source, table: CsvTable | None) -> tuple[CsvTable | None, Bodies]:
     """The other rows of ground_points.csv, and what its portable frames say."""
     frames = list(source.settings.frames.items())
-    nothing = Bodies(Geodetic.empty(), (), ())
+    nothing = Bodies({}, {}, ())
     if table is None or not any(f.crs == "local" for _, f in frames[1:]):
         return table, nothing
     of = frames_of(source, table)
     local = [k for k, (_, f) in enumerate(frames) if f.crs == "local" and k not in (0, source.default_frame)]
-    found = [_body(source, table, np.flatnonzero(of == k), frames[k][0]) for k in local if (of == k).any()]
-    made = [one for one in found if one is not None]
-    rest = table.taken(np.flatnonzero(~np.isin(of, local)).tolist())
-    if not made:
-        return rest, nothing
-    first = np.cumsum([0, *(len(rows) for rows, _, _ in made)])
-    names = Geodetic.__dataclass_fields__
-    rows = Geodetic(**{n: np.concatenate([getattr(rows, n) for rows, _, _ in made]) for n in names})
-    covariances = tuple((int(k), c) for k, (_, c, _) in zip(first, made))
-    return rest, Bodies(rows, covariances, tuple(plane for _, _, plane in made if plane is not None))
+    read = [_body(source, table, np.flatnonzero(of == k), frames[k][0]) for k in local if (of == k).any()]
+    bodies = nothing
+    for body in read:
+        bodies = bodies if body is None else joined(bodies, body)
+    return table.taken(np.flatnonzero(~np.isin(of, local)).tolist()), bodies
 
 
-def _body(source: Source, table: CsvTable, rows: Int, name: str) -> tuple[Geodetic, Float, Condition | None] | None:
-    """Distances of a frame with their covariance, and its plane; None where it has faults, which are kept."""
+def joined(first: Bodies, more: Bodies) -> Bodies:
+    """Observations and covariances one after the other."""
+    n = len(first.distances.get("value", ()))
+    shifted = {name: np.asarray(rows) + (n if name != "value" else 0) for name, rows in more.covariances.items()}
+    return Bodies(_after(first.distances, more.distances), _after(first.covariances, shifted),
+                  (*first.planes, *more.planes))  # fmt: skip
+
+
+def _after(first: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    if not first or not more:
+        return first or more
+    return {name: np.concatenate([first[name], more[name]]) for name in first}
+
+
+def _body(source: Source, table: CsvTable, rows: Int, name: str) -> Bodies | None:
+    """What a frame says; None where it has faults, which are kept."""
     before, marks = len(source.problems), table.taken(rows.tolist())
     no_repeats(marks, ["point"], f"mark of frame {name}")
     other = [int(k) for k in rows if table.text["role"][k] not in ("", "control")]
@@ -77,21 +85,23 @@ def _body(source: Source, table: CsvTable, rows: Int, name: str) -> tuple[Geodet
         source.problems.append(InputError(what, where=marks.where(0), remedy="measure other marks, or leave it out"))
         return None
     source.reporter.log(f"frame {name} is local: a body of {n} marks, given by {len(found.pairs)} distances")
-    return _distances(source, marks, found), found.covariance_m2, _plane(marks, found)
+    i, j = np.triu_indices(len(found.pairs), 1)
+    plane = _plane(marks, found)
+    return Bodies(_distances(marks, found), {"row_a": i, "row_b": j, "value": found.covariance_m2[i, j]},
+                  () if plane is None else (plane,))  # fmt: skip
 
 
-def _distances(source: Source, marks: CsvTable, found: BodyDistances) -> Geodetic:
+def _distances(marks: CsvTable, found: BodyDistances) -> dict[str, Any]:
+    """Columns of geodetic observations."""
     a, b = found.pairs.T
-    n, none = len(a), texts([""] * len(a))
-    ids = np.asarray(marks.text["point"], dtype=np.str_)
-    unknown = np.full(n, np.nan)
-    return Geodetic(
-        type=texts(["distance"] * n), start=texts(ids[a]), end=texts(ids[b]), via=none,
-        start_kind=texts(["point"] * n), end_kind=texts(["point"] * n), value=found.length_m,
-        sigma=np.sqrt(np.diagonal(found.covariance_m2)), set=none, group=none, start_height_m=unknown,
-        end_height_m=unknown, active=np.ones(n, dtype=bool), reduced=texts(["no"] * n),
-        file=source.file("ground_points.csv", n), line=marks.line[a],
-    )  # fmt: skip
+    ids, n = np.asarray(marks.text["point"], dtype=np.str_), len(a)
+    alike = {"type": "distance", "start_kind": "point", "end_kind": "point", "via": "", "set": "", "group": "",
+             "reduced": "no", "start_height_m": np.nan, "end_height_m": np.nan, "active": True,
+             "file": FILES.index("ground_points.csv")}  # fmt: skip
+    return {name: np.full(n, value) for name, value in alike.items()} | {
+        "start": ids[a], "end": ids[b], "value": found.length_m, "sigma": np.sqrt(np.diagonal(found.covariance_m2)),
+        "line": marks.line[a],
+    }  # fmt: skip
 
 
 def _plane(marks: CsvTable, found: BodyDistances) -> Condition | None:
@@ -99,25 +109,3 @@ def _plane(marks: CsvTable, found: BodyDistances) -> Condition | None:
         return None
     members = tuple(("points", name) for name in marks.text["point"])
     return Condition("plane", "", members, float("nan"), found.plane_sigma_m, -1)
-
-
-def with_bodies(tables: GeodeticTables, bodies: Bodies) -> GeodeticTables:
-    """Geodetic observations with the distances of portable frames, in canonical order."""
-    if not len(bodies.distances):
-        return tables
-    old, n = tables.geodetic, len(tables.geodetic)
-    names = Geodetic.__dataclass_fields__
-    rows = Geodetic(**{k: np.concatenate([getattr(old, k), getattr(bodies.distances, k)]) for k in names})
-    pairs, values = [np.column_stack([tables.covariances.row_a, tables.covariances.row_b])], [tables.covariances.value]
-    for first, covariance in bodies.covariances:
-        a, b = np.triu_indices(len(covariance), 1)
-        pairs.append(np.column_stack([a, b]) + n + first)
-        values.append(covariance[a, b])
-    order = geodetic_order(rows)
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    both, value = np.sort(place[np.concatenate(pairs)], axis=1), np.concatenate(values)
-    sorted_ = np.lexsort((both[:, 1], both[:, 0]))
-    both = both[sorted_].astype(np.int32)
-    covariances = GeodeticCovariances(row_a=both[:, 0], row_b=both[:, 1], value=value[sorted_])
-    return tables._replace(geodetic=rows.take(order), covariances=covariances)

@@ -16,15 +16,12 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, InputError
+from aatri.formats.tables.columns import COVARIANCES, SIGMAS
 from aatri.formats.tables.source import Source, look_up
-from aatri.formats.text.csv_table import Column, CsvTable
+from aatri.formats.text.csv_table import CsvTable
 from aatri.frames.axes import columns_in_order, in_right_handed_order
 from aatri.frames.checks import out_of_range
 from aatri.frames.conversion import Frame, convert
-
-COORDINATES, SIGMAS, COVARIANCES = ("X", "Y", "Z"), ("sX", "sY", "sZ"), {"sXY": (0, 1), "sXZ": (0, 2), "sYZ": (1, 2)}
-POSITION = dict.fromkeys((*SIGMAS, *COVARIANCES), Column("number"))
-"""Columns of standard deviations and covariances."""
 
 
 def stacked(table: CsvTable, names: Sequence[str]) -> Float:

@@ -11,27 +11,28 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.artifacts.block import Block, Files, Frames, Points, Rejects
+from aatri.artifacts.block import Block, Frames
+from aatri.artifacts.builder import block_of
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
-from aatri.formats.tables.exterior import exterior_table
-from aatri.formats.tables.geodetic import geodetic_tables
+from aatri.formats.tables.exterior import exterior_columns
+from aatri.formats.tables.geodetic import geodetic_columns
 from aatri.formats.tables.geographic import with_metric_frame
-from aatri.formats.tables.ground import ground_point_tables, read_ground_points
-from aatri.formats.tables.images import fiducial_point_table, image_point_table, image_tables, read_image_points
-from aatri.formats.tables.portable import with_bodies, without_bodies
+from aatri.formats.tables.ground import ground_point_columns
+from aatri.formats.tables.images import fiducial_point_columns, image_columns, image_point_columns
+from aatri.formats.tables.portable import Bodies, joined, without_bodies
 from aatri.formats.tables.relative_control import relative_control_tables
 from aatri.formats.tables.rigs import rig_member_table
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.tables.settings.reading import read_settings
-from aatri.formats.tables.source import FILES, Source, texts
+from aatri.formats.tables.source import FILES, Source
 from aatri.formats.text.text_file import missing
 from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.frames.tangent import check_convertible
-from aatri.ids import canonical, did_you_mean
+from aatri.ids import did_you_mean
 from aatri.progress import SILENT, Reporter
 
 NETWORK = {"geodetic.csv", "relative_control.yaml"}
@@ -72,22 +73,23 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
 
 def _block(source: Source) -> Block:
     camera = camera_tables(source)
+    cameras = {str(name): k for k, name in enumerate(camera.cameras.id)}
     rigs = rig_member_table(source)
-    images = image_tables(source, camera.cameras)
-    if not len(images.images):
+    images = image_columns(source, camera.cameras)
+    if not images.get("id"):
         raise_all(source.problems)  # else every row that names an image would be one more fault
-    measured, given = read_image_points(source), read_ground_points(source)
-    ids = [name for table in (measured, given) if table is not None for name in set(table.text["point"])]
-    points = Points(id=texts(canonical(ids)))
-    image_points = image_point_table(source, measured, images, camera.cameras, points)
-    fiducial_points = fiducial_point_table(source, images, camera.cameras, camera.fiducials)
+    camera_of = {image: cameras.get(of, -1) for image, of in zip(images.get("id", ()), images.get("camera", ()))}
+    measured, given = source.table("image_points.csv"), source.table("ground_points.csv")
+    points = [name for table in (measured, given) if table is not None for name in set(table.text["point"])]
+    image_points = {} if measured is None else image_point_columns(source, measured, camera_of, camera.cameras)
+    fiducial_points = fiducial_point_columns(source, camera_of, camera.cameras, camera.fiducials)
     covariances = read_covariances(source)
     given, bodies = without_bodies(source, given)
-    ground = ground_point_tables(source, given, points, covariances)
-    exterior = exterior_table(source, images)
-    geodetic = with_bodies(geodetic_tables(source, images.row, ids, covariances), bodies)
+    ground, between_points = ground_point_columns(source, given, covariances)
+    exterior = exterior_columns(source, camera_of)
+    geodetic = joined(Bodies(*geodetic_columns(source, camera_of, points, covariances), ()), bodies)
     try:
-        relative, members = relative_control_tables(source, images.row, ids, bodies.planes)
+        relative, members = relative_control_tables(source, camera_of, points, bodies.planes)
     except AatriError as error:
         raise_all([*source.problems, error])
         raise
@@ -97,20 +99,18 @@ def _block(source: Source) -> Block:
     if height is not None:
         source.reporter.log("terrain_height is for refraction and earth curvature (image_refinement), and for what is "
                             "said of positions; an adjustment alone has no use for it")  # fmt: skip
-    return Block(
+    return block_of(
         name=settings.name or source.folder.resolve().name,
         rotation=settings.rotation or "omega-phi-kappa",
         earth_curvature=settings.earth_curvature or _earth_curvature(source),
         terrain_height_m=np.nan if height is None else float(height),
         undulation_m=np.nan if settings.undulation is None else float(settings.undulation),
         heading=settings.heading or "true",
-        files=Files(path=texts(str(source.folder / name) for name in FILES)),
-        frames=_frames(settings),
-        **camera._asdict(),
-        rig_members=rigs, strips=images.strips, images=images.images, fiducial_points=fiducial_points, points=points,
-        image_points=image_points, ground_points=ground.points, ground_point_covariances=ground.covariances,
-        exterior=exterior, geodetic=geodetic.geodetic, geodetic_covariances=geodetic.covariances,
-        relative_control=relative, relative_control_members=members, rejects=Rejects.empty(),
+        files=[source.folder / name for name in FILES],
+        frames=_frames(settings), rig_members=rigs, **camera._asdict(), images=images, points=points,
+        image_points=image_points, fiducial_points=fiducial_points, ground_points=ground,
+        ground_point_covariances=between_points, exterior=exterior, geodetic=geodetic.distances,
+        geodetic_covariances=geodetic.covariances, relative_control=relative, relative_control_members=members,
     )  # fmt: skip
 
 
@@ -140,12 +140,10 @@ def _check_frames(source: Source) -> None:
 
 def _frames(settings: Settings) -> Frames:
     frames = settings.frames
-    return Frames(
-        id=texts(frames),
-        axes=texts(",".join(f.axes) for f in frames.values()),
-        crs=texts(f.crs for f in frames.values()),
-        vertical=texts(f.vertical for f in frames.values()),
-    )
+    return Frames.of(
+        id=list(frames), axes=[",".join(f.axes) for f in frames.values()], crs=[f.crs for f in frames.values()],
+        vertical=[f.vertical for f in frames.values()],
+    )  # fmt: skip
 
 
 def _earth_curvature(source: Source) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from aatri.artifacts.block import RigMembers
 from aatri.errors import InputError
-from aatri.formats.tables.source import Source, ask_for_angle_unit, look_up, plain_angle_rad, texts
+from aatri.formats.tables.source import Source, ask_for_angle_unit, look_up, plain_angle_rad
 from aatri.formats.text.csv_table import CsvTable
 from aatri.ids import canonical, clipped, did_you_mean
 
@@ -23,15 +23,13 @@ def rig_member_table(source: Source) -> RigMembers:
         listed += [(rig, name, name == first, rigs[rig][name]) for name in (first, *canonical(others))]
         if any(any(m.angles) or any(0 < s < np.inf for s in m.sigmas.angles) for m in rigs[rig].values()):
             ask_for_angle_unit(source, "a rig has angles", "rigs", rig)
-    n, unit = len(listed), plain_angle_rad(source)
-    members = [m for *_, m in listed]
-    position_sigma = np.array([m.sigmas.position for m in members], float).reshape(n, 3)
-    angle_sigma = np.array([m.sigmas.angles for m in members], float).reshape(n, 3)
-    return RigMembers(
-        rig=texts(rig for rig, *_ in listed), member=texts(name for _, name, *_ in listed),
-        is_frame=np.array([first for *_, first, _ in listed], bool),
-        position_m=np.array([m.position for m in members], float).reshape(n, 3),
-        angles_rad=np.array([m.angles for m in members], float).reshape(n, 3) * unit,
+    unit, members = plain_angle_rad(source), [m for *_, m in listed]
+    position_sigma = np.array([m.sigmas.position for m in members], float)
+    angle_sigma = np.array([m.sigmas.angles for m in members], float)
+    return RigMembers.of(
+        rig=[rig for rig, *_ in listed], member=[name for _, name, *_ in listed],
+        is_frame=[first for *_, first, _ in listed], position_m=[m.position for m in members],
+        angles_rad=np.array([m.angles for m in members], float) * unit,
         position_sigma_m=np.where(np.isinf(position_sigma), np.nan, position_sigma),
         position_free=np.isinf(position_sigma),
         angle_sigma_rad=np.where(np.isinf(angle_sigma), np.nan, angle_sigma) * unit, angle_free=np.isinf(angle_sigma),

@@ -7,22 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import AatriError, Errors, InputError
+from aatri.formats.tables.columns import TABLES, Stated, components
 from aatri.formats.tables.settings.block import Settings
-from aatri.formats.text.csv_table import MOST_PER_COLUMN, Column, CsvTable, read_csv
+from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable, read_csv
 from aatri.formats.text.number_text import number_of, rad_from_dms
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
 from aatri.units import ANGLE_RAD
 
-FILES = ("block.yaml", "images.csv", "image_points.csv", "fiducials.csv", "ground_points.csv", "exterior.csv",
-         "geodetic.csv", "covariances.csv", "relative_control.yaml")  # fmt: skip
+FILES = ("block.yaml", *TABLES, "relative_control.yaml")
 
 COUNTED_LATER = ("image_points.csv", "geodetic.csv")
 """Tables of measurements, whose copies every format may have: `copies` finds them."""
@@ -41,13 +42,14 @@ class Source:
     problems: list[AatriError] = field(default_factory=list)
     default_frame: int = 0  # of rows that name none: 1 where a map was put before a frame in degrees
 
-    def table(self, name: str, columns: Mapping[str, Column]) -> CsvTable | None:
+    def table(self, name: str, columns: Mapping[str, Stated] | None = None) -> CsvTable | None:
         """A table of the folder; None if it is not there or its header is wrong (then the fault is kept)."""
+        cells = {column: stated.cell for column, stated in (columns or TABLES[name]).items()}
         path = self.folder / name
         if not os.path.lexists(path):
             return None
         try:
-            table = read_csv(path, columns, self.problems, self.reporter)
+            table = read_csv(path, cells, self.problems, self.reporter)
             return table if name in COUNTED_LATER else self._without_copies(table)
         except Errors as several:
             self.problems.extend(several.errors)
@@ -69,9 +71,20 @@ class Source:
                            f"count once: line {lines}{more}")  # fmt: skip
         return table.taken(sorted(first.values()))
 
-    def file(self, name: str, rows: int) -> Int:
-        """The column `file` of rows read from a file of the folder."""
-        return np.full(rows, FILES.index(name), dtype=np.int32)
+    def columns(self, table: CsvTable, declared: Mapping[str, Stated]) -> dict[str, Any]:
+        """Columns of the Block that the cells of a table fill by themselves, and where its rows stand."""
+        values = {name: self._values(table, name, stated) for name, stated in declared.items()
+                  if stated.field and stated.unit not in ("angle", "type")}  # fmt: skip
+        place = {"file": FILES.index(table.path.name)} if table.path.name in FILES else {}
+        return components({name: declared[name] for name in values}, values) | {"line": table.line, **place}
+
+    def _values(self, table: CsvTable, name: str, stated: Stated) -> Any:
+        if stated.cell.kind == "number":
+            return table.number[name] * (getattr(self.settings.units, stated.unit) if stated.unit else 1.0)
+        if stated.words:
+            words = choice(table, name, tuple(stated.words), next(iter(stated.words)))
+            return [stated.words.get(word) for word in words]
+        return table.text[name] if stated.empty is None else yes_no(table, name, stated.empty)
 
 
 def texts(values: Iterable[str]) -> Text:

@@ -19,22 +19,16 @@ import numpy.typing as npt
 
 from aatri.adapters.imported import sight_name
 from aatri.arrays import Float
-from aatri.artifacts.block import (
-    ANTENNA,
-    APPROXIMATE,
-    CHECK,
-    CONTROL,
-    NO_ROLE,
-    OBSERVED_VALUE,
-    Block,
-)
+from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, OBSERVED_VALUE, Block
 from aatri.errors import ResourceError
+from aatri.formats.tables.columns import COVARIANCES, TABLES, Stated
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
 from aatri.formats.tables.settings.writing import settings_text
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import in_order_of
 from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import Table, columns_of
 
 Cells = list[str]
 
@@ -71,20 +65,41 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
 
 def _tables(block: Block) -> dict[str, dict[str, Cells]]:
     """The tables that have rows (images and image points always), as cells."""
-    tables = {"images.csv": _images(block), "image_points.csv": _image_points(block)}
-    if not len(block.images):
-        tables = {}
-    for name, rows, columns in (
-        ("fiducials.csv", block.fiducial_points, _fiducials),
-        ("ground_points.csv", block.ground_points, _ground_points),
-        ("exterior.csv", block.exterior, _exterior),
-        ("geodetic.csv", block.geodetic, _geodetic),
-    ):
-        if len(rows):
-            tables[name] = columns(block)
+    made = {
+        "images.csv": (block.images, {}),
+        "image_points.csv": (block.image_points, _of_image_points(block)),
+        "fiducials.csv": (block.fiducial_points, {}),
+        "ground_points.csv": (block.ground_points, _of_ground_points(block)),
+        "exterior.csv": (block.exterior, _of_exterior(block)),
+        "geodetic.csv": (block.geodetic, _of_geodetic(block)),
+    }
+    always = ("images.csv", "image_points.csv") if len(block.images) else ()
+    tables = {name: _cells(block, rows, TABLES[name], own) for name, (rows, own) in made.items()
+              if len(rows) or name in always}  # fmt: skip
     if len(block.geodetic_covariances) or len(block.ground_point_covariances):
         tables["covariances.csv"] = _covariances(block)
     return tables
+
+
+def _cells(block: Block, rows: Table, columns: Mapping[str, Stated], own: Mapping[str, Cells]) -> dict[str, Cells]:
+    """Cells of a table: its own where they are more than a value, and those of the Block's columns."""
+    return {name: own[name] if name in own else _values(block, rows, stated) for name, stated in columns.items()
+            if stated.field or name in own}  # fmt: skip
+
+
+def _values(block: Block, rows: Table, stated: Stated) -> Cells:
+    declared, values = columns_of(type(rows))[stated.field], getattr(rows, stated.field)
+    if stated.part is not None:
+        values = values[:, stated.part]
+    if declared.refers:
+        return _text([*getattr(block, declared.refers).id.tolist(), ""][row] for row in values.tolist())
+    if stated.words:
+        words = {value: word for word, value in stated.words.items()}
+        first = next(iter(stated.words))
+        return ["" if words[value] == first else words[value] for value in values.tolist()]
+    if stated.empty is not None:
+        return ["" if value == stated.empty else "yes" if value else "no" for value in values.tolist()]
+    return _numbers(values) if declared.dtype == "f8" else _text(values)
 
 
 def _write_csv(path: Path, columns: Mapping[str, Cells]) -> None:
@@ -113,51 +128,15 @@ def _quoted(text: str) -> str:
     return text
 
 
-def _images(block: Block) -> dict[str, Cells]:
-    rows = block.images
-    strip_ids = [*block.strips.id.tolist(), ""]
-    return {
-        "image": _text(rows.id),
-        "camera": _text(block.cameras.id[rows.camera]),
-        "strip": _text(strip_ids[k] for k in rows.strip.tolist()),
-        "sequence": _numbers(rows.sequence),
-        "time": _numbers(rows.time_s),
-        "flight": _text(rows.flight),
-        "session": _text(rows.session),
-        "rig": _text(rows.rig),
-        "member": _text(rows.member),
-    }
+def _of_image_points(block: Block) -> dict[str, Cells]:
+    rows, rejected = block.image_points, _rejected(block, "image_point")
+    ids = zip(block.images.id[rows.image].tolist(), block.points.id[rows.point].tolist(), rows.active.tolist())
+    return {"active": ["" if used or f"{image}/{point}" in rejected else "no" for image, point, used in ids]}
 
 
-def _image_points(block: Block) -> dict[str, Cells]:
-    rows = block.image_points
-    image, point = block.images.id[rows.image], block.points.id[rows.point]
-    switched_off = set(np.flatnonzero(~rows.active).tolist())
-    rejected = set(block.rejects.id[block.rejects.kind == "image_point"].tolist())
-    switched_off = {k for k in switched_off if f"{image[k]}/{point[k]}" not in rejected}
-    return {
-        "image": _text(image),
-        "point": _text(point),
-        "x": _numbers(rows.xy[:, 0]),
-        "y": _numbers(rows.xy[:, 1]),
-        "sx": _numbers(rows.sigma_mm[:, 0]),
-        "sy": _numbers(rows.sigma_mm[:, 1]),
-        "group": _text(rows.group),
-        "active": ["no" if k in switched_off else "" for k in range(len(rows))],
-        "row_time": _numbers(rows.row_time_s),
-    }
-
-
-def _fiducials(block: Block) -> dict[str, Cells]:
-    rows = block.fiducial_points
-    return {
-        "image": _text(block.images.id[rows.image]),
-        "fiducial": _text(block.fiducials.id[rows.fiducial]),
-        "x": _numbers(rows.xy[:, 0]),
-        "y": _numbers(rows.xy[:, 1]),
-        "sx": _numbers(rows.sigma_mm[:, 0]),
-        "sy": _numbers(rows.sigma_mm[:, 1]),
-    }
+def _rejected(block: Block, kind: str) -> set[str]:
+    """What was set aside of a kind, and will be again."""
+    return set(block.rejects.id[block.rejects.kind == kind].tolist())
 
 
 def _axes(block: Block) -> list[str]:
@@ -169,62 +148,38 @@ def _position(block: Block, xyz: Float, covariance: Float) -> dict[str, Cells]:
     xyz, covariance = in_order_of(xyz, _axes(block)), in_order_of(covariance, _axes(block))
     columns = {name: _numbers(xyz[:, k]) for k, name in enumerate("XYZ")}
     columns |= {f"s{name}": _numbers(np.sqrt(covariance[:, k, k])) for k, name in enumerate("XYZ")}
-    for name, i, j in (("sXY", 0, 1), ("sXZ", 0, 2), ("sYZ", 1, 2)):
+    for name, (i, j) in COVARIANCES.items():
         value = covariance[:, i, j]
         columns[name] = _numbers(np.where(value == 0, np.nan, value))
     return columns
 
 
-def _ground_points(block: Block) -> dict[str, Cells]:
+def _of_ground_points(block: Block) -> dict[str, Cells]:
     rows = block.ground_points
     roles = in_order_of(rows.role.astype(float), _axes(block)).astype(int)
     role = [
         _ROLE_NAMES[r[0]] if len(set(r)) == 1 else " ".join(f"{a}:{_ROLE_NAMES[v]}" for a, v in zip("XYZ", r))
         for r in roles.tolist()
     ]
-    return {
-        "point": _text(block.points.id[rows.point]),
-        **_position(block, rows.xyz_m, rows.covariance_m2),
-        "role": role,
-        "datum": ["yes" if d else "" for d in rows.datum.tolist()],
-    }
+    return {**_position(block, rows.xyz_m, rows.covariance_m2), "role": role}
 
 
-def _exterior(block: Block) -> dict[str, Cells]:
+def _of_exterior(block: Block) -> dict[str, Cells]:
     rows = block.exterior
     position, angles = rows.position_use == OBSERVED_VALUE, rows.angle_use == OBSERVED_VALUE
-    covariance = np.where(position[:, None, None], rows.position_covariance_m2, np.nan)
-    columns = {"image": _text(block.images.id[rows.image])}
-    columns |= _position(block, rows.position_m, covariance)
-    columns |= {f"a{k + 1}": _numbers(rows.angles_rad[:, k]) for k in range(3)}
-    columns |= {f"s{k + 1}": _numbers(np.where(angles, rows.angle_sigma_rad[:, k], np.nan)) for k in range(3)}
-    columns["use"] = ["" if o else "approximate" for o in (position | angles).tolist()]
-    columns["refers_to"] = ["antenna" if r == ANTENNA else "" for r in rows.refers_to.tolist()]
-    columns["drift_group"] = _text(rows.drift_group)
-    return columns
-
-
-def _geodetic(block: Block) -> dict[str, Cells]:
-    rows = block.geodetic
-    axis = {f"d{own}": f"d{table}" for own, table in _axis_names(block).items()}
-    rejected = set(block.rejects.id[block.rejects.kind == "geodetic"].tolist())
-    off = [not a and sight_name(rows, k) not in rejected for k, a in enumerate(rows.active.tolist())]
+    sigma = np.where(angles[:, None], rows.angle_sigma_rad, np.nan)
     return {
-        "type": _text(axis.get(t, t) for t in rows.type.tolist()),
-        "from": _text(rows.start),
-        "to": _text(rows.end),
-        "value": _numbers(rows.value),
-        "sigma": _numbers(rows.sigma),
-        "via": _text(rows.via),
-        "from_kind": _text("" if k == "point" else k for k in rows.start_kind.tolist()),
-        "to_kind": _text("" if k == "point" else k for k in rows.end_kind.tolist()),
-        "set": _text(rows.set),
-        "group": _text(rows.group),
-        "h_from": _numbers(rows.start_height_m),
-        "h_to": _numbers(rows.end_height_m),
-        "active": ["no" if o else "" for o in off],
-        "reduced": _text("" if r == "no" else r for r in rows.reduced.tolist()),
+        **_position(block, rows.position_m, np.where(position[:, None, None], rows.position_covariance_m2, np.nan)),
+        **{f"s{k + 1}": _numbers(sigma[:, k]) for k in range(3)},
+        "use": ["" if observed else "approximate" for observed in (position | angles).tolist()],
     }
+
+
+def _of_geodetic(block: Block) -> dict[str, Cells]:
+    rows, rejected = block.geodetic, _rejected(block, "geodetic")
+    axis = {f"d{own}": f"d{table}" for own, table in _axis_names(block).items()}
+    used = [a or sight_name(rows, k) in rejected for k, a in enumerate(rows.active.tolist())]
+    return {"type": _text(axis.get(t, t) for t in rows.type.tolist()), "active": ["" if u else "no" for u in used]}
 
 
 def _covariances(block: Block) -> dict[str, Cells]:
