@@ -120,7 +120,7 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
         return given * units.sigma_image_mm(1.0)
     if not len(cameras):
         return given
-    camera = np.array([max(camera_of.get(image, 0), 0) for image in table.text["image"]], np.intp)
+    camera = np.array([camera_of.get(image, 0) for image in table.text["image"]], np.intp)
     size = cameras.pixel_size_mm[camera]
     lacking = np.unique(camera[np.isnan(size).any(axis=1)])
     for k in lacking.tolist():

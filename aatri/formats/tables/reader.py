@@ -78,7 +78,7 @@ def _block(source: Source) -> Block:
     images = image_columns(source, camera.cameras)
     if not images.get("id"):
         raise_all(source.problems)  # else every row that names an image would be one more fault
-    camera_of = {image: cameras.get(of, -1) for image, of in zip(images.get("id", ()), images.get("camera", ()))}
+    camera_of = {image: cameras.get(of, 0) for image, of in zip(images.get("id", ()), images.get("camera", ()))}
     measured, given = source.table("image_points.csv"), source.table("ground_points.csv")
     points = [name for table in (measured, given) if table is not None for name in set(table.text["point"])]
     image_points = {} if measured is None else image_point_columns(source, measured, camera_of, camera.cameras)
