@@ -14,7 +14,7 @@ from typing import Literal
 from aatri.arrays import Int
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.ids import shown
-from aatri.notes import CONTRADICTION
+from aatri.notes import CONTRADICTION, Note
 from aatri.progress import Reporter
 
 Level = Literal["note", "warning", "error"]
@@ -78,8 +78,8 @@ class Finding:
         return f"{text}; {self.remedy}" if self.remedy else text
 
 
-def report(findings: Iterable[Finding], reporter: Reporter) -> None:
-    """Tell findings in their order: notes to the log, warnings as warnings; errors are raised together after them.
+def report(findings: Iterable[Finding | Note], reporter: Reporter) -> None:
+    """Tell findings, and notes of methods, in their order: to the log or as warnings; errors are raised after them.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def report(findings: Iterable[Finding], reporter: Reporter) -> None:
     """
     errors = []
     for finding in findings:
-        if finding.level == "error":
+        if isinstance(finding, Finding) and finding.level == "error":
             errors.append(finding.error(finding.what, where=finding.where, remedy=finding.remedy))
         elif finding.level == "warning":
             reporter.warn(str(finding))

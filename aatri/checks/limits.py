@@ -121,3 +121,32 @@ plan."""
 FEWEST_OF_CONVENTION, BETTER_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 20.0
 """Values of a kind that tell a convention; ratio of the median differences from which on another one is told; medians
 below so many standard deviations are no reason to look (starts are approximate)."""
+
+# --- after: parameters, correlations
+
+CALIBRATION_CHANGED = 1e-3
+"""Probability below which a difference to a calibration is told as a warning."""
+
+MOVED_SIGMAS = 10.0
+"""A parameter that moves by more than this times its own standard deviation a priori is another one's: by chance
+1e-23."""
+
+MOST_UNITS_TOLD = 4
+"""More units than this are summed up in one line."""
+
+CORRELATION_LISTED, MOST_PAIRS = 0.90, 60
+"""Correlations told, and pairs of blocks looked at, of which each takes a solve. A warning comes from 0.95 on, where
+one of the two has three times the standard deviation it had alone (1 / sqrt(1 - rho^2))."""
+
+# --- after: groups, standard deviations of kinds, hidden distortion
+
+CONTRADICTED = 3.0
+"""A result contradicts its own tests where a group that is kept moves a coordinate by more of its sigmas (0.3 %)."""
+
+SIGMAS_LEVEL, SIGMAS_FACTOR, LEAST_KIND_REDUNDANCY = 1e-3, 2.0, 5.0
+"""Probability that a block with right standard deviations is told of a wrong kind; factor by which they must be wrong:
+less is left to variance components; redundancy below which a kind is not tested."""
+
+UNSEEN_DISTORTION, UNSEEN_BEND, MOST_POINTS_OF_SCORE = 4.0, 10.0, 20_000
+"""Standard deviations of a distortion that could go unseen; a bend is worth a note from so many standard deviations of
+the heights on; points beyond which it is asked only with tests of observations: it takes another factor."""

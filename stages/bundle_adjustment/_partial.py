@@ -18,6 +18,9 @@ from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
+from aatri.checks.after.left_out import left_out
+from aatri.checks.after.sigma0 import sigma0
+from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
@@ -25,7 +28,6 @@ from aatri.observations.kinds import options_without_data
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.notes import left_out, misfit
 from aatri.orientation.bundle.partial import switched_off, with_known_images, with_known_points
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
@@ -118,7 +120,7 @@ def _made(
     tell(inherited(initial.suspects) if initial is not None else [], context)
     settings = BundleSettings(solution=Settings(max_iterations=options.max_iterations, tolerance=options.tolerance))
     result = adjust(given, settings)
-    tell([*result.notes, *left_out(given, result), *misfit(result, options.max_sigma0)], context)
+    report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
     suspects = after(initial.suspects if initial is not None else Suspects.empty(), Round(given, result))
     made = bundle_solution(block, given, result, suspects, [])
     return replace(made, method=f"bundle_adjustment/{variant}")

@@ -34,18 +34,14 @@ from typing import Self
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle.bundle_input import bundle_input, with_parameters
+from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.adapters.bundle.bundle_solution import bundle_solution
-from aatri.adapters.bundle.candidate_groups import candidate_groups
-from aatri.adapters.bundle.exchanged_images import without_exchanged_images
-from aatri.adapters.bundle.hidden_distortion import distortion_notes
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.suspects import after, inherited, taken_back, with_gross_errors
 from aatri.adjustment.forecast import Solver
-from aatri.adjustment.settings import Settings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
@@ -53,41 +49,24 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
-from aatri.checks.after.hinge_image import hinge_images
-from aatri.checks.after.weak_datum import weak_datum
+from aatri.checks.after.groups import contradicts
+from aatri.checks.after.of_bundle import findings_after
+from aatri.checks.after.uncontrolled import of_film_alone, uncontrolled_observations
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
-from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds import options_without_data, with_kinds
 from aatri.observations.positions import uses_positions
-from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.block import BundleInput, start_of
-from aatri.orientation.bundle.blunders.robust import How, robustly
-from aatri.orientation.bundle.blunders.search import search
-from aatri.orientation.bundle.correlations import correlation_notes
-from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.group_tests import sigma_notes
-from aatri.orientation.bundle.groups.messages import contradicts, group_notes
-from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
-from aatri.orientation.bundle.notes import left_out, misfit, remarks
-from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
-from aatri.orientation.bundle.parameter_notes import column_kinds, parameter_notes
-from aatri.orientation.bundle.rank_advice import rank_advice
-from aatri.orientation.bundle.result import BundleResult, without_covariances
-from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
-from aatri.orientation.bundle.settings import BundleSettings, Datum, DatumOver
-from aatri.orientation.bundle.terrain_test import terrain_notes
+from aatri.orientation.bundle.result import without_covariances
+from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, Options, stage
 
+from ._adjusting import adjusted, adjusted_in_rounds
 from ._blunders import GONE, Blunders
 from ._ideal_coordinates import at_ideal_coordinates
 from ._self_calibration import SelfCalibration, chosen_set, parameters_of, told_parameters, units_named
 from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
-
-COARSE = 5.0
-"""Bound of the Newton decrement of the adjustments on the way to gross errors."""
 
 
 @with_kinds
@@ -212,23 +191,14 @@ def bundle(
     given = bundle_input(block, image_points, initial, options, parameters)
     tell([*options_without_data(block, options), *given.notes, *(n for o in given.observed for n in o.notes)], context)
     report(findings_at_start(block, given, of_the_block=initial is None), context)
-    if initial is not None:
-        tell(remarks(given, start_of(given), before=True), context)
-    adjust = partial(_adjusted, options=options, context=context, how=How())
-    done, groups = _in_rounds(given, options, context)
+    adjust = partial(adjusted, options=options, context=context)
+    done, groups = adjusted_in_rounds(given, options, context)
     done = at_ideal_coordinates(block, image_points, chosen, done, adjust)
     done, components = with_variance_components(block, done, adjust, options.variance_components)
     given, suspects = done.given, after(suspects, done)
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)
-    tell([*group_notes(groups), *remarks(given, result.adjusted.state, before=False)], context)
-    tell([*done.notes, *result.notes], context)  # before what may refuse the result for what they name
-    notes = [*left_out(given, result), *misfit(result, options.max_sigma0)]
-    tell(notes + ([] if done.rescaled or any(map(contradicts, groups)) else sigma_notes(result)), context)
-    report([*weak_datum(given, result), *hinge_images(given)], context)
-    notes = [*terrain_notes(given, result), *distortion_notes(given, result, tests=options.reliability)]
-    notes += [*parameter_notes(given, result), *correlation_notes(result, column_kinds(given))]
-    tell(notes, context)
+    report(findings_after(done, result, groups, options.max_sigma0, tests=options.reliability), context)
     told = told_parameters(block, result, chosen)
     tell(told.notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
@@ -236,60 +206,9 @@ def bundle(
         suspects = with_gross_errors(result, suspects, options.blunders.rule())
     made = bundle_solution(block, given, result, suspects, told.tables, told.calibration, told.covariances, orderings,
                            tests=options.reliability)  # fmt: skip
-    uncontrolled, of_them = uncontrolled_of(done.result)
-    tell(of_them, context)
+    uncontrolled, of_film = uncontrolled_of(done.result)
+    report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
     made = replace(made, variance_components=components, uncontrolled=uncontrolled,
                    contradictions=sum(map(contradicts, groups)),
                    proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None)  # fmt: skip
     return with_datum(block, made, options.datum, options.datum_over)
-
-
-def _in_rounds(given: BundleInput, options: BundleOptions, context: Context) -> tuple[Round, tuple[AcceptedGroup, ...]]:
-    rule, groups = options.blunders.rule(), tuple[AcceptedGroup, ...]()
-    if options.variance_components is not None and rule.sigmas == "estimated":
-        rule = replace(rule, sigmas="tests")  # the weights are for them to find
-
-    def adjust(block: BundleInput, how: How = How()) -> BundleResult:
-        return _adjusted(block, options, context, how)
-
-    def single(block: BundleInput, squares: BundleResult | None) -> Round:
-        if rule.method == "none":
-            return with_readmission(block, adjust)
-        return search(block, adjust, rule, options.tolerance, squares)
-
-    if rule.method == "robust":
-        done = robustly(given, adjust, rule)
-    else:
-        given = given if rule.method == "none" else without_exchanged_images(given)
-        done, groups = search_with_groups(given, adjust, single, candidate_groups, rule)
-    if options.self_calibration is not None and options.self_calibration.remove:
-        done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
-    return done, groups
-
-
-def _adjusted(given: BundleInput, options: BundleOptions, context: Context, how: How) -> BundleResult:
-    adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
-    try:
-        return with_observed_sigma0(adjust(given, _settings(options, how), reporter=context))
-    except GeometryError as error:
-        names = tuple(name for p in given.parameters for name in p.labels)
-        advice = rank_advice(error.what, names, column_kinds(given))
-        if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
-            advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
-        raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
-
-
-def _settings(options: BundleOptions, how: How) -> BundleSettings:
-    searched = options.blunders.method != "none"
-    covariances = searched or options.standard_deviations or options.reliability
-    covariances = covariances or options.variance_components is not None
-    solution = Settings(
-        max_iterations=options.max_iterations,
-        tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
-        ordering=options.ordering,
-        reproducible=options.reproducible,
-        memory_gb=options.memory_gb,
-        solver=options.solver,
-    )
-    keep_factor = not searched  # a search would keep the factors of several adjustments
-    return BundleSettings(options.datum, options.datum_over, covariances, keep_factor, how.huber, how.weights, solution)

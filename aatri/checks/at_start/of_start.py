@@ -14,11 +14,12 @@ from aatri.checks.at_start.exchanged_control import exchanged_control
 from aatri.checks.at_start.frame import neglected_by_the_frame
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
 from aatri.checks.finding import Finding
+from aatri.notes import Note
 from aatri.observations.poses import Poses
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.block import BundleInput, start_of
 
 
-def findings_at_start(block: Block, given: BundleInput, *, of_the_block: bool) -> list[Finding]:
+def findings_at_start(block: Block, given: BundleInput, *, of_the_block: bool) -> list[Finding | Note]:
     """What there is to say before a bundle: of its frame, of conventions, and of the orientations it starts from.
 
     Parameters
@@ -30,8 +31,14 @@ def findings_at_start(block: Block, given: BundleInput, *, of_the_block: bool) -
     poses = poses_out_of(frame, Poses(given.poses.position_m + given.origin_m, given.poses.ground_from_image))
     xyz = given.xyz_m + given.origin_m
     xyz = xyz if frame is None else frame.to_block(xyz)
-    findings = [*other_conventions(given), *neglected_by_the_frame(block, frame, poses.position_m, xyz)]
-    if not of_the_block or given.rays is None or (frame is not None and frame.geocentric):
+    findings: list[Finding | Note] = [
+        *other_conventions(given),
+        *neglected_by_the_frame(block, frame, poses.position_m, xyz),
+    ]
+    if not of_the_block:  # attitudes held against orientations that others have made
+        state = start_of(given)
+        return [*findings, *(note for o in given.observed if o.remarks is not None for note in o.remarks(state, True))]
+    if given.rays is None or (frame is not None and frame.geocentric):
         return findings
     return [
         *findings,

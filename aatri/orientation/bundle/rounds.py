@@ -17,7 +17,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
-from aatri.orientation.bundle.parameter_notes import without_idle
+from aatri.orientation.bundle.parameter_estimates import without_idle
 from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import BundleResult, from_result
 

@@ -23,11 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.statistics.limits import limit_of_tests
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.notes import Note
-from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.result import BundleResult
 
 ALARM = 1e-3
 """Probability that a block without errors is told a doubtful point, where terrain deviates normally from planes."""
@@ -118,24 +115,3 @@ def _above(xyz_m: Float, points: Int, near: Int) -> tuple[Float, Float, Float]:
     G = np.einsum("nki,nkj->nij", A, A)
     G += ridge * np.einsum("nii->n", G)[:, None, None]
     return -plane[:, 0], np.linalg.inv(G)[:, 0, 0], 1.4826 * np.median(np.abs(r), axis=1)
-
-
-def terrain_notes(given: BundleInput, result: BundleResult) -> list[Note]:
-    """A warning of the points that lie off the terrain around them."""
-    if given.rays is None or not result.image_adjusted.any():
-        return []
-    used: Bool = result.ray_used
-    rays = np.bincount(given.rays.point[used], minlength=len(given.point_ids))
-    sigma2 = result.point_covariance_m2[:, 2, 2]
-    xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
-    height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
-    found = off_terrain(xyz, np.sqrt(np.maximum(np.nan_to_num(sigma2), 0.0)), rays, height)
-    if not len(found.row):
-        return []
-    order = np.argsort(-found.test)
-    ids = tuple(f"{given.point_ids[found.row[k]]} ({found.height_m[k]:+.3g} m)" for k in order.tolist())
-    text = (
-        f"{len(ids)} points lie off the terrain around them by more than {found.limit:.3g} times its roughness and are "
-        "doubtful: two rays do not test an error along their base; measure them in a third image, or leave them out"
-    )
-    return [Note("warning", text, ids)]

@@ -16,9 +16,9 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.weight_functions import weights
 from aatri.arrays import Float
+from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.notes import down_weighted
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, with_readmission
 
@@ -58,7 +58,7 @@ def robustly(given: BundleInput, adjust: Adjust, rule: Rule) -> Round:
     squares = adjust(given, How(coarse=True)) if rule.weights == "li_posterior" else None
     start = given if squares is None else from_result(given, squares)
     done = with_readmission(start, lambda block: robust(block, adjust, rule, squares, coarse=False))
-    return replace(done, notes=(*done.notes, *down_weighted(done.result, rule.weights, rule.k)))
+    return replace(done, notes=(*done.notes, *_down_weighted(done.result, rule.weights, rule.k)))
 
 
 def robust(
@@ -106,3 +106,16 @@ def _weights(
             size = np.abs(v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))).max(axis=1)
         weight[rows] = weights(rule.weights, size, rule.k)
     return weight
+
+
+def _down_weighted(result: BundleResult, weighting: str, bound: float) -> list[Note]:
+    """How many observations a robust adjustment has weighted down, and what it cannot give."""
+    count, used = result.adjusted.down_weighted, sum(int(o.used.sum()) for o in result.observations)
+    notes = [Note("note", f"{count} of {used} observations are weighted down ({weighting}, bound {bound:g} sigma)")]
+    if count:
+        text = (
+            "not a least-squares solution: it has neither sigma0 nor standard deviations; a bundle with "
+            "`blunders: robust_snooping` that starts from this one gives them"
+        )
+        notes.append(Note("warning", text))
+    return notes

@@ -1,4 +1,8 @@
-"""What to do about a rank defect, by what its message names."""
+"""What to do about a rank defect, by what its message names.
+
+Seen: an adjustment that names what is open: a datum, a part, a set of directions, parameters that free each other.
+Test: that of `adjustment.openness`: none is made here.
+"""
 
 from __future__ import annotations
 

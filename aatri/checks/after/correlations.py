@@ -1,7 +1,8 @@
 """Correlations of the unknowns that many images share: shifts, drifts, lever arms, time offsets, camera parameters.
 
-Told are those of 0.90 and more, with the reason from 0.95 on (`camera.parameters.advice`). Parameters of one camera
-among themselves and with the orientation are told by `parameter_notes`.
+Seen: two unknowns that stand for each other: their sum is determined, each of them is not.
+Test: none; told are those of 0.90 and more, with the reason from 0.95 on (`camera.parameters.advice`). Parameters of
+one camera among themselves and with the orientation are told by `parameters`.
 """
 
 from __future__ import annotations
@@ -15,18 +16,14 @@ from aatri.adjustment.covariance.cross import Block, covariances_of_pairs
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Float, Int
 from aatri.camera.parameters.advice import WARNED, advise
+from aatri.checks.finding import Finding
+from aatri.checks.limits import CORRELATION_LISTED, MOST_PAIRS
 from aatri.ids import shown
-from aatri.notes import Note
 from aatri.observations.poses import CAMERA, FILM, POINT, POSE, is_additional
 from aatri.orientation.bundle.result import BundleResult
 
-LISTED = 0.90
 
-MOST_PAIRS = 60
-"""So many pairs of blocks at most are looked at: each takes a solve."""
-
-
-def correlation_notes(result: BundleResult, kinds: Mapping[str, str]) -> list[Note]:
+def high_correlations(result: BundleResult, kinds: Mapping[str, str]) -> list[Finding]:
     """High correlations among shared unknowns; `kinds` says what the additional parameters do."""
     if not result.adjusted.has_factor or result.adjusted.down_weighted or result.free is not None:
         return []
@@ -62,24 +59,30 @@ def _high(
     cross: Float, one: Unknowns, a: int, own: Float, other: Unknowns, b: int, at: tuple[Int, ...],
     second: Float | None = None,
 ) -> list[tuple[str, str, float]]:  # fmt: skip
-    """Names and correlation of what is at `LISTED` or more."""
+    """Names and correlation of what is at `CORRELATION_LISTED` or more."""
     variance = np.outer(np.diag(own), np.diag(own if second is None else second))
     rho = np.where(variance > 0, cross / np.sqrt(np.where(variance > 0, variance, 1.0)), 0.0)
-    high = [(int(i), int(j)) for i, j in zip(*at) if abs(rho[i, j]) >= LISTED]
+    high = [(int(i), int(j)) for i, j in zip(*at) if abs(rho[i, j]) >= CORRELATION_LISTED]
     return [(f"{one.labels[i]} of {one.ids[a]}", f"{other.labels[j]} of {other.ids[b]}", float(rho[i, j]))
             for i, j in high]  # fmt: skip
 
 
-def _told(found: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Note]:
+def _told(found: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Finding]:
     found.sort(key=lambda pair: -abs(pair[2]))
-    notes = [Note("warning", a.text) for a in advise(found, kinds)[:7]]
-    rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in found if abs(rho) < WARNED or len(notes) >= 7]
+    findings = [Finding("correlations", "warning", a.text) for a in advise(found, kinds)[:7]]
+    rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in found if abs(rho) < WARNED or len(findings) >= 7]
     if rest:
-        notes.append(Note("note", f"correlations of {LISTED:.2f} and more: {shown(rest)}"))
-    return notes
+        findings.append(
+            Finding("correlations", "note", f"correlations of {CORRELATION_LISTED:.2f} and more: {shown(rest)}")
+        )
+    return findings
 
 
-def _left_out(pairs: int) -> list[Note]:
+def _left_out(pairs: int) -> list[Finding]:
     if pairs <= MOST_PAIRS:
         return []
-    return [Note("note", f"correlations of {MOST_PAIRS} of {pairs} pairs of shared unknowns were looked at")]
+    return [
+        Finding(
+            "correlations", "note", f"correlations of {MOST_PAIRS} of {pairs} pairs of shared unknowns were looked at"
+        )
+    ]

@@ -2,12 +2,11 @@
 
     dr = p (r / r_0)^3,     r_0 half the diagonal of the format, p in mm
 
-Images that look straight down on nearly flat ground take a radial distortion up into their orientations: the model
-bends into a bowl, control at its edges fits, and the residuals stay small (a thousandth of the squares of the
-distortion is left in them). They are not without a pattern, though: the score test of p (`adjustment.covariance.score`)
-weighs it with the covariance of the whole block, and says what an adjustment with p would change, the heights first of
-all. Told is what is significant and bends heights by more than their standard deviation; where nothing is found, what
-could be there unseen.
+Seen: nothing. Images that look straight down on nearly flat ground take a radial distortion up into their orientations:
+the model bends into a bowl, control at its edges fits, and the residuals stay small (a thousandth of the squares of the
+distortion is left in them). Test: the score test of p (`adjustment.covariance.score`) weighs it with the covariance of
+the whole block, and says what an adjustment with p would change, the heights first of all. Told is what is significant
+and bends heights by more than their standard deviation; where nothing is found, what could be there unseen.
 
 Source: James and Robson 2014 (doming of vertical blocks); docs/methods/self_calibration.md.
 """
@@ -20,7 +19,8 @@ from aatri.adapters.bundle.camera_parameters import additional_parameters
 from aatri.adjustment.covariance.score import moved, score
 from aatri.camera.parameters.brown import BROWN_CONRADY
 from aatri.camera.parameters.parameter_set import chosen
-from aatri.notes import Note
+from aatri.checks.finding import Finding
+from aatri.checks.limits import MOST_POINTS_OF_SCORE, UNSEEN_BEND, UNSEEN_DISTORTION
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT
 from aatri.orientation.bundle.block import BundleInput
@@ -28,17 +28,8 @@ from aatri.orientation.bundle.result import BundleResult
 
 RADIAL = chosen(BROWN_CONRADY, ("k1",))
 
-SIGNIFICANT = 4.0
-"""Standard deviations, a posteriori where sigma0 is above 1."""
 
-UNSEEN = 10.0
-"""A bend that could go unseen is worth a note from so many standard deviations of the heights on."""
-
-MOST_POINTS = 20_000
-"""Beyond, only where observations are tested too: it takes another factor of the normal equations."""
-
-
-def distortion_notes(given: BundleInput, result: BundleResult, *, tests: bool) -> list[Note]:
+def hidden_distortion(given: BundleInput, result: BundleResult, *, tests: bool) -> list[Finding]:
     """What the image points of each camera say of a radial distortion that would bend the block.
 
     Parameters
@@ -59,31 +50,31 @@ def distortion_notes(given: BundleInput, result: BundleResult, *, tests: bool) -
     derivative[np.arange(len(rows)), :, held.block[rows]] = -held.basis[rows, :, 0]
     records = found.observed.records
     tried = score(result.adjusted, records, rows, derivative)
-    notes = []
+    findings = []
     sigma2 = result.point_covariance_m2[:, 2, 2]
     height_m = float(np.sqrt(np.median(sigma2[np.isfinite(sigma2) & (sigma2 > 0)])))
     for k, camera in enumerate(held.ids):
         one = tried.joint(0, [k])
         if one.rank:
-            size_mm = SIGNIFICANT * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)
+            size_mm = UNSEEN_DISTORTION * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)
             bend_m = float(
                 np.abs(moved(result.adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max()
             )
-            if bend_m > UNSEEN * height_m:
+            if bend_m > UNSEEN_BEND * height_m:
                 text = (
-                    f"camera {camera}: a radial distortion of {1e3 * size_mm:.2g} um at the corner of the format would "
-                    f"go unseen, and bend heights by {bend_m:.2g} m; their standard deviations hold if the lens is "
-                    "calibrated"
+                    f"a radial distortion of {1e3 * size_mm:.2g} um at the corner of the format would go unseen, and "
                 )
-                notes.append(Note("note", text))
-    return notes
+                text += f"bend heights by {bend_m:.2g} m"
+                where = f"camera {camera}"
+                findings.append(Finding("hidden_distortion", "note", text, "calibrate the lens", where=where))
+    return findings
 
 
 def _asked(result: BundleResult, tests: bool) -> bool:
     adjusted = result.adjusted
     if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1 or result.free is not None:
         return False
-    if len(result.xyz_m) > MOST_POINTS and not tests:
+    if len(result.xyz_m) > MOST_POINTS_OF_SCORE and not tests:
         return False
     sigma2 = result.point_covariance_m2[:, 2, 2]
     carried = any(p.given.group != FILM and p.given.free.any() for p in result.parameters)

@@ -1,4 +1,10 @@
-"""Groups in words: what is wrong with which observations, by how much, what it does, and what to do about it."""
+"""Groups of observations that are wrong together: by how much, what it does, and what to do about it.
+
+Seen: positions off by a constant, heights that count from another surface, a camera with another constant, distances of
+a map: errors that single tests cannot find, and that spread over good observations.
+Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 1 % for the whole block. The result
+contradicts its own tests where a group that is kept moves a coordinate by more than `CONTRADICTED` standard deviations.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +13,11 @@ from collections.abc import Callable
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.notes import CONTRADICTION, Note
+from aatri.checks.finding import Finding
+from aatri.checks.limits import CONTRADICTED
 from aatri.orientation.bundle.groups.candidates import ALL, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
-
-CONTRADICTED = 3.0
-"""A result contradicts its own tests where a group that is kept moves a coordinate by more of its sigmas."""
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
 
@@ -37,23 +41,23 @@ def contradicts(accepted: AcceptedGroup) -> bool:
     return g.harm > CONTRADICTED and (of_datum or not accepted.left_out)
 
 
-def group_notes(groups: tuple[AcceptedGroup, ...]) -> list[Note]:
+def wrong_groups(groups: tuple[AcceptedGroup, ...]) -> list[Finding]:
     """A warning for each group, contradictions first."""
-    return [_note(group) for group in sorted(groups, key=lambda group: not contradicts(group))]
+    return [_finding(accepted) for accepted in sorted(groups, key=lambda accepted: not contradicts(accepted))]
 
 
-def _note(accepted: AcceptedGroup) -> Note:
+def _finding(accepted: AcceptedGroup) -> Finding:
     g = accepted.group
-    what, remedy = _TEXTS[g.kind, g.cause](g)
-    parts = [what]
+    text, remedy = _TEXTS[g.kind, g.cause](g)
     if g.moved:
-        parts.append(f"it moves {g.moved} by {g.change_m:.2g} m (up to {g.harm:.3g} standard deviations)")
-    if g.or_else:
-        parts.append(f"{' or '.join(_alternative(*other) for other in g.or_else[:3])} would explain as much")
-    outcome = "left out" if accepted.left_out else "kept, and nothing is rejected in their stead"
-    parts.append(f"all {len(g.rows) + len(g.undecided) * accepted.left_out} are {outcome}")
-    head = f"{CONTRADICTION}: " if contradicts(accepted) else ""
-    return Note("warning", f"{head}{'; '.join(parts)}; {remedy}")
+        text += f"; it moves {g.moved} by {g.change_m:.2g} m (up to {g.harm:.3g} standard deviations)"
+    others = tuple(_alternative(*one) for one in g.or_else[:3])
+    if not accepted.left_out:
+        text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"
+    else:
+        text += f"; all {len(g.rows) + len(g.undecided)} are left out"
+    return Finding("groups", "warning", text, remedy, rows={g.kind: g.rows}, alternatives=others, statistic=g.harm,
+                   contradicts=contradicts(accepted))  # fmt: skip
 
 
 def _alternative(per: str, unit: str, cause: str) -> str:

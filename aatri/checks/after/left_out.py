@@ -1,0 +1,74 @@
+"""What takes no part in an adjustment.
+
+Seen: images, points and observations that are in the block and not in the result.
+Test: none; they are named. Image points go with their image or point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.checks.finding import Finding
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.block import BundleInput, touched_points
+from aatri.orientation.bundle.result import BundleResult
+
+
+def left_out(given: BundleInput, result: BundleResult) -> list[Finding]:
+    """Images, points and observations that do not take part, by name.
+
+    Observations of points that nothing ties to the block are only noted.
+    """
+    findings = []
+    told = result.set_aside
+    images = np.asarray(given.image_ids)[~result.image_adjusted & ~told.get(POSE, np.False_)]
+    tied = touched_points(given) & ~told.get(POINT, np.False_)
+    points = np.asarray(given.point_ids)[tied & ~result.point_adjusted]
+    for ids, of, what, why in (
+        (points, len(given.point_ids), "points", "too few usable rays"),
+        (images, len(given.image_ids), "images", "no start or too few points"),
+    ):
+        if len(ids):
+            findings.append(
+                Finding("left_out", "warning", f"left out, {why} ({len(ids)} of {of} {what})", ids=tuple(ids.tolist()))
+            )
+    for o in result.observations:
+        findings += _unused(o, given)
+    return [*findings, *_idle(given, result)]
+
+
+def _idle(given: BundleInput, result: BundleResult) -> list[Finding]:
+    """Cameras, drift groups ... that are to be estimated, and that no observation in use touches."""
+    findings, adjusted = [], {u.name: u.free for u in result.adjusted.problem.unknowns}
+    for u in (u for o in given.observed for u in o.unknowns if not u.joins):
+        idle = u.free.any(axis=1) & ~adjusted[u.name].any(axis=1)
+        if idle.any() and not (u.free & ~adjusted[u.name])[~idle].any():
+            ids = tuple(np.asarray(u.ids, dtype=np.str_)[idle].tolist())
+            findings.append(
+                Finding("left_out", "warning", f"not estimated, nothing in use observes them ({u.name})", ids=ids)
+            )
+    return findings
+
+
+def _unused(found: AdjustedObservations, given: BundleInput) -> list[Finding]:
+    """Observations in use on input that touch nothing that takes part; image points are told by image and point."""
+    o = found.observed
+    unused = o.records.active.copy()
+    unused[found.rows] = False
+    rows = np.flatnonzero(unused)
+    if not len(rows) or o.components or (given.rays is not None and len(o) == len(given.rays.image)):
+        return []
+    image, point = o.names(rows)
+    ids = tuple(a or b for a, b in zip(image.tolist(), point.tolist()))
+    alone = len(o.records.touches) == 1 and o.records.touches[0][0] == POINT
+    if alone and not touched_points(given)[o.records.touches[0][1][rows]].any():
+        return [Finding("left_out", "note", f"{o.kind}: nothing else is measured at {len(rows)} of {len(o)}", ids=ids)]
+    return [
+        Finding(
+            "left_out",
+            "warning",
+            f"{o.kind}: {len(rows)} of {len(o)} are not used, what they touch is left out",
+            ids=ids,
+        )
+    ]

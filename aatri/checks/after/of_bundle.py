@@ -1,0 +1,50 @@
+"""A bundle: the checks of this room, in their order.
+
+Seen: what the other files of this room look for.
+Test: sigma0 of kinds only where the search has not estimated standard deviations, and no group explains them.
+"""
+
+from __future__ import annotations
+
+from aatri.checks.after.correlations import high_correlations
+from aatri.checks.after.groups import contradicts, wrong_groups
+from aatri.checks.after.hidden_distortion import hidden_distortion
+from aatri.checks.after.hinge_image import hinge_images
+from aatri.checks.after.left_out import left_out
+from aatri.checks.after.parameters import parameter_findings
+from aatri.checks.after.sigma0 import sigma0
+from aatri.checks.after.sigmas import sigmas_that_do_not_fit
+from aatri.checks.after.terrain import points_off_the_terrain
+from aatri.checks.after.weak_datum import weak_datum
+from aatri.checks.finding import Finding
+from aatri.notes import Note
+from aatri.orientation.bundle.groups.search import AcceptedGroup
+from aatri.orientation.bundle.parameter_estimates import column_kinds
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round
+
+
+def findings_after(
+    done: Round, result: BundleResult, groups: tuple[AcceptedGroup, ...], max_sigma0: float, *, tests: bool
+) -> list[Finding | Note]:
+    """What an adjusted block shows; what the methods noted on the way stands after its groups.
+
+    Parameters
+    ----------
+    result : BundleResult
+        Of `done`, without covariances where none are wanted.
+    tests : bool
+        Observations are tested too.
+    """
+    given = done.given
+    remarks = [
+        note for o in given.observed if o.remarks is not None for note in o.remarks(result.adjusted.state, False)
+    ]
+    explained = done.rescaled or any(map(contradicts, groups))
+    return [
+        *wrong_groups(groups), *remarks, *done.notes, *result.notes, *left_out(given, result),
+        *sigma0(result, max_sigma0), *([] if explained else sigmas_that_do_not_fit(result)), *weak_datum(given, result),
+        *hinge_images(given),
+        *points_off_the_terrain(given, result), *hidden_distortion(given, result, tests=tests),
+        *parameter_findings(given, result), *high_correlations(result, column_kinds(given)),
+    ]  # fmt: skip

@@ -1,0 +1,34 @@
+"""sigma0 of a whole adjustment, and what finds the standard deviations where it does not fit.
+
+Seen: residuals larger or smaller than the standard deviations allow: gross errors, an effect that is not modelled,
+wrong standard deviations.
+Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond `max_sigma0` the result is refused.
+"""
+
+from __future__ import annotations
+
+from aatri.adjustment.statistics.global_test import global_test, sigma0_note
+from aatri.checks.finding import Finding
+from aatri.errors import ConvergenceError
+from aatri.orientation.bundle.result import BundleResult
+
+REMEDY = "`variance_components: {groups: [kind]}` estimates those of each kind of observation"
+REFUSED = (
+    "check ids, units, camera, start values and control; look for gross errors with a robust method first; standard "
+    "deviations that are too small by this factor are to be corrected in the block"
+)
+
+
+def sigma0(result: BundleResult, max_sigma0: float) -> list[Finding]:
+    """sigma0 with its interval; an error where it is beyond `max_sigma0`."""
+    if result.adjusted.down_weighted:
+        return []
+    counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
+    test = global_test(result.adjusted.sigma0, counted)
+    if test.verdict != "untested" and test.sigma0 > max_sigma0:
+        text = f"sigma0 is {test.sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
+        return [Finding("sigma0", "error", f"{text}observations do not fit it", REFUSED, statistic=test.sigma0,
+                        error=ConvergenceError)]  # fmt: skip
+    note = sigma0_note(test)
+    remedy = REMEDY if note.level == "warning" else ""
+    return [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]

@@ -1,0 +1,32 @@
+"""Ground points that lie off the terrain around them.
+
+Seen: a gross error along the base of two rays, which only moves their point, mostly in height: no test of rays sees it.
+Test: `orientation.bundle.terrain_test`, at 0.1 % for all points together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.checks.finding import Finding
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.terrain_test import ALARM, off_terrain
+
+
+def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Finding]:
+    """A warning of the points that lie off the terrain around them."""
+    if given.rays is None or not result.image_adjusted.any():
+        return []
+    rays = np.bincount(given.rays.point[result.ray_used], minlength=len(given.point_ids))
+    xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
+    height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
+    variance = np.maximum(np.nan_to_num(result.point_covariance_m2[:, 2, 2]), 0.0)
+    found = off_terrain(xyz, np.sqrt(variance), rays, height)
+    if not len(found.row):
+        return []
+    order = np.argsort(-found.test)
+    ids = tuple(f"{given.point_ids[found.row[k]]} ({found.height_m[k]:+.3g} m)" for k in order.tolist())
+    text = f"{len(ids)} points lie off the terrain around them by more than {found.limit:.3g} times its roughness, and "
+    return [Finding("terrain", "warning", f"{text}are doubtful", "measure them in a third image, or leave them out",
+                    ids=ids, statistic=float(found.test.max()), significance=ALARM)]  # fmt: skip

@@ -1,0 +1,52 @@
+"""Observations that nothing controls.
+
+Seen: nothing: a gross error there changes no residual.
+Test: the redundancy number in the direction that the others control least is below `statistics.uncontrolled.BELOW`,
+where one of 41 standard deviations is found in 80 %. What is known beforehand of the film of single images is often
+known by that alone, in image after image: such are counted. Image points in no model take part only in the bundle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.checks.finding import Finding
+
+IMAGE_POINT = "image_point"
+WHERE = f"(redundancy number below {BELOW:g}): a gross error along it shows nowhere (table `uncontrolled`)"
+
+
+def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
+    """How many of each kind, and which; of image points the points."""
+    findings = list[Finding]()
+    if table is None:
+        return findings
+    apart = np.asarray((table.kind == IMAGE_POINT) & np.isnan(table.direction).all(axis=1))
+    alone, table = table.take(apart), table.take(~apart)
+    if len(alone):
+        points = np.unique(alone.point)
+        text = f"{len(alone)} of {len(points)} points are in no model: the bundle is the first to check them"
+        findings.append(Finding("uncontrolled", "note", text, ids=tuple(points.tolist()), where=IMAGE_POINT))
+    for kind in np.unique(table.kind).tolist():
+        some = table.take(table.kind == kind)
+        have = f"{'has' if len(some) == 1 else 'have'} a direction that nothing controls {WHERE}"
+        ids = tuple("/".join(x for x in pair if x) for pair in zip(some.image.tolist(), some.point.tolist()))
+        text = f"{len(some)} {have}"
+        if kind == IMAGE_POINT:
+            ids = tuple(np.unique(some.point).tolist())
+            text = f"{len(some)} at {len(ids)} points {have}"
+        findings.append(Finding("uncontrolled", "note", text, ids=ids, where=kind, rows={kind: some.row}))
+    return findings
+
+
+def of_film_alone(table: Uncontrolled) -> list[Finding]:
+    """Corrections of the film that are known from the interior orientation alone: a count."""
+    if not len(table):
+        return []
+    labels = ", ".join(np.unique(table.point).tolist())
+    text = (
+        f"{len(table)} corrections of the film of {len(np.unique(table.image))} images ({labels}) are known from the "
+    )
+    return [Finding("uncontrolled", "note", f"{text}interior orientation alone; not listed", where=str(table.kind[0]))]

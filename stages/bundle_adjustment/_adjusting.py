@@ -1,0 +1,86 @@
+"""The adjustments of a bundle by its options: one, or those of a search for gross errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from aatri.adapters.bundle.bundle_input import with_parameters
+from aatri.adapters.bundle.candidate_groups import candidate_groups
+from aatri.adapters.bundle.exchanged_images import without_exchanged_images
+from aatri.adjustment.settings import Settings
+from aatri.checks.after.rank_defect import rank_advice
+from aatri.errors import GeometryError
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.robust import How, robustly
+from aatri.orientation.bundle.blunders.search import search
+from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
+from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
+from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
+from aatri.orientation.bundle.parameter_estimates import column_kinds
+from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
+from aatri.orientation.bundle.settings import BundleSettings
+from aatri.plugin import Context
+
+if TYPE_CHECKING:
+    from .bundle import BundleOptions
+
+COARSE = 5.0
+"""Bound of the Newton decrement of the adjustments on the way to gross errors."""
+
+
+def adjusted_in_rounds(
+    given: BundleInput, options: BundleOptions, context: Context
+) -> tuple[Round, tuple[AcceptedGroup, ...]]:
+    """The adjusted block after the search of the options, and the groups it found."""
+    rule, groups = options.blunders.rule(), tuple[AcceptedGroup, ...]()
+    if options.variance_components is not None and rule.sigmas == "estimated":
+        rule = replace(rule, sigmas="tests")  # the weights are for them to find
+
+    def adjust(block: BundleInput, how: How = How()) -> BundleResult:
+        return adjusted(block, options, context, how)
+
+    def single(block: BundleInput, squares: BundleResult | None) -> Round:
+        if rule.method == "none":
+            return with_readmission(block, adjust)
+        return search(block, adjust, rule, options.tolerance, squares)
+
+    if rule.method == "robust":
+        done = robustly(given, adjust, rule)
+    else:
+        given = given if rule.method == "none" else without_exchanged_images(given)
+        done, groups = search_with_groups(given, adjust, single, candidate_groups, rule)
+    if options.self_calibration is not None and options.self_calibration.remove:
+        done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
+    return done, groups
+
+
+def adjusted(given: BundleInput, options: BundleOptions, context: Context, how: How = How()) -> BundleResult:
+    """One adjustment; a rank defect with its remedy."""
+    adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
+    try:
+        return with_observed_sigma0(adjust(given, _settings(options, how), reporter=context))
+    except GeometryError as error:
+        names = tuple(name for p in given.parameters for name in p.labels)
+        advice = rank_advice(error.what, names, column_kinds(given))
+        if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
+            advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
+        raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
+
+
+def _settings(options: BundleOptions, how: How) -> BundleSettings:
+    searched = options.blunders.method != "none"
+    covariances = searched or options.standard_deviations or options.reliability
+    covariances = covariances or options.variance_components is not None
+    solution = Settings(
+        max_iterations=options.max_iterations,
+        tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
+        ordering=options.ordering,
+        reproducible=options.reproducible,
+        memory_gb=options.memory_gb,
+        solver=options.solver,
+    )
+    keep_factor = not searched  # a search would keep the factors of several adjustments
+    return BundleSettings(options.datum, options.datum_over, covariances, keep_factor, how.huber, how.weights, solution)
