@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 DASH = "–"
@@ -27,6 +28,11 @@ def metres(value: float | None) -> str:
     if value is None or value != value:
         return DASH
     return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"
+
+
+def digits(count: int) -> Callable[[float], str]:
+    """A function that writes numbers with so many digits after the point."""
+    return lambda value: DASH if value != value else f"{value:.{count}f}"
 
 
 def seconds(value: float | None) -> str:

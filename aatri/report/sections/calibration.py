@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.solution import Parameters, Solution
+from aatri.artifacts.solution import Solution
 from aatri.formats.results.interior_orientation import interior_covariances
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
-from aatri.report.numbers import DASH, number
-from aatri.report.sections import tables
+from aatri.report.numbers import number
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.sections.tables import Columns, PageTable, all_rows
 
 FILM = "film"
-MOST_CORRELATIONS = 30
 STRONG = 0.5
 """Correlations below this are left out."""
 
@@ -22,28 +20,20 @@ STRONG = 0.5
 def parameter_tables(solution: Solution) -> list[PageTable]:
     """Parameters but those of single film images, their correlations, and film in figures."""
     p = solution.parameters
-    rows = np.flatnonzero(p.group != FILM)
-    units, removed = parameter_units(solution), removed_parameters(p)
-
-    def sigma(k: int) -> float:
-        return float(p.sigma[rows[k]])
-
-    def value(k: int) -> float:
-        return float(p.value[rows[k]])
-
-    columns: Cells = {
-        "group": lambda k: str(p.group[rows[k]]),
-        "of": lambda k: str(p.object[rows[k]]),
-        "parameter": lambda k: str(p.name[rows[k]]),
-        "unit": lambda k: units[rows[k]],
-        "value": lambda k: "removed" if removed[rows[k]] else f"{value(k):.6g}",
-        "sigma": lambda k: DASH if removed[rows[k]] else number(sigma(k)),
-        "value / sigma": lambda k: number(abs(value(k)) / sigma(k)) if sigma(k) > 0 else DASH,
+    removed = removed_parameters(p)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(p.sigma > 0, np.abs(p.value) / p.sigma, np.nan)
+    columns: Columns = {
+        "group": p.group,
+        "of": p.object,
+        "parameter": p.name,
+        "unit": parameter_units(solution),
+        "value": (np.where(removed, np.nan, p.value), lambda value: "removed" if np.isnan(value) else f"{value:.6g}"),
+        "sigma": np.where(removed, np.nan, p.sigma),
+        "value / sigma": ratio,
     }
-    return present(
-        _interior(solution), tables.all_rows("Calibration and other parameters", rows, columns, 4),
-        _correlations(solution), _film(solution),
-    )  # fmt: skip
+    listed = all_rows("Calibration and other parameters", columns, np.flatnonzero(p.group != FILM))
+    return present(_interior(solution), listed, _correlations(solution), _film(solution))
 
 
 def _interior(solution: Solution) -> PageTable | None:
@@ -54,12 +44,11 @@ def _interior(solution: Solution) -> PageTable | None:
         return None
     values = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
     sigma = np.sqrt(np.einsum("nii->ni", covariance))
-    columns: Cells = {"camera": lambda k: str(cameras.id[rows[k]])}
+    columns: Columns = {"camera": cameras.id}
     for axis, name in enumerate(("c mm", "x0 mm", "y0 mm")):
-        columns[name] = lambda k, axis=axis: f"{values[rows[k], axis]:.5f}"  # type: ignore[misc]
-        columns[f"sigma {name}"] = lambda k, axis=axis: number(float(sigma[rows[k], axis]))  # type: ignore[misc]
+        columns |= {name: (values[:, axis], "{:.5f}".format), f"sigma {name}": sigma[:, axis]}
     caption = "Interior orientations as adjusted; the principal point from the fiducial or image centre, x right, y up"
-    return tables.all_rows(caption, rows, columns, 1)
+    return all_rows(caption, columns, rows)
 
 
 def _correlations(solution: Solution) -> PageTable | None:
@@ -71,20 +60,15 @@ def _correlations(solution: Solution) -> PageTable | None:
         r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
     pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
     pairs = pairs[np.argsort(-np.abs(r[pairs]), kind="stable")]
-    if not len(pairs):
-        return None
-    columns: Cells = {
-        "of": lambda k: str(p.object[c.first[pairs[k]]]),
-        "parameter": lambda k: str(p.name[c.first[pairs[k]]]),
-        "with": lambda k: _of_other(p, int(c.first[pairs[k]]), int(c.second[pairs[k]])),
-        "correlation": lambda k: f"{r[pairs[k]]:.3f}",
+    one, other = c.first[pairs], c.second[pairs]
+    elsewhere = [f" of {there}" if there != here else "" for here, there in zip(p.object[one], p.object[other])]
+    columns: Columns = {
+        "of": p.object[one],
+        "parameter": p.name[one],
+        "with": [f"{name}{of}" for name, of in zip(p.name[other], elsewhere)],
+        "correlation": (r[pairs], "{:.3f}".format),
     }
-    return tables.all_rows(f"Correlations of {STRONG} or more, the strongest first", pairs, columns, 3)
-
-
-def _of_other(p: Parameters, first: int, second: int) -> str:
-    of = "" if p.object[first] == p.object[second] else f" of {p.object[second]}"
-    return f"{p.name[second]}{of}"
+    return all_rows(f"Correlations of {STRONG} or more, the strongest first", columns)
 
 
 def _film(solution: Solution) -> PageTable | None:

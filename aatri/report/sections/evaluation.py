@@ -9,10 +9,9 @@ from aatri.ids import rows_of
 from aatri.report.drawing.growth import growth_chart
 from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
-from aatri.report.numbers import DASH, metres, number
-from aatri.report.sections import tables
+from aatri.report.numbers import metres
 from aatri.report.sections.parts import Picture, Section, Surroundings, present
-from aatri.report.sections.tables import PageTable
+from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 
 
 def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
@@ -33,21 +32,19 @@ def point_tables(evaluation: Evaluation) -> list[PageTable]:
 
 def _table(differences: Differences, kind: str) -> PageTable | None:
     rows = np.flatnonzero(differences.kind == kind)
-    if not len(rows):
-        return None
-    d, s = differences.difference_m[rows], differences.sigma_m[rows]
-    order = np.argsort(-np.nan_to_num(np.abs(d)).max(axis=1), kind="stable")
+    d, s = differences.difference_m, differences.sigma_m
+    rows = rows[np.argsort(-np.nan_to_num(np.abs(d[rows])).max(axis=1), kind="stable")]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.fmax.reduce(np.where(s > 0, np.abs(d) / s, np.nan), axis=1)
-    columns: tables.Cells = {
-        "point": lambda k: str(differences.point[rows[order[k]]]),
-        **{f"d{a} m": tables.formatted(d[order, i], metres) for i, a in enumerate("XYZ")},
-        **{f"s{a} m": tables.formatted(s[order, i], metres) for i, a in enumerate("XYZ")},
-        "largest d / s": lambda k: number(float(ratio[order[k]])) if np.isfinite(ratio[order[k]]) else DASH,
-        "rays": lambda k: number(int(differences.rays[rows[order[k]]])),
+    columns: Columns = {
+        "point": differences.point,
+        **axes(("dX m", "dY m", "dZ m"), d, metres),
+        **axes(("sX m", "sY m", "sZ m"), s, metres),
+        "largest d / s": ratio,
+        "rays": differences.rays,
     }
     where = "control points predicted without themselves" if kind == "left_out" else f"{kind} points"
-    return tables.all_rows(f"Differences at {where}, the largest first", rows, columns, 1)
+    return all_rows(f"Differences at {where}, the largest first", columns, rows)
 
 
 def models_table(models: SingleModels | None) -> PageTable | None:
@@ -55,19 +52,19 @@ def models_table(models: SingleModels | None) -> PageTable | None:
     if models is None:
         return None
     order = np.argsort(-np.nan_to_num(models.parallax_rms_um), kind="stable")
-    columns: tables.Cells = {
-        "left": lambda k: str(models.left[order[k]]),
-        "right": lambda k: str(models.right[order[k]]),
-        "largest at": lambda k: str(models.parallax_max_at[order[k]]),
-        "points": lambda k: number(int(models.points[order[k]])),
-        "y-parallax um": tables.formatted(models.parallax_rms_um[order], number),
-        "largest um": tables.formatted(models.parallax_max_um[order], number),
-        "over sigma": tables.formatted(models.w_rms[order], number),
+    columns: Columns = {
+        "left": models.left,
+        "right": models.right,
+        "largest at": models.parallax_max_at,
+        "points": models.points,
+        "y-parallax um": models.parallax_rms_um,
+        "largest um": models.parallax_max_um,
+        "over sigma": models.w_rms,
     }
     for name, values in (("adjusted", models.adjusted_rms_m), ("check", models.check_rms_m)):
-        columns |= {f"{name} {a} m": tables.formatted(values[order, i], metres) for i, a in enumerate("XYZ")}
+        columns |= axes((f"{name} {a} m" for a in "XYZ"), values, metres)
     caption = "Single models with the orientations of the block, RMS; minus adjusted and check coordinates"
-    return tables.all_rows(caption, models, columns, 3)
+    return all_rows(caption, columns, order)
 
 
 def strips_table(errors: StripErrors | None) -> PageTable | None:
@@ -76,19 +73,14 @@ def strips_table(errors: StripErrors | None) -> PageTable | None:
         return None
     thousandths = {"height, RMS": errors.rms[:, 2], "law": errors.law[:, 2],
                    **{f"mean d{a}": errors.mean[:, i] for i, a in enumerate("XYZ")}}  # fmt: skip
-    columns: tables.Cells = {
-        "model": lambda k: str(errors.model[k]),
-        "strips": lambda k: str(errors.strips[k]),
-        "phi mrad": tables.formatted(1e3 * errors.turned_rad[:, 1], _three),
-        "law mrad": tables.formatted(1e3 * errors.turned_law_rad[:, 1], _three),
-        **{name: tables.formatted(1e3 * v, _three) for name, v in thousandths.items()},
+    columns: Columns = {
+        "model": [str(model) for model in errors.model],
+        "strips": errors.strips,
+        "phi mrad": (1e3 * errors.turned_rad[:, 1], "{:.3f}".format),
+        "law mrad": (1e3 * errors.turned_law_rad[:, 1], "{:.3f}".format),
+        **{name: (1e3 * values, "{:.3f}".format) for name, values in thousandths.items()},
     }
-    caption = "Errors along free strips; height and mean in thousandths of the first base"
-    return tables.all_rows(caption, errors, columns, 1)
-
-
-def _three(value: float) -> str:
-    return f"{value:.3f}"
+    return all_rows("Errors along free strips; height and mean in thousandths of the first base", columns)
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:

@@ -10,10 +10,8 @@ import numpy as np
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError
-from aatri.report.numbers import DASH
-from aatri.report.sections import tables
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.sections.tables import Columns, PageTable, all_rows
 
 LOCAL = "local"
 
@@ -21,13 +19,8 @@ LOCAL = "local"
 def frame_tables(block: Block) -> list[PageTable]:
     """The declared frames, and the frame of the adjustment where there is an Earth."""
     frames = block.frames
-    columns: Cells = {
-        "frame": lambda k: str(frames.id[k]),
-        "axes": lambda k: str(frames.axes[k]),
-        "CRS": lambda k: str(frames.crs[k]),
-        "vertical": lambda k: str(frames.vertical[k]) or DASH,
-    }
-    of_block = tables.all_rows("Frames of the input, the first of them that of all results", frames, columns, 4)
+    columns: Columns = {"frame": frames.id, "axes": frames.axes, "CRS": frames.crs, "vertical": frames.vertical}
+    of_block = all_rows("Frames of the input, the first of them that of all results", columns)
     return present(of_block, _of_adjustment(block))
 
 

@@ -5,19 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.artifacts.image_points import ImagePoints
-from aatri.report.numbers import number
-from aatri.report.sections import tables
 from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.tables import Columns, all_rows
 
 
 def show(made: Section, artifact: ImagePoints, _around: Surroundings) -> None:
     """Add corrections, and the fit of the fiducial marks."""
     corrections, residuals = artifact.corrections, artifact.fiducial_residuals
-    columns = {
-        "correction": lambda k: str(corrections.name[k]),
-        "largest um": lambda k: number(1e3 * float(corrections.largest_mm[k])),
-    }
-    made.tables.extend(present(tables.all_rows("Corrections applied", corrections, columns, 1)))
+    columns: Columns = {"correction": corrections.name, "largest um": 1e3 * corrections.largest_mm}
+    made.tables.extend(present(all_rows("Corrections applied", columns)))
     if residuals.active.any():
         v = 1e3 * residuals.residual_mm[residuals.active]
         made.notes.append(

@@ -7,8 +7,7 @@ import numpy as np
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import Solution
 from aatri.report.numbers import DASH, number
-from aatri.report.sections import tables
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.sections.tables import Columns, PageTable, all_rows
 
 OF_POINTS = ("image_point", "control")
 """Kinds of observation that are too many, or have tables of their own."""
@@ -36,20 +35,17 @@ def listed(solution: Solution, mine: Bool, names: str, caption: str) -> PageTabl
         size = np.abs(residuals.residual) / np.where(residuals.sigma > 0, residuals.sigma, np.nan)
     rows = rows[np.argsort(-np.nan_to_num(np.fmax.reduce(size[rows], axis=1)), kind="stable")]
     ids = residuals.image if names == "image" else residuals.point
-    columns: Cells = {
-        "observation": lambda k: str(residuals.kind[rows[k]]),
-        names: lambda k: str(ids[rows[k]]),
-        "used": lambda k: "yes" if residuals.active[rows[k]] else "rejected",
-        "unit": lambda k: str(residuals.unit[rows[k]]),
-        "residual": lambda k: _each(residuals.residual[rows[k]]),
-        "sigma": lambda k: _each(residuals.sigma[rows[k]]),
+    columns: Columns = {
+        "observation": residuals.kind,
+        names: ids,
+        "used": np.where(residuals.active, "yes", "rejected"),
+        "unit": residuals.unit,
+        "residual": (residuals.residual, _each),
+        "sigma": (residuals.sigma, _each),
     }
     if tests is not None:
-        columns |= {
-            "redundancy": lambda k: _each(tests.redundancy[rows[k]]),
-            "w": lambda k: _each(tests.test[rows[k]]),
-        }
-    return tables.all_rows(f"{caption}, the largest residuals first", rows, columns, 4)
+        columns |= {"redundancy": (tests.redundancy, _each), "w": (tests.test, _each)}
+    return all_rows(f"{caption}, the largest residuals first", columns, rows)
 
 
 def _each(values: Float) -> str:

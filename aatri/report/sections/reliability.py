@@ -9,9 +9,8 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.report.numbers import DASH, number
-from aatri.report.sections import tables
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
 
 
@@ -28,17 +27,16 @@ def variance_table(solution: Solution) -> PageTable | None:
     c = solution.variance_components
     if c is None:
         return None
-    columns: Cells = {
-        "group": lambda k: str(c.group[k]),
-        "verdict": lambda k: str(c.verdict[k]),
-        "observations": lambda k: number(int(c.observations[k])),
-        "redundancy": lambda k: number(float(c.redundancy[k])),
-        "factor": lambda k: number(float(c.factor[k])),
-        "from": lambda k: number(float(c.low[k])),
-        "to": lambda k: number(float(c.high[k])),
+    columns: Columns = {
+        "group": c.group,
+        "verdict": c.verdict,
+        "observations": c.observations,
+        "redundancy": c.redundancy,
+        "factor": c.factor,
+        "from": c.low,
+        "to": c.high,
     }
-    caption = "Variance components: factors on the standard deviations given, with 95 % limits"
-    return tables.all_rows(caption, c, columns, 2)
+    return all_rows("Variance components: factors on the standard deviations given, with 95 % limits", columns)
 
 
 def _by_kind(solution: Solution) -> PageTable | None:
@@ -81,32 +79,32 @@ def _worst_effects(solution: Solution) -> PageTable | None:
     assert tests is not None
     effect = np.where(residuals.active[:, None] & np.isfinite(tests.external), tests.external, -1.0)
     axis, most = effect.argmax(axis=1), effect.max(axis=1)
-    order = np.argsort(-most, kind="stable")[: tables.MOST_ROWS]
-    order = order[most[order] > 0]
-
-    def cell(values: Float) -> Callable[[int], str]:
-        return lambda k: _of(np.nanmax, values[order[k], axis[order[k]]][None])
-
-    columns = _named(solution, order, axis) | {
-        "detectable": cell(tests.detectable),
-        "external": cell(tests.external),
-        "moves its point (m)": cell(tests.point_moved_m),
-        "its image (m)": cell(tests.image_moved_m),
-        "turns it (rad)": cell(tests.image_turned_rad),
+    order = np.argsort(-most, kind="stable")[:MOST_ROWS]
+    values = {
+        "detectable": tests.detectable,
+        "external": tests.external,
+        "moves its point (m)": tests.point_moved_m,
+        "its image (m)": tests.image_moved_m,
+        "turns it (rad)": tests.image_turned_rad,
     }
-    return tables.all_rows("Detectable errors with the largest effect on the unknowns", order, columns, 5)
+    columns = _observation(solution, axis) | {head: _on_axis(of, axis) for head, of in values.items()}
+    return all_rows("Detectable errors with the largest effect on the unknowns", columns, order[most[order] > 0])
 
 
-def _named(solution: Solution, order: Int, axis: Int, *, by_row: bool = True) -> Cells:
-    """Columns that say which observation it is; `axis` by row of the residuals, or one by one."""
-    residuals = solution.residuals
+def _observation(solution: Solution, axis: Int) -> Columns:
+    """Columns that say which observation it is, and which axis of each."""
+    r = solution.residuals
     return {
-        "observation": lambda k: str(residuals.kind[order[k]]),
-        "image": lambda k: str(residuals.image[order[k]]) or DASH,
-        "point": lambda k: str(residuals.point[order[k]]) or DASH,
-        "axis": lambda k: "xyz"[axis[order[k]] if by_row else axis[k]],
-        "unit": lambda k: str(residuals.unit[order[k]]),
+        "observation": r.kind,
+        "image": r.image,
+        "point": r.point,
+        "axis": np.array(list("xyz"))[axis],
+        "unit": r.unit,
     }
+
+
+def _on_axis(values: Float, axis: Int) -> Float:
+    return np.asarray(np.take_along_axis(values, axis[:, None], axis=1)[:, 0])
 
 
 def _largest(solution: Solution) -> PageTable | None:
@@ -114,12 +112,12 @@ def _largest(solution: Solution) -> PageTable | None:
     assert tests is not None
     w = np.fmax.reduce(np.abs(tests.test), axis=1)
     order = np.argsort(np.where(np.isfinite(w) & residuals.active, -w, np.inf), kind="stable")
-    order = order[np.isfinite(w[order]) & residuals.active[order]][: tables.MOST_ROWS]
-    axis = np.nanargmax(np.where(np.isfinite(tests.test[order]), np.abs(tests.test[order]), -1.0), axis=1)
-    columns: Cells = _named(solution, order, axis, by_row=False) | {
-        "w": lambda k: f"{tests.test[order[k], axis[k]]:.2f}",
-        "residual": lambda k: number(float(residuals.residual[order[k], axis[k]])),
-        "redundancy": lambda k: number(float(tests.redundancy[order[k], axis[k]])),
-        "detectable": lambda k: number(float(tests.detectable[order[k], axis[k]])),
+    order = order[np.isfinite(w[order]) & residuals.active[order]][:MOST_ROWS]
+    axis = np.argmax(np.where(np.isfinite(tests.test), np.abs(tests.test), -1.0), axis=1)
+    columns = _observation(solution, axis) | {
+        "w": (_on_axis(tests.test, axis), "{:.2f}".format),
+        "residual": _on_axis(residuals.residual, axis),
+        "redundancy": _on_axis(tests.redundancy, axis),
+        "detectable": _on_axis(tests.detectable, axis),
     }
-    return tables.all_rows("Largest tests of observations in use", order, columns, 5)
+    return all_rows("Largest tests of observations in use", columns, order)

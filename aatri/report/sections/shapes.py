@@ -14,9 +14,8 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
-from aatri.report.numbers import DASH, metres, number
-from aatri.report.sections import tables
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.numbers import DASH, metres
+from aatri.report.sections.tables import Columns, PageTable, all_rows
 
 PLANES = ("plane", "vertical_plane", "horizontal_plane", "equal_height")
 LINES = ("line", "plumb_line", "horizontal_line")
@@ -36,21 +35,18 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
     found = np.array([c for c in found if len(rows[int(c)])], dtype=np.int64)
     lying = [_lying(str(control.type[c]), _points(solution, rows[int(c)])) for c in found]
 
-    def v(k: int) -> Float:
-        mine = rows[int(found[k])]
-        return np.asarray(residuals.residual[mine[residuals.active[mine]]])
-
-    columns: Cells = {
-        "shape": lambda k: str(control.type[found[k]]),
-        "points": lambda k: shown(members.id[of[int(found[k])]].tolist(), NAMED),
-        "normal or axis": lambda k: lying[k],
-        "held": lambda k: _held(float(control.sigma[found[k]])),
-        "used": lambda k: number(len(v(k))),
-        "rejected": lambda k: number(len(rows[int(found[k])]) - len(v(k))),
-        "RMS residual m": lambda k: metres(float(np.sqrt(np.nanmean(v(k) ** 2)))) if v(k).size else DASH,
-        "largest m": lambda k: metres(float(np.nanmax(np.abs(v(k))))) if v(k).size else DASH,
+    v = [residuals.residual[rows[int(c)]][residuals.active[rows[int(c)]]] for c in found]
+    columns: Columns = {
+        "shape": control.type[found],
+        "points": [shown(members.id[of[int(c)]].tolist(), NAMED) for c in found],
+        "normal or axis": lying,
+        "held": [_held(float(sigma_m)) for sigma_m in control.sigma[found]],
+        "used": np.array([len(of_shape) for of_shape in v]),
+        "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(found, v)]),
+        "RMS residual m": (np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v]), metres),
+        "largest m": (np.array([np.nanmax(np.abs(r)) if r.size else np.nan for r in v]), metres),
     }
-    return tables.all_rows("Planes, lines and round shapes", found, columns, 4)
+    return all_rows("Planes, lines and round shapes", columns)
 
 
 def _held(sigma_m: float) -> str:

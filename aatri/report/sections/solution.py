@@ -15,25 +15,24 @@ from aatri.report.drawing.residual_plots import (
     plan_vectors,
     tie_pictures,
 )
-from aatri.report.numbers import DASH, metres, number
-from aatri.report.sections import calibration, network, observations, reliability, tables
+from aatri.report.numbers import DASH, digits, metres, number
+from aatri.report.sections import calibration, network, observations, reliability
 from aatri.report.sections.parts import Picture, Section, Surroundings, present
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, residual_classes
 
 
 def show(made: Section, solution: Solution, around: Surroundings) -> None:
     """Add what was adjusted, the most asked for first."""
-    transformations = solution.transformations
     made.tables.extend(
         present(
-            tables.residual_classes(solution),
+            residual_classes(solution),
             *calibration.parameter_tables(solution),
             reliability.variance_table(solution),
             *reliability.reliability_tables(solution),
             _orientations(solution),
             observations.of_images(solution),
             _orderings(solution),
-            tables.all_rows("Transformations", transformations, _transformation_columns(transformations), 3),
+            _transformations(solution.transformations),
         )
     )
     network.show(made, around.block, solution)
@@ -48,33 +47,22 @@ def show(made: Section, solution: Solution, around: Surroundings) -> None:
 def _orientations(solution: Solution) -> PageTable | None:
     """Exterior orientation of all images, with standard deviations."""
     images = solution.images
-    if not len(images):
-        return None
     angles = np.full((len(images), 3), np.nan)
     angles[images.oriented] = np.degrees(
         angles_from_rotation(images.ground_from_image[images.oriented], "omega-phi-kappa")
     )
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.einsum("nii->ni", images.covariance))
-    columns: Cells = {"image": lambda k: str(images.id[k])}
-    columns |= {f"{a} m": tables.formatted(images.position_m[:, i], _millimetres) for i, a in enumerate("XYZ")}
-    names = ("omega", "phi", "kappa")
-    columns |= {f"{a} deg": tables.formatted(angles[:, i], _degrees) for i, a in enumerate(names)}
+    columns: Columns = {
+        "image": images.id,
+        **axes(("X m", "Y m", "Z m"), images.position_m, digits(3)),
+        **axes(("omega deg", "phi deg", "kappa deg"), angles, digits(5)),
+    }
     if np.isfinite(sigma).any():
-        columns |= {f"s{a} m": tables.formatted(sigma[:, i], metres) for i, a in enumerate("XYZ")}
-        columns |= {f"sd{i - 2} mdeg": tables.formatted(1e3 * np.degrees(sigma[:, i]), number) for i in (3, 4, 5)}
-    columns["image points"] = lambda k: number(int(images.image_points[k]))
-    return tables.all_rows(
-        "Orientations: omega, phi, kappa; sd1 to sd3 turns about the ground axes", images, columns, 1
-    )
-
-
-def _millimetres(value: float) -> str:
-    return DASH if value != value else f"{value:.3f}"
-
-
-def _degrees(value: float) -> str:
-    return DASH if value != value else f"{value:.5f}"
+        columns |= axes(("sX m", "sY m", "sZ m"), sigma, metres)
+        columns |= axes(("sd1 mdeg", "sd2 mdeg", "sd3 mdeg"), 1e3 * np.degrees(sigma[:, 3:]), number)
+    columns["image points"] = images.image_points
+    return all_rows("Orientations: omega, phi, kappa; sd1 to sd3 turns about the ground axes", columns)
 
 
 def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Picture]:
@@ -131,23 +119,18 @@ def _orderings(solution: Solution) -> PageTable | None:
     o = solution.orderings
     if o is None:
         return None
-    columns = {
-        "order": lambda k: f"{o.ordering[k]}{' (used)' if o.used[k] else ''}",
-        "textbook, images": lambda k: number(int(o.textbook_images[k])) if o.textbook_images[k] >= 0 else DASH,
-        "found, images": lambda k: number(int(o.images[k])),
-        "unknowns": lambda k: number(int(o.unknowns[k])),
-        "border": lambda k: number(int(o.border[k])),
-        "elements stored": lambda k: number(int(o.stored[k])),
-        "Gflop": lambda k: number(float(o.gflop[k])),
+    columns: Columns = {
+        "order": [f"{order}{' (used)' if used else ''}" for order, used in zip(o.ordering, o.used)],
+        "textbook, images": (o.textbook_images, lambda images: number(int(images)) if images >= 0 else DASH),
+        "found, images": o.images,
+        "unknowns": o.unknowns,
+        "border": o.border,
+        "elements stored": o.stored,
+        "Gflop": o.gflop,
     }
-    return tables.all_rows("Half bandwidth; textbook: 2N + 2 across, n + 3 along N strips of n images", o, columns, 1)
+    return all_rows("Half bandwidth; textbook: 2N + 2 across, n + 3 along N strips of n images", columns)
 
 
-def _transformation_columns(t: StripTransformations) -> Cells:
-    return {
-        "strip": lambda k: str(t.id[k]),
-        "model": lambda k: str(t.model[k]),
-        "parameter": lambda k: str(t.parameter[k]),
-        "value": lambda k: f"{float(t.value[k]):.8g}",
-        "sigma": lambda k: number(float(t.sigma[k])),
-    }
+def _transformations(t: StripTransformations) -> PageTable | None:
+    columns: Columns = {"strip": t.id, "model": t.model, "parameter": t.parameter}
+    return all_rows("Transformations", columns | {"value": (t.value, "{:.8g}".format), "sigma": t.sigma})

@@ -9,9 +9,8 @@ import numpy as np
 from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
 from aatri.report.numbers import DASH, number
-from aatri.report.sections import tables
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.sections.tables import Columns, PageTable, all_rows
 
 
 def suspects_tables(suspects: Suspects) -> list[PageTable]:
@@ -22,29 +21,29 @@ def suspects_tables(suspects: Suspects) -> list[PageTable]:
     summary = PageTable("Suspects by stage and kind", ("tested by", "observation", "verdict", "count"),
                         [(*key, number(n)) for key, n in sorted(counts.items())], 3)  # fmt: skip
     order = np.argsort(-np.abs(np.nan_to_num(suspects.test)), kind="stable")
-    columns: Cells = {
-        "tested by": lambda k: str(suspects.stage[order[k]]),
-        "observation": lambda k: str(suspects.kind[order[k]]),
-        "image": lambda k: str(suspects.image[order[k]]) or DASH,
-        "point": lambda k: str(suspects.point[order[k]]) or DASH,
-        "verdict": lambda k: str(suspects.verdict[order[k]]),
-        "unit": lambda k: str(suspects.unit[order[k]]),
-        "size": lambda k: number(float(suspects.size[order[k]])),
-        "sigma": lambda k: number(float(suspects.sigma[order[k]])),
-        "test": lambda k: number(float(suspects.test[order[k]])),
+    columns: Columns = {
+        "tested by": suspects.stage,
+        "observation": suspects.kind,
+        "image": suspects.image,
+        "point": suspects.point,
+        "verdict": suspects.verdict,
+        "unit": suspects.unit,
+        "size": suspects.size,
+        "sigma": suspects.sigma,
+        "test": suspects.test,
     }
-    return present(summary, tables.all_rows("Suspects, the largest test first", suspects, columns, 6))
+    return present(summary, all_rows("Suspects, the largest test first", columns, order))
 
 
 def proposed_numbers_table(proposed: ProposedNumbers | None) -> PageTable | None:
     """Numbers under which rejected observations fit."""
-    if proposed is None or not len(proposed):
+    if proposed is None:
         return None
-    columns: Cells = {
-        "observation": lambda k: str(proposed.kind[k]),
-        "image": lambda k: str(proposed.image[k]) or DASH,
-        "point": lambda k: str(proposed.point[k]),
-        "fits": lambda k: str(proposed.proposed[k]),
-        "exchanged": lambda k: "both" if proposed.exchanged[k] else DASH,
+    columns: Columns = {
+        "observation": proposed.kind,
+        "image": proposed.image,
+        "point": proposed.point,
+        "fits": proposed.proposed,
+        "exchanged": np.where(proposed.exchanged, "both", DASH),
     }
-    return tables.all_rows("Rejected observations that fit under another number", proposed, columns, 5)
+    return all_rows("Rejected observations that fit under another number", columns)

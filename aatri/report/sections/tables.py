@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from aatri.arrays import Float
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
 from aatri.report.numbers import DASH, metres, number
@@ -29,8 +30,11 @@ _SMALLER = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _AXIS = re.compile(r"_([xyz])(_|$)")
 
 
-Cells = dict[str, Callable[[int], str]]
-"""Head of a column to the cell of a row."""
+Column = npt.NDArray[Any] | Sequence[str] | tuple[npt.NDArray[Any], Callable[[Any], str]]
+"""Values by row of a table: text, or numbers; these are written by `number`, or by the function beside them."""
+
+Columns = dict[str, Column]
+"""Columns by their heads."""
 
 
 @dataclass(frozen=True)
@@ -70,26 +74,30 @@ def rejects_table(rejects: Rejects) -> PageTable | None:
     """What was set aside on import."""
     if not len(rejects):
         return None
-    columns: Cells = {
-        "what": lambda k: str(rejects.kind[k]),
-        "id": lambda k: str(rejects.id[k]),
-        "why": lambda k: str(rejects.reason[k]),
-    }
-    return all_rows("Set aside on import", rejects, columns, 3)
+    return all_rows("Set aside on import", {"what": rejects.kind, "id": rejects.id, "why": rejects.reason})
 
 
-def all_rows(caption: str, table: Sized, columns: Cells, texts: int) -> PageTable | None:
-    """All rows of a table up to `MOST_FOLDED`; folded where they are many. `columns`: head to cell of a row."""
-    if not len(table):
+def all_rows(caption: str, columns: Mapping[str, Column], rows: Int | None = None) -> PageTable | None:
+    """Rows of a table up to `MOST_FOLDED`, by default all from the first; folded where they are many."""
+    pairs = [column if isinstance(column, tuple) else (column, None) for column in columns.values()]
+    rows = np.arange(len(pairs[0][0])) if rows is None else rows
+    if not len(rows):
         return None
-    shown = min(MOST_FOLDED, len(table))
-    rows = [tuple(cell(k) for cell in columns.values()) for k in range(shown)]
-    return folded(PageTable(f"{caption}{_of(shown, len(table), 'first')}", tuple(columns), rows, texts))
+    texts = [form is None and isinstance(values[0], str) for values, form in pairs]
+    cells = [[_cell(values[k], form) for k in rows[:MOST_FOLDED].tolist()] for values, form in pairs]
+    caption = f"{caption}{_of(len(cells[0]), len(rows), 'first')}"
+    return folded(PageTable(caption, tuple(columns), list(zip(*cells)), [*texts, False].index(False)))
 
 
-def formatted(values: Float, form: Callable[[float], str]) -> Callable[[int], str]:
-    """The cells of a column of numbers."""
-    return lambda k: form(float(values[k]))
+def axes(names: Iterable[str], values: Float, form: Callable[[float], str]) -> Columns:
+    """A column for each column of some numbers."""
+    return {name: (values[:, i], form) for i, name in enumerate(names)}
+
+
+def _cell(value: Any, form: Callable[[Any], str] | None) -> str:
+    if form is not None:
+        return form(value)
+    return (value or DASH) if isinstance(value, str) else number(value.item())
 
 
 def folded(table: PageTable | None) -> PageTable | None:

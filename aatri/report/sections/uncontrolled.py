@@ -6,9 +6,8 @@ import numpy as np
 
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.ids import shown
-from aatri.report.numbers import DASH, number
-from aatri.report.sections import tables
-from aatri.report.sections.tables import Cells, PageTable
+from aatri.report.numbers import digits, number
+from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 
 UNCONTROLLED = 0.01
 """A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
@@ -18,17 +17,17 @@ def uncontrolled_table(found: Uncontrolled | None) -> PageTable | None:
     """Observations with a direction in which no gross error can be seen."""
     if found is None:
         return None
-    columns: Cells = {
-        "observation": lambda k: str(found.kind[k]),
-        "image": lambda k: str(found.image[k]) or DASH,
-        "point": lambda k: str(found.point[k]) or DASH,
-        "redundancy": lambda k: number(float(found.redundancy[k])),
-        **{axis: tables.formatted(found.direction[:, i], _share) for i, axis in enumerate("xyz")},
+    columns: Columns = {
+        "observation": found.kind,
+        "image": found.image,
+        "point": found.point,
+        "redundancy": found.redundancy,
+        **axes("xyz", found.direction, digits(2)),
     }
     caption = (
         f"Uncontrolled, redundancy number below {UNCONTROLLED:g}: a gross error in the direction x, y, z shows nowhere"
     )
-    return tables.all_rows(caption, found, columns, 3)
+    return all_rows(caption, columns)
 
 
 def uncontrolled_counts(found: Uncontrolled | None) -> PageTable | None:
@@ -43,7 +42,3 @@ def uncontrolled_counts(found: Uncontrolled | None) -> PageTable | None:
         names = np.unique(np.where(mine.point == "", mine.image, mine.point))
         rows.append((str(kind), shown(names.tolist(), 8), number(len(mine)), number(len(names))))
     return PageTable("Uncontrolled before the bundle, by kind", ("observation", "of", "count", "points"), rows, 2)
-
-
-def _share(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else DASH
