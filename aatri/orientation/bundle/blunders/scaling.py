@@ -13,8 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjustment.covariance.score import score
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
+from aatri.adjustment.statistics.small_scales import small_class_scale
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
@@ -28,6 +31,9 @@ from aatri.orientation.bundle.variance_groups import with_factor
 SETTLED = 1.1
 """A scale in use that changes by less than this factor stays."""
 
+
+MOST_TOGETHER = 150
+"""Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
 
 NO_ERRORS = 0.02
 """Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
@@ -83,6 +89,19 @@ class Classes:
         v, r, group = self._residuals(result, squares)
         return self._with_small_ones(class_scales(v, r, group, len(self.names)), v, r, group)
 
+    def of_small_kinds(self, asked: ClassScales, result: BundleResult) -> ClassScales:
+        """Scales with those of kinds of too little redundancy, whose residuals tell by their cofactors together."""
+        scale, redundancy, estimable = asked.scale.copy(), asked.redundancy.copy(), asked.estimable.copy()
+        for kind in np.unique(self.kind):
+            mine = np.flatnonzero(self.kind == kind)
+            if estimable[mine].any() or not result.adjusted.has_factor:
+                continue
+            parts = [(i, number) for i, number in enumerate(self.number) if np.isin(number, mine).any()]
+            if len(parts) == 1 and np.isfinite(result.observations[parts[0][0]].covariance).any():
+                s, r = _scale_together(result, *parts[0])
+                scale[mine], redundancy[mine], estimable[mine] = s, r, s > 1.0
+        return ClassScales(scale, redundancy, estimable)
+
     def tails(self, result: BundleResult, squares: BundleResult | None, limit: float) -> tuple[Tail, ...]:
         """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`."""
         v, r, group = self._residuals(result, squares, predicted=True)
@@ -131,6 +150,22 @@ class Classes:
             with_factor(o, np.full_like(number, len(factor)) if _is_prior(o) else number, known)
             for o, number in zip(observed, self.number)
         )  # fmt: skip
+
+
+def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[float, float]:
+    """Scale of a kind, and its redundancy with it, from the cofactors of all of its residuals."""
+    found = result.observations[place]
+    records, rows = found.observed.records, np.flatnonzero(found.used)
+    used = (records.observed_components()[rows] & (number[rows] >= 0)).ravel()
+    if not 1 < used.sum() <= MOST_TOGETHER:
+        return 1.0, 0.0
+    v, L = whitened_residuals(records, result.adjusted.state, rows), records.whitener[rows]
+    inverse = np.linalg.pinv(L if L.ndim == 3 else L[:, :, None] * np.eye(records.rows))
+    H = np.zeros((len(rows), records.rows, used.size))
+    for k, own in enumerate(inverse):
+        H[k, :, k * records.rows : (k + 1) * records.rows] = own
+    R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
+    return small_class_scale(v.ravel()[used], R, np.repeat(np.arange(len(rows)), records.rows)[used])
 
 
 def _is_prior(o: Observed) -> bool:

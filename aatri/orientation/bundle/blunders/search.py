@@ -144,7 +144,10 @@ class _Search(Hearings):
     def _with_fitting_sigmas(self, tried: Tried) -> Tried:
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
         for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
-            scaling, by = self.scaling.after(self.scaling.classes.scales(tried.result))
+            asked = self.scaling.classes.scales(tried.result)
+            if not self._harmful(tried, tried.active):
+                asked = self.scaling.classes.of_small_kinds(asked, tried.result)
+            scaling, by = self.scaling.after(asked)
             if self._harmful(tried, tried.active, self._of_classes(by)):
                 break
             self._rescale(scaling, by, from_result(self.given, tried.result))

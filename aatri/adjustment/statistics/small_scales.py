@@ -1,0 +1,68 @@
+"""By how much the standard deviations of a small class of observations are too small: thirteen control points, say.
+
+Where its standard deviations are a fifth of the true ones the others give way, the redundancy of the class is next to
+nothing, and the size of its residuals says little: their *distribution* does. With errors of s times the standard
+deviations given its whitened residuals v, of cofactor R (of all of them together), have along the eigenvectors of R
+
+    z_k = u_k'v / sqrt(l_k)  ~  N(0, 1 + (s^2 - 1) l_k),      -2 ln L(s) = sum ln(1 + (s^2 - 1) l_k) + z_k^2 / (...)
+
+s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
+chi-square of one degree at `FALSE_ALARM`, and gross errors of up to `room.SMALL_ROOM` records do not explain as much:
+each lets v'R^-v fall by v_j'R_jj^-1 v_j, and costs `SEPARABLE`.
+
+Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
+1987 (the test of s at the end of its range).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import chdtri
+
+from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.adjustment.statistics.class_scales import FALSE_ALARM
+from aatri.adjustment.statistics.room import SMALL_ROOM
+from aatri.arrays import Float, Int
+
+LIMIT = float(chdtri(1.0, 2.0 * FALSE_ALARM))
+
+_SCALES = np.exp(np.linspace(0.0, np.log(50.0), 151))
+
+
+def small_class_scale(v: Float, R: Float, record: Int) -> tuple[float, float]:
+    """Scale of the standard deviations of a class, 1 where it is not told, and the redundancy that it leads to.
+
+    Parameters
+    ----------
+    v : (n,) float64
+        Whitened residuals of all components.
+    R : (n, n) float64
+        Their cofactor.
+    record : (n,) int
+        Record of each component: gross errors are those of records.
+    """
+    size, axes = np.linalg.eigh(R)
+    seen = size > 1e-9
+    size, z2 = size[seen], (axes[:, seen].T @ v) ** 2 / size[seen]
+    variance = 1.0 + (_SCALES[:, None] ** 2 - 1.0) * size
+    cost = (np.log(variance) + z2 / variance).sum(axis=1)
+    best = int(cost.argmin())
+    gain = float(cost[0] - cost[best])
+    if gain <= LIMIT or gain <= _gain_of_gross_errors(v, R, record):
+        return 1.0, float(size.sum())
+    return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
+
+
+def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
+    """What the gross errors of a few records explain, each less `SEPARABLE`: the largest of one, two, three of them."""
+    of_record = [np.flatnonzero(record == k) for k in np.unique(record)]
+    total, most = 0.0, 0.0
+    for _ in range(min(SMALL_ROOM, len(of_record) - 1)):
+        gains = [float(v[rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True) @ v[rows])
+                 for rows in of_record]  # fmt: skip
+        rows = of_record.pop(int(np.argmax(gains)))
+        total += max(gains) - SEPARABLE
+        most = max(most, total)
+        by = R[:, rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True)
+        v, R = v - by @ v[rows], R - by @ R[rows]
+    return most
