@@ -22,9 +22,14 @@ def test_few_tests_keep_four() -> None:
 
 
 def test_room_is_half_the_redundancy_three_of_a_small_kind_and_never_more_than_there_is() -> None:
-    redundancy, count = np.array([10.4, 3.7, 1.67, 0.2, 12_000.0]), np.array([13, 6, 4, 3, 18_000])
+    redundancy, count = np.array([10.4, 3.7, 1.67, 0.0, 12_000.0]), np.array([13, 6, 4, 3, 18_000])
     assert room_of(redundancy, count).tolist() == [5, 3, 1, 0, 6000]
     assert room_of(redundancy, count, 0.05).tolist() == [1, 1, 1, 1, 900]  # a share that is stated obeys
+
+
+def test_one_may_go_where_tests_know_of_next_to_no_redundancy() -> None:
+    """Five points twenty times better than the rays: the wrong one is at 4.7 sigma."""
+    assert room_of(np.array([0.14]), np.array([8])).tolist() == [1]
 
 
 def test_redundancy_in_records_of_points_given_in_part() -> None:

@@ -145,7 +145,7 @@ class _Search(Hearings):
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
         for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
             asked = self.scaling.classes.scales(tried.result)
-            if not self._harmful(tried, tried.active):
+            if not (tried.small or self._harmful(tried, tried.active)):
                 asked = self.scaling.classes.of_small_kinds(asked, tried.result)
             scaling, by = self.scaling.after(asked)
             if self._harmful(tried, tried.active, self._of_classes(by)):
