@@ -19,6 +19,7 @@ from aatri.adjusting.tied_solution import TiedSolution, solve_tied
 from aatri.adjusting.uncontrolled_ties import uncontrolled_observations
 from aatri.adjusting.weighted_means import weighted_means
 from aatri.adjustment.records import whitened
+from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.adjustment.statistics.rejection import Pool, Snooping, pool_of, room_left
 from aatri.adjustment.statistics.room import room_of
 from aatri.adjustment.statistics.search import Searched, clearest_controlled, search
@@ -110,6 +111,11 @@ class TiedResult:
             return np.zeros(0, dtype=np.int64)
         row, place = (np.concatenate(parts) for parts in zip(*mine))
         return np.asarray(place[np.argsort(row, kind="stable")])
+
+
+def snooping_of(problem: TiedProblem, limit: float | None) -> Snooping:
+    """Rules of the search by a limit; None: that of so many tests."""
+    return Snooping(limit_of_tests(int(problem.components.sum())) if limit is None else limit)
 
 
 def adjust_tied(

@@ -54,7 +54,9 @@ class IndependentModelsOptions(Options):
     iteration: Literal["together", "plan_height"] = Field(
         "together", description="all seven parameters together, or plan (4) and height (3) in turn"
     )
-    limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
+    limit: float | None = Field(
+        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
+    )
     max_sigma0: float | None = Field(
         None, gt=0, description="an error where sigma0 is larger; null: 20, and off by 0.5 % of the distance"
     )

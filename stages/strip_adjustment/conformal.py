@@ -36,7 +36,9 @@ class ConformalOptions(Options):
         {}, description="highest degree of single strips, by their ids; the others have `degree`"
     )
     narrow: bool = Field(False, description="without the terms in V^2 and V^3 of the plan: conformal on the axis only")
-    limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
+    limit: float | None = Field(
+        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
+    )
     max_sigma0: float | None = Field(
         None,
         gt=0,

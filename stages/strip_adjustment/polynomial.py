@@ -45,7 +45,9 @@ class PolynomialOptions(Options):
     across: Literal["linear", "full"] = Field(
         "linear", description="across the strip: V alone, or V^2 (degree 2), U V^2 and V^3 (degree 3) too"
     )
-    limit: float = Field(4.0, gt=0, description="test statistic of a wrong tie or control point, in sigma")
+    limit: float | None = Field(
+        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
+    )
     max_sigma0: float | None = Field(
         None,
         gt=0,

@@ -34,7 +34,7 @@ class ModelRules:
 
     centre_sigma_m: float | None
     plan_height: bool
-    limit: float
+    limit: float | None
     max_sigma0: float | None
     tests: bool = False
 

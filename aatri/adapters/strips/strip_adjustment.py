@@ -116,7 +116,7 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 def adjust_strips(
     block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, degree: int, degrees: Mapping[str, int],
-    asked: bool, limit: float, max_sigma0: float | None,
+    asked: bool, limit: float | None, max_sigma0: float | None,
 ) -> AdjustedStrips:  # fmt: skip
     """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `asked` for.
 

@@ -14,16 +14,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
+from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied, snooping_of
 from aatri.adjusting.tied_problem import TiedProblem
-from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.plan_height import plan_and_height
 
 
 def adjust_models(
-    problem: TiedProblem, *, limit: float, active: Bool, plan_height: bool = False
+    problem: TiedProblem, *, limit: float | None, active: Bool, plan_height: bool = False
 ) -> tuple[TiedResult, int]:
     """Adjust all models together; and in how many rounds plan and height were adjusted before, in turn.
 
@@ -31,8 +30,8 @@ def adjust_models(
     ----------
     problem : TiedProblem
         Points and perspective centres of models, control and positions.
-    limit : float
-        Test statistic of a wrong tie or control point.
+    limit : float, optional
+        Test statistic of a wrong tie or control point; None: by the number of tests.
     active : (n,) bool
         Observations to begin with; the others are tested for re-admission.
     plan_height : bool
@@ -49,4 +48,4 @@ def adjust_models(
     if plan_height:
         models, rounds = plan_and_height(problem, active)
         problem = replace(problem, start={**problem.start, BODY: models})
-    return adjust_tied(problem, Snooping(limit), active=active), rounds
+    return adjust_tied(problem, snooping_of(problem, limit), active=active), rounds

@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
+from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied, snooping_of
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
-from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripAxes, StripBasis
 from aatri.notes import Level, Note
@@ -29,8 +28,6 @@ from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
 from aatri.orientation.bodies.polynomial_ties import design_of_points, polynomial_ties
-
-LIMIT = 4.0
 
 MOST_NAMED = 6
 """Strips that fell alike, up to which each has a warning of its own."""
@@ -76,7 +73,7 @@ def adjust_strip_polynomials(
     degree: int | Int = 2,
     basis: StripBasis = SECOND_DEGREE,
     begin: Callable[[Sequence[Observed]], Bool] | None = None,
-    limit: float = LIMIT,
+    limit: float | None = None,
 ) -> StripPolynomials:
     """Adjust all strips together.
 
@@ -95,8 +92,8 @@ def adjust_strip_polynomials(
     basis : StripBasis
     begin : callable, optional
         Strip points and control -> which of them to begin with; the others are tested for re-admission.
-    limit : float
-        Test statistic of a wrong tie or control point.
+    limit : float, optional
+        Test statistic of a wrong tie or control point; default: by the number of tests.
     """
     degrees, falls = np.tile(np.broadcast_to(degree, len(axes))[:, None], (1, 2)), []
     strips = np.arange(len(axes)).astype(np.str_) if names is None else names
@@ -113,12 +110,12 @@ def adjust_strip_polynomials(
 
     whole = with_free(ties.unknowns.free)
     use = np.ones(whole.edges[-1], dtype=bool) if begin is None else begin(whole.observed)
-    design = design_of_points(points, axes, basis)
+    design, rule = design_of_points(points, axes, basis), snooping_of(whole, limit)
     while True:
         degrees, fell = determined_degrees(whole, design, use, degrees, basis)
         falls += fell
         free = kept_coefficients(degrees, basis)
-        tied = adjust_tied(whole if free.all() else with_free(free), Snooping(limit), active=use)
+        tied = adjust_tied(whole if free.all() else with_free(free), rule, active=use)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
         if not lost or not determined_degrees(whole, design, tied.active, degrees, basis)[1]:
