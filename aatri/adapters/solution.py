@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
@@ -113,6 +114,28 @@ def stacked(tables: Sequence[T]) -> T:
     """Tables of one class, one below the other."""
     cls = type(tables[0])
     return cls(**{name: np.concatenate([getattr(t, name) for t in tables]) for name in columns_of(cls)})
+
+
+def suspect_rows(
+    stage: str, kind: str, *, image: Text, point: Text, row: npt.ArrayLike = -1, size: npt.ArrayLike = np.nan,
+    unit: str = "mm", sigma: npt.ArrayLike = np.nan, test: npt.ArrayLike = np.nan, verdict: str = "rejected",
+) -> Suspects:  # fmt: skip
+    """Suspects of one kind and verdict, named by a stage.
+
+    Parameters
+    ----------
+    image, point : (n,) str
+        Ids.
+    row, size, sigma, test : (n,) or one for all
+    """
+    n = len(image)
+    columns = {"size": size, "sigma": sigma, "test": test}
+    texts = {"kind": kind, "stage": stage, "unit": unit, "verdict": verdict}
+    return Suspects(
+        image=image, point=point, row=np.broadcast_to(np.asarray(row, dtype=np.int32), n),
+        **{name: np.full(n, text) for name, text in texts.items()},
+        **{name: np.broadcast_to(np.asarray(value, dtype=np.float64), n) for name, value in columns.items()},
+    )  # fmt: skip
 
 
 def rejected_rows(suspects: Suspects, image_points: ImagePoints) -> Bool:

@@ -20,26 +20,14 @@ Source: Kraus, Photogrammetry 1, sec. 3.2; photogrammetric practice for the limi
 
 from __future__ import annotations
 
-from aatri.adapters.interior.film_orientation import film_orientation
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.notes import tell
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.plugin import SILENT, Context, stage
 
-
-class BilinearOptions(Options):
-    """Options of the bilinear interior orientation."""
-
-    test_limit: float = Field(
-        4.0, gt=0, description="a fiducial mark with a larger test statistic is rejected, in standard deviations"
-    )
-    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="an image whose sigma0 is larger is not used")
+from ._film import FiducialOptions, oriented_film
 
 
 @stage(version=1, uses=("image_points.xy", "fiducial_points.xy"))
-def bilinear(block: Block, *, options: BilinearOptions = BilinearOptions(), context: Context = SILENT) -> ImagePoints:
+def bilinear(block: Block, *, options: FiducialOptions = FiducialOptions(), context: Context = SILENT) -> ImagePoints:
     """Photo coordinates of film by fiducial marks; of other images by calibration."""
-    made, notes = film_orientation(block, "bilinear", options.test_limit, options.max_sigma0)
-    tell(notes, context)
-    return made
+    return oriented_film(block, "bilinear", options, context)

@@ -29,16 +29,12 @@ from aatri.plugin import SILENT, Context, stage
 from ._pairs import ClassicalOptions, oriented
 
 
-class DependentOptions(ClassicalOptions):
-    """Options of the dependent relative orientation."""
-
-
 @stage(version=2, uses=("images.strip", "cameras.distortion"))
 def dependent(
     block: Block,
     image_points: ImagePoints,
     *,
-    options: DependentOptions = DependentOptions(),
+    options: ClassicalOptions = ClassicalOptions(),
     context: Context = SILENT,
 ) -> Models:
     """Orient the consecutive images of every strip to each other."""

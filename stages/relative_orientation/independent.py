@@ -26,16 +26,12 @@ from aatri.plugin import SILENT, Context, stage
 from ._pairs import ClassicalOptions, oriented
 
 
-class IndependentOptions(ClassicalOptions):
-    """Options of the independent relative orientation."""
-
-
 @stage(version=1, uses=("images.strip", "cameras.distortion"))
 def independent(
     block: Block,
     image_points: ImagePoints,
     *,
-    options: IndependentOptions = IndependentOptions(),
+    options: ClassicalOptions = ClassicalOptions(),
     context: Context = SILENT,
 ) -> Models:
     """Orient the consecutive images of every strip, in frames along their bases."""

@@ -19,11 +19,6 @@ from aatri.plugin import SILENT, Context, stage
 
 from ._joined import JoiningOptions, joined
 
-
-class ConnectedOptions(JoiningOptions):
-    """Options of the strip formation."""
-
-
 LIMIT = 4.0
 """Connection points whose scales disagree by more standard deviations are told; relative orientation has rejected."""
 
@@ -33,7 +28,7 @@ def connected(
     block: Block,
     models: Models,
     *,
-    options: ConnectedOptions = ConnectedOptions(),
+    options: JoiningOptions = JoiningOptions(),
     context: Context = SILENT,
 ) -> Strips:
     """Join the models of every strip."""

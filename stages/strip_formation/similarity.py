@@ -22,16 +22,12 @@ from aatri.plugin import SILENT, Context, stage
 from ._joined import SnoopingOptions, joined, limit_of_joints
 
 
-class SimilarityOptions(SnoopingOptions):
-    """Options of the strip formation."""
-
-
 @stage(version=1, uses=("images.strip",))
 def similarity(
     block: Block,
     models: Models,
     *,
-    options: SimilarityOptions = SimilarityOptions(),
+    options: SnoopingOptions = SnoopingOptions(),
     context: Context = SILENT,
 ) -> Strips:
     """Join the models of every strip."""

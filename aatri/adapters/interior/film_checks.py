@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.adapters.interior.film_marks import FilmMarks
 from aatri.adapters.interior.mark_numbers import wrong_marks
-from aatri.adapters.interior.suspects import joined, suspects_of
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note, single_misfits
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
@@ -29,6 +29,8 @@ from aatri.orientation.interior.film_deformation import (
     shear_or_stretch,
     turn_rad,
 )
+
+STAGE = "interior_orientation"
 
 MOST_REJECTED = 0.05
 """More film images than this share without interior orientation are an error."""
@@ -172,23 +174,12 @@ def film_suspects(block: Block, marks: FilmMarks, fit: FiducialFit) -> Suspects:
     size = np.sqrt((fit.residual_mm[image, slot] ** 2).sum(axis=1))
     K = open_basis(fit.model, marks.calibrated_mm[image, slot], fit.photo_from_nominal[image])
     sigma = prediction_sigma_mm(K, fit.covariance[image], marks.sigma_mm[image, slot])
-    rejected = suspects_of(
-        kind="fiducial",
-        row=rows,
-        image=ids[image],
-        point=block.fiducials.id[block.fiducial_points.fiducial[rows]],
-        size=size,
-        sigma=sigma,
-        test=size / sigma,
-        verdict="rejected",
-    )
-    unused = ids[~fit.determined]
-    high = misfits(fit, fit.determined)
-    return joined(
-        rejected,
-        suspects_of(kind="fiducial", row=-1, image=unused, point=np.full(len(unused), ""), verdict="rejected"),
-        suspects_of(
-            kind="fiducial", row=-1, image=ids[high], point=np.full(int(high.sum()), ""), test=fit.sigma0[high],
-            verdict="kept",
-        ),
+    rejected = suspect_rows(
+        STAGE, "fiducial", row=rows, image=ids[image],
+        point=block.fiducials.id[block.fiducial_points.fiducial[rows]], size=size, sigma=sigma, test=size / sigma,
     )  # fmt: skip
+    unused, high = ids[~fit.determined], misfits(fit, fit.determined)
+    nameless = suspect_rows(STAGE, "fiducial", image=unused, point=np.full(len(unused), ""))
+    point, test = np.full(int(high.sum()), ""), fit.sigma0[high]
+    kept = suspect_rows(STAGE, "fiducial", image=ids[high], point=point, test=test, verdict="kept")
+    return stacked([rejected, nameless, kept])

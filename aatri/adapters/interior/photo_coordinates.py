@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.imported import read_at
-from aatri.adapters.interior.suspects import joined, suspects_of
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
@@ -123,7 +123,7 @@ def image_points_of(
         ),
         fiducial_residuals=fiducial_residuals,
         corrections=Corrections(name=np.array(list(corrections)), largest_mm=np.array(list(corrections.values()))),
-        suspects=joined(suspects, _outside_suspects(block, photo, camera, outside)),
+        suspects=stacked([suspects, _outside_suspects(block, photo, camera, outside)]),
     )
     return made, tuple(_notes(block, outside))
 
@@ -239,11 +239,7 @@ def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) ->
     rows = np.flatnonzero(outside)
     beyond = np.abs(photo[rows]) - _half_format(block)[camera[rows]]
     measured = block.image_points
-    return suspects_of(
-        kind="image_point",
-        row=rows,
-        image=block.images.id[measured.image[rows]],
-        point=block.points.id[measured.point[rows]],
-        size=beyond.max(axis=1, initial=0.0),
-        verdict="rejected",
-    )
+    return suspect_rows(
+        "interior_orientation", "image_point", row=rows, image=block.images.id[measured.image[rows]],
+        point=block.points.id[measured.point[rows]], size=beyond.max(axis=1, initial=0.0),
+    )  # fmt: skip

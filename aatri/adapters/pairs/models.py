@@ -9,7 +9,7 @@ import numpy as np
 
 from aatri.adapters.film_errors import film_errors
 from aatri.adapters.pairs.image_pairs import pair_names
-from aatri.adapters.solution import stacked
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.arrays import Float, Int
@@ -104,19 +104,12 @@ def _model_points(pairs: ImagePairs, model: Int, found: RelativeOrientations) ->
 def _suspects(block: Block, pairs: ImagePairs, model: Int, found: RelativeOrientations) -> Suspects:
     """Rejected points; the row is that of the right image's measurement, though the error may be in the left one."""
     rows = np.flatnonzero((model >= 0) & ~found.active)
-    n = len(rows)
-    return Suspects(
-        kind=np.full(n, "image_point"),
-        row=pairs.right_row[rows],
+    return suspect_rows(
+        "relative_orientation", "image_point", row=pairs.right_row[rows],
         image=block.images.id[np.repeat(pairs.right, np.diff(pairs.start))[rows]],
-        point=block.points.id[pairs.point[rows]],
-        stage=np.full(n, "relative_orientation"),
-        size=found.error_mm[rows],
-        unit=np.full(n, "mm"),
-        sigma=found.error_sigma_mm[rows],
+        point=block.points.id[pairs.point[rows]], size=found.error_mm[rows], sigma=found.error_sigma_mm[rows],
         test=found.test[rows],
-        verdict=np.full(n, "rejected"),
-    )
+    )  # fmt: skip
 
 
 def with_elements(models: Models, frame: str) -> Models:
@@ -160,19 +153,11 @@ def _rejected_connection_points(block: Block, model: str, connection: Connection
     """Connection points rejected, under the id of the second model."""
     one = connection.orientation
     rows = np.flatnonzero(~one.connects)
-    n = len(rows)
-    return Suspects(
-        kind=np.full(n, "model_tie"),
-        row=np.full(n, -1, dtype=np.int32),
-        image=np.full(n, model),
-        point=block.points.id[connection.point[rows]],
-        stage=np.full(n, "relative_orientation"),
-        size=one.size[rows],
-        unit=np.full(n, "log scale"),
-        sigma=one.size_sigma[rows],
-        test=one.test[rows],
-        verdict=np.full(n, "rejected"),
-    )
+    return suspect_rows(
+        "relative_orientation", "model_tie", image=np.full(len(rows), model),
+        point=block.points.id[connection.point[rows]], size=one.size[rows], unit="log scale",
+        sigma=one.size_sigma[rows], test=one.test[rows],
+    )  # fmt: skip
 
 
 def essential_models(block: Block, image_points: ImagePoints, pairs: ImagePairs, made: EssentialOrientations) -> Models:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adapters.solution import stacked
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips.model_chains import Chain, Gap, active_rows
 from aatri.adapters.uncontrolled_before import seen_by_one, still_in_no_model, unchecked
 from aatri.arrays import Int, Text
@@ -101,19 +101,11 @@ def _gaps(block: Block, gaps: Sequence[Gap]) -> Gaps:
 
 def _suspects(block: Block, models: Models, table: ModelTable, joints: JointTable, rows: Int) -> Suspects:
     """Rejected connection points, under the id of the second model."""
-    n = len(rows)
-    return Suspects(
-        kind=np.full(n, "model_tie"),
-        row=np.full(n, -1, dtype=np.int32),
-        image=models.orientations.id[joints.second[joints.of_row()[rows]]],
-        point=block.points.id[table.point[joints.first_row[rows]]],
-        stage=np.full(n, "strip_formation"),
-        size=joints.size[rows],
-        unit=np.full(n, "log scale"),
-        sigma=joints.size_sigma[rows],
-        test=joints.test[rows],
-        verdict=np.full(n, "rejected"),
-    )
+    return suspect_rows(
+        "strip_formation", "model_tie", image=models.orientations.id[joints.second[joints.of_row()[rows]]],
+        point=block.points.id[table.point[joints.first_row[rows]]], size=joints.size[rows], unit="log scale",
+        sigma=joints.size_sigma[rows], test=joints.test[rows],
+    )  # fmt: skip
 
 
 def _uncontrolled(

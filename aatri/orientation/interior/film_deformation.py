@@ -5,10 +5,9 @@ has the angle
 
     atan2(a21 - a12, a11 + a22).
 
-Shear and unequal
-scales are read from A'A: its off-diagonal element is the shear, half the difference of its diagonal that of the scales.
-The film itself, A^-1 = Q (sx, k; 0, sy), has grown by sx along x and sy along y, and its y axis leans by the angle
-k / sy.
+Shear and unequal scales are read from A'A: its off-diagonal element is the shear, half the difference of its diagonal
+that of the scales. The film itself, A^-1 = Q (sx, k; 0, sy), has grown by sx along x and sy along y, and its y axis
+leans by the angle k / sy.
 """
 
 from __future__ import annotations
@@ -16,6 +15,10 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.geometry.plane_transformations import plane_jacobian, transform_plane
+
+CENTRES = 5
+"""Newton steps to the fiducial centre; film is affine to a few parts in a thousand."""
 
 
 def turn_rad(photo_from_nominal: Float) -> Float:
@@ -81,3 +84,30 @@ def prediction_sigma_mm(K: Float, covariance: Float, sigma_mm: Float) -> Float:
     """
     predicted = np.einsum("nki,nij,nkj->nk", K, covariance, K)
     return np.asarray(np.sqrt((sigma_mm**2 + predicted).mean(axis=1)))
+
+
+def without_deformation(model: str, matrix: Float, terms: Float, photo_from_nominal: Float, nominal: Float) -> Float:
+    """Transformations that only turn, at nominal scale, and agree with those given at the fiducial centre.
+
+    Parameters
+    ----------
+    model, matrix, terms
+        Of n images, see `geometry.plane_transformations`.
+    photo_from_nominal : (n, 2, 2) float64
+    nominal : (n, 2) float64, mm per unit
+        Size of the measured units.
+
+    Returns
+    -------
+    (n, 2, 3) float64
+    """
+    centre = np.zeros((len(matrix), 1, 2))
+    centre[:, 0] = np.linalg.solve(matrix[:, :, :2], -matrix[:, :, 2:])[:, :, 0]
+    for _ in range(CENTRES):
+        J = plane_jacobian(model, matrix, terms, centre)[:, 0]
+        miss = transform_plane(model, matrix, terms, centre)[:, 0]
+        centre[:, 0] -= np.linalg.solve(J, miss[:, :, None])[:, :, 0]
+    angle = turn_rad(photo_from_nominal)
+    cos, sin = np.cos(angle), np.sin(angle)
+    turned = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2) * nominal[:, None, :]
+    return np.concatenate([turned, -turned @ centre.swapaxes(1, 2)], axis=2)

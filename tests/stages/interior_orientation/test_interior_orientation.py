@@ -12,7 +12,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, GeometryError, InputError
-from aatri.stages.interior_orientation.affine import AffineOptions, affine
+from aatri.stages.interior_orientation.affine import FiducialOptions, affine
 from aatri.stages.interior_orientation.bilinear import bilinear
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.interior_orientation.projective import projective
@@ -132,7 +132,7 @@ def test_an_image_beyond_max_sigma0_is_not_used(block: Block, many: Block) -> No
     assert any(re.search(f"{many.images.id[6]} .sigma0 2.\\.., beyond max_sigma0 = 20", text) for text in told.warnings)
     with pytest.raises(GeometryError, match=r"1 of 10 film images .* beyond max_sigma0"):
         affine(broken(block))
-    assert 6 in affine(broken(block), options=AffineOptions(max_sigma0=30.0)).interior.image
+    assert 6 in affine(broken(block), options=FiducialOptions(max_sigma0=30.0)).interior.image
 
 
 def test_sigma0_of_all_images_is_told_with_its_interval() -> None:

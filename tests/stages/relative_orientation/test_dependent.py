@@ -10,7 +10,7 @@ import pytest
 
 from aatri.errors import ArtifactError, ConvergenceError
 from aatri.stages.interior_orientation.affine import affine
-from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
+from aatri.stages.relative_orientation.dependent import ClassicalOptions, dependent
 from tests.stages.chain import simulated
 from tests.stages.made_strips import made_strips
 
@@ -78,10 +78,10 @@ def test_sigma0_of_all_models_is_told_and_beyond_the_limit_there_is_no_result():
         return replace(interior, measurements=replace(m, sigma_mm=m.sigma_mm / factor))
 
     log = Log()
-    dependent(block, sure(3), options=DependentOptions(snooping_limit=40.0), context=log)
+    dependent(block, sure(3), options=ClassicalOptions(snooping_limit=40.0), context=log)
     assert [text for text in log.warnings if text.startswith("sigma0 of 5 models") and "too small" in text]
     with pytest.raises(ConvergenceError, match=r"sigma0 of 5 models together is .*, beyond max_sigma0 = 20"):
-        dependent(block, sure(100), options=DependentOptions(snooping_limit=1000.0))
+        dependent(block, sure(100), options=ClassicalOptions(snooping_limit=1000.0))
 
 
 def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size():
@@ -112,7 +112,7 @@ def test_pairs_without_enough_points_are_listed_with_the_reason():
     m = made.image_points.measurements
     keep = (m.image != 2) | (np.arange(len(m)) % 5 == 0)
     log = Log()
-    options = DependentOptions(min_points=6)
+    options = ClassicalOptions(min_points=6)
     models = dependent(made.block, made.measured(active=keep).image_points, options=options, context=log)
     assert len(models.orientations) == 1
     assert any("no model 1-01-1-02" in warning for warning in log.warnings)
@@ -143,7 +143,7 @@ def test_the_covariance_is_that_of_repeated_measurement():
     d, sigma0 = [], []
     for _ in range(150):
         noisy = made.moved(slice(None), rng.normal(0, 0.005, made.image_points.measurements.xy_mm.shape))
-        o = dependent(made.block, noisy.image_points, options=DependentOptions(snooping_limit=9)).orientations
+        o = dependent(made.block, noisy.image_points, options=ClassicalOptions(snooping_limit=9)).orientations
         d.append(_vee(o.left_from_right[0] @ (made.R[0].T @ made.R[1]).T))
         sigma0.append(o.sigma0[0])
     np.testing.assert_allclose(np.std(d, axis=0), np.sqrt(np.diag(o.covariance[0])[:3]), rtol=0.25)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.errors import InputError
-from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
+from aatri.stages.relative_orientation.dependent import ClassicalOptions, dependent
 from tests.stages.chain import calibrated, simulated, systematic
 
 
@@ -18,7 +18,7 @@ def test_points_not_named_are_intersected_and_do_not_orient(tmp_path: Path) -> N
     points = tmp_path / "orientation_points.txt"
     left_out = block.points.id[3]
     points.write_text("\n".join(i for i in block.points.id if i != left_out))
-    some = dependent(block, refined, options=DependentOptions(orientation_points=points))
+    some = dependent(block, refined, options=ClassicalOptions(orientation_points=points))
     every = dependent(block, refined)
     assert len(some.model_points) == len(every.model_points)
     assert np.bincount(some.model_points.point)[3] == np.bincount(every.model_points.point)[3]
@@ -33,4 +33,4 @@ def test_a_name_that_no_point_has_is_refused(tmp_path: Path) -> None:
     (tmp_path / "names.txt").write_text("11 nobody\n")
     with pytest.raises(InputError, match="nobody"):
         dependent(block, systematic(block, calibrated(block)),
-                  options=DependentOptions(orientation_points=tmp_path / "names.txt"))  # fmt: skip
+                  options=ClassicalOptions(orientation_points=tmp_path / "names.txt"))  # fmt: skip

@@ -11,8 +11,8 @@ import pytest
 from aatri.artifacts.models import Models
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.stages.relative_orientation.connected import ConnectedOptions, connected
-from aatri.stages.relative_orientation.dependent import DependentOptions, dependent
-from aatri.stages.relative_orientation.independent import IndependentOptions, independent
+from aatri.stages.relative_orientation.dependent import ClassicalOptions, dependent
+from aatri.stages.relative_orientation.independent import independent
 from tests.stages.film_blocks import Told
 from tests.stages.made_strips import made_strips
 
@@ -41,7 +41,7 @@ def test_error_free_strips_give_the_true_models_by_every_method(made: Any, varia
 
 
 @pytest.mark.parametrize("equation", ["q", "determinant"])
-@pytest.mark.parametrize(("variant", "options"), [(dependent, DependentOptions), (independent, IndependentOptions)])
+@pytest.mark.parametrize(("variant", "options"), [(dependent, ClassicalOptions), (independent, ClassicalOptions)])
 def test_error_free_strips_give_the_true_models_by_every_equation(
     made: Any, variant: Any, options: Any, equation: str
 ) -> None:

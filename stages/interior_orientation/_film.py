@@ -1,0 +1,63 @@
+"""What the variants by fiducial marks share: options and the way from marks to photo coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.interior.film_checks import check_film, film_suspects
+from aatri.adapters.interior.film_marks import film_images, film_marks, film_residuals, with_film_transformations
+from aatri.adapters.interior.photo_coordinates import calibrated_transformations, image_points_of
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.notes import Note, tell
+from aatri.orientation.interior.fiducial_fit import snooped_fiducials
+from aatri.orientation.interior.film_deformation import without_deformation
+from aatri.plugin import Context, Field, Options
+
+
+class FiducialOptions(Options):
+    """Options of the interior orientation by fiducial marks."""
+
+    test_limit: float = Field(
+        4.0, gt=0, description="a fiducial mark with a larger test statistic is rejected, in standard deviations"
+    )
+    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="an image whose sigma0 is larger is not used")
+
+
+def oriented_film(block: Block, model: str, options: FiducialOptions, context: Context) -> ImagePoints:
+    """Photo coordinates of film by fiducial marks; of other images by calibration.
+
+    Parameters
+    ----------
+    model : str
+        One of `geometry.plane_transformations.PARAMETERS`.
+    """
+    film = film_images(block)
+    if not film.any():
+        text = "no film image with comparator or pixel coordinates: no fiducial marks are needed"
+        tell([Note("note", text)], context)
+    marks = film_marks(block, np.flatnonzero(film))
+    nominal = np.einsum("nii->ni", marks.nominal)
+    fit = snooped_fiducials(model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal,
+                            limit=options.test_limit)  # fmt: skip
+    usable, told = check_film(block, marks, fit, options.max_sigma0)
+    fit = replace(fit, determined=usable)
+    others = calibrated_transformations(block, np.flatnonzero(block.images.active & ~film))
+    undeformed = None
+    if film.any():
+        undeformed = np.full((len(block.images), 2, 3), np.nan)
+        undeformed[marks.image[usable]] = without_deformation(
+            model, fit.matrix[usable], fit.terms[usable], fit.photo_from_nominal[usable], nominal[usable]
+        )
+    made, also = image_points_of(
+        block,
+        with_film_transformations(others, marks, fit),
+        fiducial_residuals=film_residuals(block, marks, fit),
+        suspects=film_suspects(block, marks, fit),
+        film_deformation=undeformed,
+    )
+    tell([*told, *also], context)
+    return made
