@@ -50,7 +50,7 @@ def made_block(
             flight=[""] * n_images, session=[""] * n_images, rig=[""] * n_images, member=[""] * n_images,
             active=np.ones(n_images, bool), file=np.full(n_images, -1), line=np.zeros(n_images, int)),
         "fiducial_points": b.FiducialPoints.empty(), "points": b.Points(id=names),
-        "image_points": b.ImagePoints(
+        "image_points": b.MeasuredPoints(
             image=image_index, point=point_index, xy=_projected(xyz, np.array(positions), image_index, point_index),
             sigma_mm=np.full((len(image_index), 2), 0.005), group=[""] * len(image_index),
             active=np.ones(len(image_index), bool), row_time_s=np.full(len(image_index), np.nan),

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import GroundPoints, ImageOrientations, Residuals, SolvedCameras
+from aatri.artifacts.solution import ImageOrientations, Residuals, SolvedCameras, SolvedPoints
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError
 from aatri.geometry.vectors import finite_rows
@@ -59,10 +59,10 @@ def oriented_images(
     )
 
 
-def ground_points(block: Block, xyz_m: Float, rays: Int, covariance_m2: Float | None = None) -> GroundPoints:
+def ground_points(block: Block, xyz_m: Float, rays: Int, covariance_m2: Float | None = None) -> SolvedPoints:
     """Point table."""
     n = len(block.points)
-    return GroundPoints(
+    return SolvedPoints(
         id=block.points.id,
         xyz_m=xyz_m,
         covariance_m2=np.full((n, 3, 3), np.nan) if covariance_m2 is None else covariance_m2,

@@ -16,83 +16,47 @@ from typing import ClassVar
 
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block_control import (
-    Exterior as Exterior,
-)
-from aatri.artifacts.block_control import (
-    Geodetic as Geodetic,
-)
-from aatri.artifacts.block_control import (
-    GeodeticCovariances as GeodeticCovariances,
-)
-from aatri.artifacts.block_control import (
-    GroundPointCovariances as GroundPointCovariances,
-)
-from aatri.artifacts.block_control import (
-    GroundPoints as GroundPoints,
-)
-from aatri.artifacts.block_control import (
-    RelativeControl as RelativeControl,
-)
-from aatri.artifacts.block_control import (
-    RelativeControlMembers as RelativeControlMembers,
+    Exterior,
+    Geodetic,
+    GeodeticCovariances,
+    GroundPointCovariances,
+    GroundPoints,
+    RelativeControl,
+    RelativeControlMembers,
 )
 from aatri.artifacts.block_images import (
-    CameraParameters as CameraParameters,
-)
-from aatri.artifacts.block_images import (
-    Cameras as Cameras,
-)
-from aatri.artifacts.block_images import (
-    DistortionTable as DistortionTable,
-)
-from aatri.artifacts.block_images import (
-    FiducialPoints as FiducialPoints,
-)
-from aatri.artifacts.block_images import (
-    Fiducials as Fiducials,
-)
-from aatri.artifacts.block_images import (
-    ImagePoints as ImagePoints,
-)
-from aatri.artifacts.block_images import (
-    Images as Images,
-)
-from aatri.artifacts.block_images import (
-    Points as Points,
-)
-from aatri.artifacts.block_images import (
-    RigMembers as RigMembers,
-)
-from aatri.artifacts.block_images import (
-    Strips as Strips,
+    CameraParameters,
+    Cameras,
+    DistortionTable,
+    FiducialPoints,
+    Fiducials,
+    Images,
+    MeasuredPoints,
+    Points,
+    RigMembers,
+    Strips,
 )
 from aatri.artifacts.offers import NAMES, offers_of
 from aatri.codes import (
-    ANTENNA as ANTENNA,
-)
-from aatri.codes import (
-    APPROXIMATE as APPROXIMATE,
-)
-from aatri.codes import (
-    APPROXIMATE_VALUE as APPROXIMATE_VALUE,
-)
-from aatri.codes import (
-    CHECK as CHECK,
-)
-from aatri.codes import (
-    CONTROL as CONTROL,
-)
-from aatri.codes import (
-    NO_ROLE as NO_ROLE,
-)
-from aatri.codes import (
-    OBSERVED_VALUE as OBSERVED_VALUE,
-)
-from aatri.codes import (
-    PROJECTION_CENTRE as PROJECTION_CENTRE,
+    ANTENNA,
+    APPROXIMATE,
+    APPROXIMATE_VALUE,
+    CHECK,
+    CONTROL,
+    NO_ROLE,
+    OBSERVED_VALUE,
+    PROJECTION_CENTRE,
 )
 from aatri.tables.offers import Offer
 from aatri.tables.schema import Artifact, Table, attribute, column, table
+
+__all__ = [
+    "ANTENNA", "APPROXIMATE", "APPROXIMATE_VALUE", "CHECK", "CONTROL", "NOT_SEEN", "NO_ROLE", "OBSERVED_VALUE",
+    "PROJECTION_CENTRE", "TRUTH", "Block", "CameraParameters", "Cameras", "DistortionTable", "Exterior",
+    "FiducialPoints", "Fiducials", "Files", "Frames", "Geodetic", "GeodeticCovariances", "GrossErrors",
+    "GroundPointCovariances", "GroundPoints", "Images", "MeasuredPoints", "Points", "Rejects", "RelativeControl",
+    "RelativeControlMembers", "RigMembers", "Strips", "TrueImages", "TruePoints",
+]  # fmt: skip
 
 NOT_SEEN = "seen in no image"
 """Reason of a reject: a ground point that no image shows."""
@@ -180,7 +144,7 @@ class Block(Artifact):
     images: Images = table()
     fiducial_points: FiducialPoints = table()
     points: Points = table()
-    image_points: ImagePoints = table()
+    image_points: MeasuredPoints = table()
     ground_points: GroundPoints = table()
     ground_point_covariances: GroundPointCovariances = table()
     exterior: Exterior = table()

@@ -132,7 +132,7 @@ class Points(Table):
 
 
 @dataclass(frozen=True, eq=False)
-class ImagePoints(Table):
+class MeasuredPoints(Table):
     """Measured image points."""
 
     image: Int = column("i4", doc="row in images", refers="images")

@@ -37,8 +37,8 @@ from aatri.artifacts.block import (
     GeodeticCovariances,
     GroundPointCovariances,
     GroundPoints,
-    ImagePoints,
     Images,
+    MeasuredPoints,
     Points,
     Strips,
 )
@@ -104,7 +104,7 @@ def block_of(
         rows = _with_rows(images, camera=camera_ids) | _strip_rows(images, strip_ids)
         tables["images"] = _sorted_by_id(Images.of(**rows))
     if image_points:
-        measured = ImagePoints.of(**_with_rows(image_points, image=image_ids, point=point_ids))
+        measured = MeasuredPoints.of(**_with_rows(image_points, image=image_ids, point=point_ids))
         tables["image_points"] = measured.take(image_point_order(measured))
     if fiducial_points:
         marks = FiducialPoints.of(**_with_rows(fiducial_points, image=image_ids))
@@ -131,7 +131,7 @@ def block_of(
     return Block(name=name, **{**PLAIN, **empty, "files": Files(path=_texts_in(paths)), **tables, **others})
 
 
-def image_point_order(rows: ImagePoints) -> Int:
+def image_point_order(rows: MeasuredPoints) -> Int:
     """The canonical order: by image, point, x, y, then whatever may still differ."""
     order = np.lexsort((rows.xy[:, 1], rows.xy[:, 0], rows.point, rows.image))
     same = (np.diff(rows.image[order]) == 0) & (np.diff(rows.point[order]) == 0)

@@ -31,7 +31,7 @@ class ImageOrientations(Table):
 
 
 @dataclass(frozen=True, eq=False)
-class GroundPoints(Table):
+class SolvedPoints(Table):
     """Adjusted ground coordinates of all points of the Block."""
 
     id: Text = column("str", doc="id of the point")
@@ -229,7 +229,7 @@ class Solution(Artifact):
     sigma0_um: float = attribute(unit="um", doc="sigma0 in the image; NaN where no image points are adjusted")
     iterations: int = attribute(doc="iterations of the last adjustment")
     images: ImageOrientations = table()
-    points: GroundPoints = table()
+    points: SolvedPoints = table()
     cameras: SolvedCameras = table()
     transformations: StripTransformations = table()
     parameters: Parameters = table()

@@ -102,13 +102,13 @@ def image_points(
     camera: CameraOptions,
     placement: tuple[Float, Float],
     disturbance: Disturbance,
-) -> tuple[b.ImagePoints, tuple[Any, ...]]:
+) -> tuple[b.MeasuredPoints, tuple[Any, ...]]:
     """Image points as measured, in the given order."""
     n = len(image)
     sigma = np.full((n, 2), disturbance.noise.image_um * LENGTH_MM["um"])
     xy = film.comparator(photo_mm, image, placement) if camera.kind == "film" else film.pixels(photo_mm, camera)
     errors, gross = disturbance.added("image_point", "image_points", sigma / camera.mm_per_unit)
-    table = b.ImagePoints(
+    table = b.MeasuredPoints(
         image=rows(image),
         point=rows(point),
         xy=xy + errors,

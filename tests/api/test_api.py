@@ -47,7 +47,7 @@ def test_a_run_shows_its_stages_metrics_and_typed_artifacts(opened: aatri.api.Ru
     assert list(opened) == ["block", "bundle", "later"]
     bundle = opened["bundle"]
     assert bundle.metrics["images"] == bundle.artifact.images.oriented.sum()
-    assert repr(bundle.artifact.points) == "<GroundPoints: 20 rows of id, xyz_m, covariance_m2, rays>"
+    assert repr(bundle.artifact.points) == "<SolvedPoints: 20 rows of id, xyz_m, covariance_m2, rays>"
     assert "20 points" in repr(bundle.artifact)
     assert "bundle: bundle_adjustment/bundle, Solution" in repr(opened)
     assert "later: accuracy/evaluation, not run" in repr(opened)

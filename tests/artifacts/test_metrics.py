@@ -43,7 +43,7 @@ def test_a_block_counts_what_is_active_and_points_with_any_coordinate_of_a_role(
     ground = rows(b.GroundPoints, 4, role=[[1, 1, 2], [0, 0, 1], [2, 2, 0], [3, 3, 0]], point=[0, 1, 2, 3])
     images = b.Images(**{name: getattr(block.images, name) for name in columns_of(b.Images)}
                       | {"active": np.arange(10) > 0})  # fmt: skip
-    measured = b.ImagePoints(**{name: getattr(block.image_points, name) for name in columns_of(b.ImagePoints)}
+    measured = b.MeasuredPoints(**{name: getattr(block.image_points, name) for name in columns_of(b.MeasuredPoints)}
                              | {"active": np.arange(200) > 6})  # fmt: skip
     exterior = rows(b.Exterior, 4, position_use=[0, 1, 0, 1], angle_use=[0, 0, 1, 1])
     rejects = rows(b.Rejects, 3)

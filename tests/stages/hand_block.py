@@ -137,7 +137,7 @@ def start(of: Hand, block: Block, suspects: Suspects | None = None, **changes: A
         images=s.ImageOrientations(id=block.images.id, oriented=np.isfinite(of.position_m).all(axis=1),
                                    position_m=of.position_m, ground_from_image=of.rotation,
                                    covariance=np.full((n, 6, 6), np.nan), image_points=np.zeros(n, int)),
-        points=s.GroundPoints(id=block.points.id, xyz_m=of.xyz_m, covariance_m2=np.full((m, 3, 3), np.nan),
+        points=s.SolvedPoints(id=block.points.id, xyz_m=of.xyz_m, covariance_m2=np.full((m, 3, 3), np.nan),
                               rays=np.zeros(m, int)),
         cameras=s.SolvedCameras(id=["c"], principal_distance_mm=[C_MM], principal_point_mm=[PRINCIPAL_POINT_MM]),
         transformations=s.StripTransformations.empty(), parameters=s.Parameters.empty(),

@@ -65,7 +65,7 @@ def made_strips(n_images: int = 5, n_strips: int = 1, *, noise_mm: float = 0.0, 
     block = dataclasses.replace(
         base, images=b.Images(**(images | changes)), strips=b.Strips(id=[str(k + 1) for k in range(n_strips)]),
         points=b.Points(id=points), ground_points=b.GroundPoints.empty(), true_images=None, true_points=None,
-        image_points=b.ImagePoints(
+        image_points=b.MeasuredPoints(
             image=image, point=point, xy=xy, sigma_mm=np.full((m, 2), 0.005), group=np.full(m, ""),
             active=np.ones(m, bool), row_time_s=np.full(m, np.nan), file=np.full(m, -1), line=np.zeros(m, int)),
     )  # fmt: skip

@@ -13,10 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE
-from aatri.formats.text.csv_table import Column
+from aatri.formats.text.csv_table import CsvColumn
 
-ID, OPTIONAL_ID, TEXT, NUMBER = Column("id", "cell"), Column("id"), Column("text"), Column("number")
-NEEDED_NUMBER, NUMBER_COLUMN, NEEDED_TEXT = Column("number", "cell"), Column("number", "column"), Column("text", "cell")
+ID, OPTIONAL_ID, TEXT, NUMBER = CsvColumn("id", "cell"), CsvColumn("id"), CsvColumn("text"), CsvColumn("number")
+NEEDED_NUMBER, NUMBER_COLUMN, NEEDED_TEXT = (
+    CsvColumn("number", "cell"),
+    CsvColumn("number", "column"),
+    CsvColumn("text", "cell"),
+)
 
 
 class Stated(NamedTuple):
@@ -24,7 +28,7 @@ class Stated(NamedTuple):
 
     Attributes
     ----------
-    cell : Column
+    cell : CsvColumn
         What its cells may be, and whether they must be there.
     field : str
         The column of the Block's table; empty: made otherwise.
@@ -39,7 +43,7 @@ class Stated(NamedTuple):
         Of a column of yes and no: what an empty cell is.
     """
 
-    cell: Column
+    cell: CsvColumn
     field: str = ""
     part: int | None = None
     unit: str = ""

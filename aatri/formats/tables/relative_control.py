@@ -26,7 +26,7 @@ from aatri.units import ANGLE_RAD
 FILE = "relative_control.yaml"
 
 
-class Form(NamedTuple):
+class ConditionForm(NamedTuple):
     """What a type takes: its members, the least number of them, and its value: `needed`, `optional` or none."""
 
     members: tuple[str, ...]
@@ -35,21 +35,21 @@ class Form(NamedTuple):
 
 
 FORMS = {
-    "distance": Form(("points", "images"), 2, "needed"),
-    "equal_distance": Form(("pairs",), 4),
-    "horizontal_plane": Form(("points",), 2),
-    "vertical_plane": Form(("points",), 3),
-    "plane": Form(("points",), 4),
-    "plumb_line": Form(("points",), 2),
-    "line": Form(("points",), 3),
-    "horizontal_line": Form(("points",), 2),
-    "angle": Form(("at", "between"), 3, "needed"),
-    "equal_height": Form(("points",), 2),
-    "coordinate_difference": Form(("points",), 2, "needed"),
-    "parallel": Form(("pairs",), 4),
-    "perpendicular": Form(("pairs",), 4),
-    "sphere": Form(("points",), 4, "optional"),
-    "cylinder": Form(("points",), 5, "optional"),
+    "distance": ConditionForm(("points", "images"), 2, "needed"),
+    "equal_distance": ConditionForm(("pairs",), 4),
+    "horizontal_plane": ConditionForm(("points",), 2),
+    "vertical_plane": ConditionForm(("points",), 3),
+    "plane": ConditionForm(("points",), 4),
+    "plumb_line": ConditionForm(("points",), 2),
+    "line": ConditionForm(("points",), 3),
+    "horizontal_line": ConditionForm(("points",), 2),
+    "angle": ConditionForm(("at", "between"), 3, "needed"),
+    "equal_height": ConditionForm(("points",), 2),
+    "coordinate_difference": ConditionForm(("points",), 2, "needed"),
+    "parallel": ConditionForm(("pairs",), 4),
+    "perpendicular": ConditionForm(("pairs",), 4),
+    "sphere": ConditionForm(("points",), 4, "optional"),
+    "cylinder": ConditionForm(("points",), 5, "optional"),
 }
 EXACTLY = {"distance": 2, "coordinate_difference": 2, "angle": 3, "parallel": 4, "perpendicular": 4}
 ANGULAR = ("angle", "parallel", "perpendicular")
@@ -180,7 +180,7 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
     return Condition(kind, right_handed_axis(source, axis) if axis else "", tuple(members), value, sigma, line)
 
 
-def _members(document: Document, k: int, item: dict[str, Any], form: Form) -> list[tuple[str, str]]:
+def _members(document: Document, k: int, item: dict[str, Any], form: ConditionForm) -> list[tuple[str, str]]:
     """Ids as they are written, with the part they play."""
     members = []
     for part in form.members:
@@ -198,7 +198,7 @@ def _members(document: Document, k: int, item: dict[str, Any], form: Form) -> li
     return members
 
 
-def _figures(source: Source, item: dict[str, Any], kind: str, form: Form, fault: Any) -> tuple[float, float]:
+def _figures(source: Source, item: dict[str, Any], kind: str, form: ConditionForm, fault: Any) -> tuple[float, float]:
     """Value and standard deviation in m or rad."""
     units = source.settings.units
     factor = units.ground_m

@@ -32,7 +32,7 @@ MOST_PER_COLUMN = 20
 _CHUNK = 50_000
 
 
-class Column(NamedTuple):
+class CsvColumn(NamedTuple):
     """What a column may hold: an `id`, `text` or a `number`; `must` be there: the `column`, or every `cell`."""
 
     kind: Literal["id", "text", "number"]
@@ -95,14 +95,14 @@ class CsvTable:
         return cells_of(self.source[int(self.line[row]) - 1])[self.header.index(column)]
 
 
-def read_csv(path: Path, columns: Mapping[str, Column], problems: list[AatriError],
+def read_csv(path: Path, columns: Mapping[str, CsvColumn], problems: list[AatriError],
              reporter: Reporter = SILENT) -> CsvTable:  # fmt: skip
     """Read a CSV file.
 
     Parameters
     ----------
     path : Path
-    columns : mapping of str to Column
+    columns : mapping of str to CsvColumn
         The columns of the contract.
     problems : list of AatriError
         Faults are added here; the returned table is only fit for use if none were.
@@ -171,7 +171,7 @@ def _without_name(source: Sequence[str], rows: Sequence[int], column: Sequence[s
     ]
 
 
-def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, Column]) -> tuple[str, ...]:
+def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, CsvColumn]) -> tuple[str, ...]:
     text = source[line - 1]
     try:
         header = tuple(cells_of(text))
@@ -206,7 +206,7 @@ def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: list[Aa
         problems.append(InputError(more, where=str(path), remedy="check the separator and the export"))
 
 
-def _check_cells(table: CsvTable, columns: Mapping[str, Column], bad_number: Mapping[str, list[int]]) -> None:
+def _check_cells(table: CsvTable, columns: Mapping[str, CsvColumn], bad_number: Mapping[str, list[int]]) -> None:
     """Required cells are there; ids are ids."""
     for name, declared in columns.items():
         if declared.must == "cell":

@@ -57,7 +57,7 @@ class StatedStrip:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredPoint:
     """A measured image point, mm."""
 
     photo: str
@@ -82,7 +82,7 @@ class WucapsFiles:
     camera: Camera
     strips: list[str]
     photos: list[Photo]
-    measured: list[Measured]
+    measured: list[MeasuredPoint]
     stated: list[StatedStrip]
     ground: dict[str, GroundPoint]
     roles: dict[str, list[int]]
@@ -160,12 +160,14 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
     return Camera(values, fiducials)
 
 
-def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo], list[Measured], list[StatedStrip]]:
+def _image_coordinates(
+    entries: list[TextLine],
+) -> tuple[list[str], list[Photo], list[MeasuredPoint], list[StatedStrip]]:
     """PREPHI: names of the strips, photos in order, measurements."""
     numbers: list[str] = []
     stated: list[StatedStrip] = []
     photos: dict[str, Photo] = {}
-    measured: list[Measured] = []
+    measured: list[MeasuredPoint] = []
     problems: list[AatriError] = []
     photo, last = "", True
     for entry in entries:
@@ -174,7 +176,7 @@ def _image_coordinates(entries: list[TextLine]) -> tuple[list[str], list[Photo],
                 if _ends(entry):
                     photo = ""
                 else:
-                    measured.append(Measured(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
+                    measured.append(MeasuredPoint(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
             elif photo:
                 raise entry.error(f"{len(entry.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
             elif len(entry.words) == 4:

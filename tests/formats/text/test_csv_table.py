@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from aatri.errors import AatriError
 from aatri.formats.text.csv_cells import cells_of, start_of_cell
-from aatri.formats.text.csv_table import Column, read_csv
+from aatri.formats.text.csv_table import CsvColumn, read_csv
 from aatri.formats.text.number_text import number_of, numbers_of, what_is_wrong
 
-COLUMNS = {"id": Column("id", "cell"), "x": Column("number", "cell"), "note": Column("text")}
+COLUMNS = {"id": CsvColumn("id", "cell"), "x": CsvColumn("number", "cell"), "note": CsvColumn("text")}
 
 
 @pytest.mark.parametrize("text", ["0", "-1.5", "+2.", ".5", "1e-3", "1E+05", "007"])

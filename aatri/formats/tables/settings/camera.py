@@ -46,7 +46,7 @@ class Pixel(Section):
     y: Literal["down", "up"] | None = None
 
 
-class Distortion(Section):
+class DistortionSettings(Section):
     """Distortion model with its parameters."""
 
     model: Literal["none", "brown", "table", "opencv", "fisheye", "bal", "dbat3"]
@@ -65,7 +65,7 @@ class Distortion(Section):
         return rest | {"parameters": {key: value[key] for key in known if key in value}}
 
     @model_validator(mode="after")
-    def _table(self) -> Distortion:
+    def _table(self) -> DistortionSettings:
         if len(self.radius) != len(self.correction):
             raise ValueError(f"{len(self.radius)} radii, but {len(self.correction)} corrections")
         if (self.model == "table") != bool(self.radius):
@@ -86,7 +86,7 @@ class CameraSettings(Section):
     principal_point: Two = _zeros(2)
     symmetry_point: Two = _zeros(2)
     fiducials: dict[str, Two] = Field(default_factory=dict)
-    distortion: Distortion = Distortion(model="none")
+    distortion: DistortionSettings = DistortionSettings(model="none")
     sigmas: dict[str, FreeSigma | list[FreeSigma]] = Field(default_factory=dict)
     lever_arm: Three = _zeros(3)
     boresight: Three = _zeros(3)
