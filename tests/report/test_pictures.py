@@ -13,7 +13,7 @@ from aatri.report.drawing.charts import residual_histogram, sigma0_chart
 from aatri.report.drawing.labels import Labels
 from aatri.report.drawing.plan import block_plan, footprints
 from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors
-from aatri.report.drawing.scales import Axis, length_text, log_axis, near, plan_of, round_below, thinned
+from aatri.report.drawing.scales import Scale, length_text, log_scale, near, plan_of, round_below, thinned
 from aatri.report.numbers import metres, number
 from aatri.report.sections.tables import by_axis, without_axis
 from tests.made_solutions import made_block, made_solution
@@ -80,8 +80,8 @@ def test_the_mean_image_residual_of_a_constant_is_that_constant():
 
 
 def test_axes_have_round_ticks_inside():
-    assert Axis(0.0, 10.0, 0.0, 100.0).ticks() == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
-    axis = log_axis(np.array([0.5, 30.0]), 0.0, 100.0)
+    assert Scale(0.0, 10.0, 0.0, 100.0).ticks() == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
+    axis = log_scale(np.array([0.5, 30.0]), 0.0, 100.0)
     assert axis.ticks() == pytest.approx([0.1, 1.0, 10.0, 100.0])
     assert axis.px(1.0) == pytest.approx(100.0 / 3)
 

@@ -17,7 +17,8 @@ from aatri.artifacts.solution import Solution
 from aatri.report.drawing import svg
 from aatri.report.drawing.labels import Labels
 from aatri.report.drawing.plan import furniture, ground_positions
-from aatri.report.drawing.scales import Plan, plan_of, round_below, thinned
+from aatri.report.drawing.scales import GroundPlan, plan_of, round_below, thinned
+from aatri.report.drawing.svg import Picture
 
 MOST_LINES, MOST_ELLIPSES, MOST_NAMES = 2000, 400, 120
 ELLIPSE_PX = 14.0
@@ -46,7 +47,7 @@ def ellipses(covariance_m2: Float) -> tuple[Float, Float]:
     return axes, np.asarray(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1]) % np.pi)
 
 
-def network_picture(block: Block, solution: Solution) -> tuple[Markup, str] | None:
+def network_picture(block: Block, solution: Solution) -> Picture | None:
     """The picture and its caption; None where fewer than two points are observed from each other."""
     ground = ground_positions(block, solution)
     lines, wrong = observed_lines(block, solution)
@@ -106,7 +107,7 @@ def observed_lines(block: Block, solution: Solution) -> tuple[Int, Bool]:
     return rows, np.array([found[a, b] for a, b in rows.tolist()], dtype=bool)
 
 
-def _ellipses(solution: Solution, ground: Float, points: Int, plan: Plan) -> tuple[list[Markup], float]:
+def _ellipses(solution: Solution, ground: Float, points: Int, plan: GroundPlan) -> tuple[list[Markup], float]:
     axes, bearing = ellipses(solution.points.covariance_m2[points])
     some = np.flatnonzero(axes[:, 0] > 0)
     if not len(some):

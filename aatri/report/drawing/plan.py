@@ -15,14 +15,15 @@ from aatri.artifacts.solution import Solution
 from aatri.ids import shown as shown_ids
 from aatri.report.drawing import svg
 from aatri.report.drawing.labels import Labels
-from aatri.report.drawing.scales import Plan, length_text, near, plan_of, round_below, thinned
+from aatri.report.drawing.scales import GroundPlan, length_text, near, plan_of, round_below, thinned
+from aatri.report.drawing.svg import Picture
 
 MOST_FOOTPRINTS = 400
 MOST_POINT_LABELS = 300
 MOST_FAR = 5
 
 
-def block_plan(block: Block, solution: Solution | None) -> tuple[Markup, str] | None:
+def block_plan(block: Block, solution: Solution | None) -> Picture | None:
     """The picture and its caption; None where no position is known.
 
     Parameters
@@ -109,7 +110,7 @@ def ground_positions(block: Block, solution: Solution | None) -> Float:
     return np.where(np.isfinite(solution.points.xyz_m), solution.points.xyz_m, given)
 
 
-def furniture(plan: Plan) -> list[Markup]:
+def furniture(plan: GroundPlan) -> list[Markup]:
     """Scale bar and north arrow, in the strip of 34 px below the plan."""
     length = round_below(0.25 * plan.width_px / plan.px_per_m)
     x, y = 30.0, plan.height_px + 12
@@ -155,7 +156,7 @@ def _terrain_height(block: Block, solution: Solution) -> float:
     return float(np.median(z[np.isfinite(z)])) if np.isfinite(z).any() else np.nan
 
 
-def _flight_lines(block: Block, centres: Float, plan: Plan, labels: Labels) -> list[Markup]:
+def _flight_lines(block: Block, centres: Float, plan: GroundPlan, labels: Labels) -> list[Markup]:
     known = np.asarray(np.isfinite(centres[:, :2]).all(axis=1))
     order = np.lexsort((np.arange(len(centres)), np.nan_to_num(block.images.sequence), block.images.strip))
     order = order[known[order]]
@@ -179,7 +180,7 @@ def _strip_label(name: str, px: Float, labels: Labels) -> list[Markup]:
     return labels.at(float(x), float(y) + 3, name, "end" if away[0] < 0 else "start", "small strong label")
 
 
-def _points(block: Block, ground: Float, plan: Plan, labels: Labels) -> tuple[list[Markup], list[str]]:
+def _points(block: Block, ground: Float, plan: GroundPlan, labels: Labels) -> tuple[list[Markup], list[str]]:
     known = np.isfinite(ground[:, :2]).all(axis=1)
     role = np.zeros(len(ground), int)
     role[block.ground_points.point[(block.ground_points.role == CHECK).any(axis=1)]] = CHECK

@@ -16,7 +16,8 @@ from aatri.arrays import Float
 from aatri.artifacts.solution import ErrorFields
 from aatri.report.drawing import svg
 from aatri.report.drawing.plan import furniture
-from aatri.report.drawing.scales import Plan, length_text, near, plan_of, round_below, thinned
+from aatri.report.drawing.scales import GroundPlan, length_text, near, plan_of, round_below, thinned
+from aatri.report.drawing.svg import Picture
 
 MOST_VECTORS = 1500
 MOST_FIELDS = 4
@@ -26,29 +27,27 @@ CELLS = 12
 """Cells of the image format along each side."""
 
 
-def plan_vectors(groups: dict[str, tuple[Float, Float]]) -> tuple[Markup, str] | None:
-    """Differences in X and Y as vectors.
-
-    Parameters
-    ----------
-    groups : {class: (xyz_m, difference_m)}
-        Both (n, 3) float64, m; NaN where a coordinate takes no part.
-
-    Returns
-    -------
-    The picture and its caption; None where there is nothing to draw.
-    """
-    drawn = {name: _complete(xyz, d, [0, 1]) for name, (xyz, d) in groups.items()}
-    return _vectors(drawn, "Differences in plan", lambda d: d[:, :2] * [1.0, -1.0])
+Vectors = dict[str, tuple[Float, Float]]
+"""Places and differences by class, both (n, 3) float64, m; a difference is NaN where a coordinate takes no part."""
 
 
-def height_bars(groups: dict[str, tuple[Float, Float]]) -> tuple[Markup, str] | None:
-    """Differences in Z as vertical bars: up is too high. Parameters as of `plan_vectors`."""
-    drawn = {name: _complete(xyz, d, [2]) for name, (xyz, d) in groups.items()}
-    return _vectors(drawn, "Differences in height", lambda d: d[:, [2]] * [0.0, -1.0])
+def plan_vectors(
+    groups: Vectors, title: str = "Differences", between: str = "solution minus given"
+) -> Picture | None:  # fmt: skip
+    """Differences in X and Y as vectors; None where there is nothing to draw."""
+    on_screen = {name: (xyz, d[:, :2] * [1.0, -1.0]) for name, (xyz, d) in groups.items()}
+    return _vectors(on_screen, f"{title} in plan, {between}")
 
 
-def tie_pictures(strips: dict[str, tuple[Float, Float]]) -> list[tuple[Markup, str]]:
+def height_bars(
+    groups: Vectors, title: str = "Differences", between: str = "solution minus given"
+) -> Picture | None:  # fmt: skip
+    """Differences in Z as vertical bars, up is too high; None where there is nothing to draw."""
+    on_screen = {name: (xyz, d[:, [2]] * [0.0, -1.0]) for name, (xyz, d) in groups.items()}
+    return _vectors(on_screen, f"{title} in height, {between}")
+
+
+def tie_pictures(strips: Vectors) -> list[Picture]:
     """Tie residuals of each strip in plan and in height: smooth ones are a deformation that is left.
 
     Parameters
@@ -58,21 +57,16 @@ def tie_pictures(strips: dict[str, tuple[Float, Float]]) -> list[tuple[Markup, s
     """
     pictures = []
     for name, (xyz, v) in list(strips.items())[:MOST_STRIPS]:
-        rms = ", ".join(
-            f"{axis} {length_text(float(np.sqrt(np.nanmean(v[:, k] ** 2))))}" for k, axis in enumerate("XYZ")
-        )
-        for title, axes, vector_of in (
-            ("plan", [0, 1], lambda d: d[:, :2] * [1.0, -1.0]), ("height", [2], lambda d: d[:, [2]] * [0.0, -1.0]),
-        ):  # fmt: skip
-            made = _vectors({"tie": _complete(xyz, v, axes)}, f"Tie residuals of strip {name} in {title}", vector_of)
+        rms = ", ".join(f"{a} {length_text(float(np.sqrt(np.nanmean(v[:, k] ** 2))))}" for k, a in enumerate("XYZ"))
+        more = f" {len(strips) - MOST_STRIPS} more strips are not drawn." if len(strips) > MOST_STRIPS else ""
+        words = (f"Tie residuals of strip {name}", "mean of the strips minus this one")
+        for made in (plan_vectors({"tie": (xyz, v)}, *words), height_bars({"tie": (xyz, v)}, *words)):
             if made is not None:
-                more = f" {len(strips) - MOST_STRIPS} more strips are not drawn." if len(strips) > MOST_STRIPS else ""
-                caption = made[1].replace("solution minus given", "mean of the strips minus this one")
-                pictures.append((made[0], f"{caption} RMS {rms}.{more}"))
+                pictures.append((made[0], f"{made[1]} RMS {rms}.{more}"))
     return pictures
 
 
-def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None:
+def image_vectors(xy_mm: Float, residual_mm: Float) -> Picture | None:
     """Mean image residual in each cell of the format: what is left of systematic errors.
 
     Parameters
@@ -98,7 +92,7 @@ def image_vectors(xy_mm: Float, residual_mm: Float) -> tuple[Markup, str] | None
     return picture, caption
 
 
-def error_field_pictures(fields: ErrorFields) -> list[tuple[Markup, str]]:
+def error_field_pictures(fields: ErrorFields) -> list[Picture]:
     """Image errors of the cameras or sessions of a self-calibration, and what is left of them without orientation."""
     pictures = []
     for name in np.unique(fields.object)[:MOST_FIELDS]:
@@ -141,42 +135,42 @@ def _over_format(
     return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), exaggeration
 
 
-def _vectors(drawn: dict[str, tuple[Float, Float]], title: str, vector_of: object) -> tuple[Markup, str] | None:
-    places = np.concatenate([xyz for xyz, _ in drawn.values()])
+def _vectors(groups: Vectors, title: str) -> Picture | None:
+    """Vectors in the direction they have on the screen, at their places; far points are counted and not drawn."""
+    drawn = {}
+    for name, (xyz, v) in groups.items():
+        complete = np.isfinite(v).all(axis=1) & np.isfinite(xyz[:, :2]).all(axis=1)
+        drawn[name] = (xyz[complete, :2], v[complete])
+    places, vectors = (np.concatenate(arrays) for arrays in zip(*drawn.values()))
     if not len(places):
         return None
-    largest = max((float(np.hypot(*vector_of(d).T).max()) for _, d in drawn.values() if len(d)), default=0.0)  # type: ignore[operator]
+    largest = float(np.hypot(*vectors.T).max())
     main = near(places)
-    far = int((~main).sum())
-    low, high = places[main, :2].min(axis=0), places[main, :2].max(axis=0)
-    inside = {name: ((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1) for name, (xyz, _) in drawn.items()}
-    drawn = {name: (xyz[inside[name]], d[inside[name]]) for name, (xyz, d) in drawn.items()}
-    places = places[main]
-    vectors = {name: vector_of(d) for name, (_, d) in drawn.items()}  # type: ignore[operator]
-    lengths = np.concatenate([np.hypot(*v.T) for v in vectors.values()])
-    plan = plan_of(places[:, :2], width=540.0, margin=52.0, most_height=560.0)
-    longest = 50.0 if len(places) < 300 else 25.0
-    exaggeration = round_below(longest / max(float(np.percentile(lengths, 98)), 1e-12) / plan.px_per_m)
+    plan = plan_of(places[main], width=540.0, margin=52.0, most_height=560.0)
+    longest = 50.0 if main.sum() < 300 else 25.0
+    typical = float(np.percentile(np.hypot(*vectors[main].T), 98))
+    exaggeration = round_below(longest / max(typical, 1e-12) / plan.px_per_m)
     px_per_m = exaggeration * plan.px_per_m
     marks: list[Markup] = []
     notes = []
-    for name, (xyz, _) in drawn.items():
-        rows = thinned(len(xyz), MOST_VECTORS)
-        start = plan.px(xyz[rows])
-        marks += [svg.segments(start, start + px_per_m * vectors[name][rows], f"vector {name}"), svg.dots(start, name)]
-        said = [COLOURS[name]] if name in COLOURS else []
-        said += [f"{len(rows)} drawn"] if len(rows) < len(xyz) else []
-        notes.append(f"{len(xyz)} {name} points" + (f" ({', '.join(said)})" if said else ""))
+    for (name, (xy, v)), inside in zip(drawn.items(), np.split(main, np.cumsum([len(xy) for xy, _ in drawn.values()]))):
+        xy, v = xy[inside], v[inside]
+        rows = thinned(len(xy), MOST_VECTORS)
+        start = plan.px(xy[rows])
+        marks += [svg.segments(start, start + px_per_m * v[rows], f"vector {name}"), svg.dots(start, name)]
+        details = [COLOURS[name]] if name in COLOURS else []
+        details += [f"{len(rows)} drawn"] if len(rows) < len(xy) else []
+        noun = "images" if name == "position" else f"{name} points"
+        notes.append(f"{len(xy)} {noun}" + (f" ({', '.join(details)})" if details else ""))
     marks += [*furniture(plan), *_key(plan, px_per_m)]
     caption = (
-        f"{title}, solution minus given, at {', '.join(notes)}; "
-        f"the largest is {length_text(largest)}. Exaggerated {_times(exaggeration)}."
+        f"{title}, at {', '.join(notes)}; the largest is {length_text(largest)}. Exaggerated {_times(exaggeration)}."
     )
-    caption += f" Not drawn: {far} points that lie far off." if far else ""
-    return svg.drawing(plan.width_px, plan.height_px + 34, title, *marks), caption
+    caption += f" Not drawn: {int((~main).sum())} points that lie far off." if not main.all() else ""
+    return svg.drawing(plan.width_px, plan.height_px + 34, title.partition(",")[0], *marks), caption
 
 
-def _key(plan: Plan, px_per_m: float) -> list[Markup]:
+def _key(plan: GroundPlan, px_per_m: float) -> list[Markup]:
     """A vector of round length."""
     length = round_below(60.0 / px_per_m)
     y, x = plan.height_px + 12, plan.width_px / 2
@@ -194,11 +188,6 @@ def _short(length_m: float) -> str:
 
 def _times(factor: float) -> str:
     return f"{factor:,.0f} times" if factor >= 1 else f"{factor:g} times"
-
-
-def _complete(xyz: Float, difference: Float, axes: list[int]) -> tuple[Float, Float]:
-    rows = np.isfinite(difference[:, axes]).all(axis=1) & np.isfinite(xyz[:, :2]).all(axis=1)
-    return xyz[rows], difference[rows]
 
 
 def _cell_means(number: npt.NDArray[Any], values: Float, count: npt.NDArray[Any]) -> Float:

@@ -67,7 +67,7 @@ def tick_text(value: float) -> str:
 
 
 @dataclass(frozen=True)
-class Plan:
+class GroundPlan:
     """Ground plan to pixels, equal scale in both axes, north up."""
 
     px_per_m: float
@@ -93,7 +93,7 @@ class Plan:
         return np.asarray(away * [1.0, -1.0] + [self.left_px, self.top_px])
 
 
-def plan_of(xy_m: Float, *, width: float = 720.0, margin: float = 30.0, most_height: float = 760.0) -> Plan:
+def plan_of(xy_m: Float, *, width: float = 720.0, margin: float = 30.0, most_height: float = 760.0) -> GroundPlan:
     """Plan that shows all points.
 
     Parameters
@@ -107,12 +107,12 @@ def plan_of(xy_m: Float, *, width: float = 720.0, margin: float = 30.0, most_hei
     scale = (width - 2 * margin) / max(east - west, 0.2 * extent)
     scale = min(scale, (most_height - 2 * margin) / max(north - south, 0.2 * extent))
     left = (width - scale * (east - west)) / 2
-    return Plan(float(scale), float(west), float(north), float(left), margin, width,
+    return GroundPlan(float(scale), float(west), float(north), float(left), margin, width,
                 float(scale * (north - south) + 2 * margin))  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Axis:
+class Scale:
     """An axis from value to pixel, linear or logarithmic."""
 
     low: float
@@ -139,7 +139,7 @@ class Axis:
         return [float(10.0**k) for k in np.arange(first, last + 1, stride)]
 
 
-def log_axis(values: Float, start_px: float, end_px: float) -> Axis:
+def log_scale(values: Float, start_px: float, end_px: float) -> Scale:
     """Logarithmic axis of whole decades around positive values."""
     low, high = np.floor(np.log10(values.min())), np.ceil(np.log10(values.max()))
-    return Axis(float(10.0**low), float(10.0 ** max(high, low + 1)), start_px, end_px, logarithmic=True)
+    return Scale(float(10.0**low), float(10.0 ** max(high, low + 1)), start_px, end_px, logarithmic=True)

@@ -10,6 +10,9 @@ from markupsafe import Markup, escape
 
 from aatri.arrays import Float
 
+Picture = tuple[Markup, str]
+"""A picture and its caption."""
+
 
 def element(name: str, *children: str, **attributes: object) -> Markup:
     """An element; `class_` is class, other underscores become hyphens. Children that are not markup are escaped."""
@@ -25,73 +28,34 @@ def drawing(width: float, height: float, label: str, *children: str) -> Markup:
 
 
 def dots(xy: Float, class_: str) -> Markup:
-    """Round dots, sized by the style's stroke width.
-
-    Parameters
-    ----------
-    xy : (n, 2) float64, px
-    class_ : str
-    """
+    """Round dots at points (n, 2), sized by the style's stroke width."""
     return element("path", d="".join(f"M{x:.1f} {y:.1f}h0" for x, y in xy), class_=f"dots {class_}")
 
 
 def segments(start: Float, end: Float, class_: str) -> Markup:
-    """Straight lines.
-
-    Parameters
-    ----------
-    start, end : (n, 2) float64, px
-    class_ : str
-    """
+    """Straight lines from points (n, 2) to points (n, 2)."""
     d = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {e:.1f}" for (a, b), (c, e) in zip(start, end))
     return element("path", d=d, class_=class_)
 
 
 def line(points: Float, class_: str) -> Markup:
-    """One line through points.
-
-    Parameters
-    ----------
-    points : (n, 2) float64, px
-    class_ : str
-    """
+    """One line through points (n, 2)."""
     return element("path", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points), class_=class_)
 
 
 def area(points: Float, class_: str) -> Markup:
-    """A closed polygon.
-
-    Parameters
-    ----------
-    points : (n, 2) float64, px
-    class_ : str
-    """
+    """A closed polygon with corners (n, 2)."""
     return element("path", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + "Z", class_=class_)
 
 
 def triangles(xy: Float, class_: str, size: float = 5.0) -> Markup:
-    """Upright triangles.
-
-    Parameters
-    ----------
-    xy : (n, 2) float64, px
-    class_ : str
-    size : float, px
-        Half the width.
-    """
+    """Upright triangles around points (n, 2); `size` is half their width."""
     corners = f"l{size:g} {1.7 * size:g}h{-2 * size:g}Z"
     return element("path", d="".join(f"M{x:.1f} {y - size:.1f}{corners}" for x, y in xy), class_=class_)
 
 
 def circles(xy: Float, class_: str, radius: float = 5.0) -> Markup:
-    """Circles.
-
-    Parameters
-    ----------
-    xy : (n, 2) float64, px
-    class_ : str
-    radius : float, px
-    """
+    """Circles around points (n, 2)."""
     half = f"a{radius:g} {radius:g} 0 1 0"
     d = "".join(f"M{x - radius:.1f} {y:.1f}{half} {2 * radius:g} 0{half} {-2 * radius:g} 0Z" for x, y in xy)
     return element("path", d=d, class_=class_)

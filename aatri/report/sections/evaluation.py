@@ -6,11 +6,12 @@ import numpy as np
 
 from aatri.artifacts.evaluation import Differences, Evaluation, SingleModels, StripErrors
 from aatri.ids import rows_of
-from aatri.report.drawing.growth import growth_chart
+from aatri.report.drawing.charts import growth_chart
 from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
+from aatri.report.drawing.svg import Picture
 from aatri.report.numbers import metres
-from aatri.report.sections.parts import Picture, Section, Surroundings, present
+from aatri.report.sections.parts import Section, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from markupsafe import Markup
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.report.drawing.svg import Picture
 from aatri.report.run_view import StageView
 from aatri.report.sections.tables import PageTable
 
-Picture = tuple[Markup, str]
 T = TypeVar("T")
 
 

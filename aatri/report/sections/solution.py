@@ -15,9 +15,10 @@ from aatri.report.drawing.residual_plots import (
     plan_vectors,
     tie_pictures,
 )
+from aatri.report.drawing.svg import Picture
 from aatri.report.numbers import DASH, digits, metres, number
 from aatri.report.sections import calibration, network, observations, reliability
-from aatri.report.sections.parts import Picture, Section, Surroundings, present
+from aatri.report.sections.parts import Section, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, residual_classes
 
 
@@ -94,13 +95,11 @@ def position_pictures(solution: Solution) -> list[Picture]:
         return []
     order = np.argsort(images.id, kind="stable")
     xyz = images.position_m[order[np.searchsorted(images.id[order], residuals.image[rows])]]
-    of = {"position": (xyz, residuals.residual[rows])}
-    return [(picture, _of_positions(caption)) for picture, caption in present(plan_vectors(of), height_bars(of))]
-
-
-def _of_positions(caption: str) -> str:
-    caption = caption.replace("Differences", "Residuals of observed positions").replace("position points", "images")
-    return caption.replace("solution minus given", "adjusted minus observed")
+    of, words = (
+        {"position": (xyz, residuals.residual[rows])},
+        ("Residuals of observed positions", "adjusted minus observed"),
+    )
+    return present(plan_vectors(of, *words), height_bars(of, *words))
 
 
 def _ties(solution: Solution) -> dict[str, tuple[Float, Float]]:
