@@ -120,7 +120,7 @@ def test_a_solution_counts_what_is_determined_and_has_no_figure_it_does_not_know
     xyz[3, 2], xyz[5] = np.nan, np.nan
     images = s.ImageOrientations(**{n: getattr(whole.images, n) for n in columns_of(s.ImageOrientations)}
                                  | {"oriented": np.arange(10) > 2})  # fmt: skip
-    points = s.GroundPoints(**{n: getattr(whole.points, n) for n in columns_of(s.GroundPoints)} | {"xyz_m": xyz})
+    points = s.SolvedPoints(**{n: getattr(whole.points, n) for n in columns_of(s.SolvedPoints)} | {"xyz_m": xyz})
     made = made_solution(block, sigma0=np.nan, sigma0_um=np.nan, images=images, points=points,
                          suspects=rows(Suspects, 3)).metrics()  # fmt: skip
     assert (made["images"], made["points"], made["suspects"]) == (7, 18, 3)
