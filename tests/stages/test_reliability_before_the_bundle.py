@@ -69,3 +69,13 @@ def test_control_of_a_component_has_its_tests(chain: Chain, stage: str) -> None:
 def test_without_being_asked_for_there_are_none(chain: Chain) -> None:
     assert chain.absolute.tests is None
     assert chain.strip_block.tests is None
+
+
+@pytest.mark.parametrize("stage", ["polynomial", "models"])
+def test_variance_components_of_what_was_simulated_with_its_standard_deviations_fit(chain: Chain, stage: str) -> None:
+    """The deformation is in the weights of the ties: their factor is 1 by its definition, v'Pv = r."""
+    found = adjusted(chain, stage).variance_components
+    assert found is not None
+    factor = dict(zip(found.group.tolist(), found.factor.tolist()))
+    assert {"control plan", "control height"} <= set(factor)
+    assert factor["strip_tie" if stage == "polynomial" else "model_tie"] == pytest.approx(1.0, abs=0.1)

@@ -123,7 +123,7 @@ def suspect_tables(ground: GroundOfStrips, part: OrientedPart) -> Iterator[Suspe
     yield suspects_of(tied, ROLE_NAME, not_rejected(tied.problem.observed, before))
     if ties is not None:
         began = not_rejected(ties.problem.observed, before)
-        yield suspects_of(ties, ROLE_NAME, began, part.result.ground_from_component.scale)
+        yield suspects_of(ties, ROLE_NAME, began, part.result.ground_from_component)
 
 
 def uncontrolled_tables(ground: GroundOfStrips, parts: Sequence[OrientedPart]) -> Uncontrolled:

@@ -10,8 +10,9 @@ from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_orientation import OnGround
 from aatri.adapters.ground.initial_tests import (
     STAGE,
-    held_against,
     left_out_table,
+    observations_of,
+    residuals_at,
 )
 from aatri.adapters.solution import solved_cameras, stacked
 from aatri.adapters.strips import strips as pieces
@@ -56,7 +57,8 @@ def initial_solution(
             reliability.append(tests_of(tied))
             found.append(suspects_of(tied, STAGE, np.ones(len(tied.active), dtype=bool)))
         if part.left is not None:
-            found += [left_out_table(one) for one in held_against(block, ground, part.left, c, attitudes=False)]
+            left = observations_of(block, ground, part.left)
+            found += [left_out_table(o, residuals_at(c, o)) for o in left]
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     poses = Poses(position, rotation)
     # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.

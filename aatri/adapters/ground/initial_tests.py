@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from aatri.adapters.ground.initial_datum import Known
 from aatri.adapters.ground.initial_observed import Ground, Lengths
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
-from aatri.observations.poses import Poses
+from aatri.observations.control import observed_control
+from aatri.observations.geodetic.lengths import horizontal, slope
+from aatri.observations.geodetic.sights import observed_sights
+from aatri.observations.level import PLANE
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.observations.positions import observed_positions
 from aatri.orientation.bodies.absolute import OrientedComponent
 from aatri.orientation.graph.component import Component
 
@@ -33,68 +39,20 @@ SCATTER = 1.4826
 """Standard deviation of a normal variable over the median of its deviations."""
 
 
-@dataclass(frozen=True)
-class Held:
-    """Observations of one kind, held against a component.
-
-    Attributes
-    ----------
-    kind : str
-    row : (n,) int
-        In its table of the Block.
-    image, point : (n,) str
-    residual, sigma : (n, k) float64
-        Component on the ground minus given.
-    unit : str
-    """
-
-    kind: str
-    row: Int
-    image: Text
-    point: Text
-    residual: Float
-    sigma: Float
-    unit: str
-
-
-def held_against(
-    block: Block, ground: Ground, known: Known, component: Component, *, attitudes: bool
-) -> Iterator[Held]:
-    """What is known of a component on the ground, kind by kind.
-
-    Parameters
-    ----------
-    component : Component
-        On the ground, reduced to the origin.
-    attitudes : bool
-        Attitudes are among it.
-    """
-    c, p, poses = ground.control, ground.positions, component.poses
-    control, position = known.control, known.position
-    image = p.image[position]
-    arm = np.einsum("nij,nj->ni", poses.ground_from_image[image], p.lever_arm_m[position])
-    off = component.xyz[c.point[control]] + ground.origin_m - c.xyz_m[control]
-    of_control = np.where(c.given[control], off, np.nan)
-    of_position = poses.position_m[image] + arm + ground.origin_m - p.position_m[position]
-    for kind, row, covariance, images, points, value in (
-        ("control", c.row[control], c.covariance_m2[control], None, block.points.id[c.point[control]], of_control),
-        ("position", p.row[position], p.covariance_m2[position], block.images.id[image], None, of_position),
-    ):
-        n, none = len(row), np.full(len(row), "")
-        sigma = np.where(np.isfinite(value), np.sqrt(np.einsum("nii->ni", covariance)), np.nan)
-        if n:
-            yield Held(kind, row, none if images is None else images, none if points is None else points, value,
-                       sigma, "m")  # fmt: skip
+def observations_of(block: Block, ground: Ground, known: Known) -> Iterator[Observed]:
+    """Control, positions and distances that are known of a component, as the bundle has them."""
+    control, positions = ground.control.take(known.control), ground.positions.take(known.position)
+    yield from observed_control(control, ground.origin_m, block.points.id[control.point])
+    yield from observed_positions(positions, ground.origin_m, block.images.id[positions.image])
     for part, rows in known.lengths:
-        s = part.sights.take(rows)
-        off = (lengths_in(component, part, rows) - s.value)[:, None]
-        yield Held(part.kind, s.row, np.full(len(s), ""), s.names, off, s.sigma[:, None], "m")
-    if attitudes:
-        a, rows = ground.attitudes, known.attitude
-        R = poses.ground_from_image[a.image[rows]] @ a.ground_from_image[rows].swapaxes(1, 2)
-        w = np.einsum("nij,nj->ni", np.linalg.inv(a.turning[rows]), log_rotation(R))
-        sigma = np.sqrt(np.einsum("nii->ni", a.covariance_rad2[rows]))
-        yield Held("attitude", a.row[rows], block.images.id[a.image[rows]], np.full(len(rows), ""), w, sigma, "rad")
+        for some, measured in ((~part.plan, slope), (part.plan, horizontal)):
+            yield from observed_sights(part.kind, part.sights.take(rows[some[rows]]), PLANE, measured, "m")
+
+
+def residuals_at(component: Component, o: Observed) -> Float:
+    """A component on the ground, reduced to the origin, minus what is observed of it; NaN where not observed."""
+    v = o.records.evaluate({POINT: component.xyz, POSE: component.poses}, np.arange(len(o)))[0]
+    return np.where(np.isfinite(o.sigmas()), v, np.nan)
 
 
 def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
@@ -109,16 +67,15 @@ def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
     return np.asarray(np.linalg.norm(line, axis=1))
 
 
-def left_out_table(held: Held) -> Suspects:
+def left_out_table(o: Observed, residual: Float) -> Suspects:
     """All of one kind, left out as it contradicts all else: the bundle begins without it and tests it again."""
-    n, size = len(held.row), np.sqrt(np.nansum(held.residual**2, axis=1))
-    with np.errstate(divide="ignore"):
-        test = np.sqrt(np.nanmean((held.residual / np.maximum(held.sigma, LEAST_SIGMA)) ** 2, axis=1))
+    n, size, (image, point) = len(o), np.sqrt(np.nansum(residual**2, axis=1)), o.names(np.arange(len(o)))
+    test = np.sqrt(np.nanmean((residual / np.maximum(o.sigmas(), LEAST_SIGMA)) ** 2, axis=1))
     known = np.isfinite(test) & (test > 0)
     return Suspects(
-        kind=np.full(n, held.kind), row=held.row.astype(np.int32), image=held.image, point=held.point,
-        stage=np.full(n, STAGE), size=size, unit=np.full(n, held.unit),
-        sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test, verdict=np.full(n, "rejected"),
+        kind=np.full(n, o.kind), row=o.row.astype(np.int32), image=image, point=point, stage=np.full(n, STAGE),
+        size=size, unit=np.full(n, o.unit), sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test,
+        verdict=np.full(n, "rejected"),
     )  # fmt: skip
 
 
@@ -138,8 +95,8 @@ def contradicts(block: Block, ground: Ground, left: Known, component: Component,
 
     Weakly tied strips bend by less, and fit whatever is left.
     """
-    for table in held_against(block, ground, left, component, attitudes=False):
-        for v, sigma in zip(table.residual.T, table.sigma.T):
+    for o in observations_of(block, ground, left):
+        for v, sigma in zip(residuals_at(component, o).T, o.sigmas().T):
             known = np.isfinite(v) & np.isfinite(sigma)
             if known.any() and abs(float(np.median(v[known]))) > limit * float(np.median(sigma[known])):
                 return True
@@ -148,20 +105,19 @@ def contradicts(block: Block, ground: Ground, left: Known, component: Component,
 
 def contradiction_note(block: Block, ground: Ground, left: Known, component: Component, kind: str, what: str) -> Note:
     """What is left out as it contradicts all else; the component is on the ground without it."""
-    tables = list(held_against(block, ground, left, component, attitudes=False))
-    names = np.concatenate([t.point if kind != "observed positions" else t.image for t in tables])
+    observed = list(observations_of(block, ground, left))
+    names = np.concatenate([np.char.add(*o.names(np.arange(len(o)))) for o in observed])
     if kind == "distances":
-        value = np.concatenate([part.sights.value[rows] for part, rows in left.lengths])
-        ratio = value / (value + np.concatenate([t.residual[:, 0] for t in tables]))
-        off = f"longer than in it by {1e6 * (float(np.median(ratio)) - 1.0):.0f} ppm"
+        ratios = [part.sights.value[rows] / lengths_in(component, part, rows) for part, rows in left.lengths]
+        off = f"longer than in it by {1e6 * (float(np.median(np.concatenate(ratios))) - 1.0):.0f} ppm"
     else:
-        off = f"shifted by {_median_shift(tables[0].residual)} m"
-        camera = block.images.camera[ground.positions.image[left.position]]
+        residual = np.concatenate([residuals_at(component, o) for o in observed])
+        off = f"shifted by {_median_shift(residual)} m"
+        images = [of for o in observed for group, of in o.records.touches if group == POSE]
+        camera = block.images.camera[np.concatenate(images)] if images else np.zeros(0, dtype=np.int32)
         if len(np.unique(camera)) > 1:
-            each = [
-                f"{block.cameras.id[k]} {_median_shift(tables[0].residual[camera == k])}" for k in np.unique(camera)
-            ]
-            off += f" (by camera: {'; '.join(each)})"
+            by_camera = [f"{block.cameras.id[k]} {_median_shift(residual[camera == k])}" for k in np.unique(camera)]
+            off += f" (by camera: {'; '.join(by_camera)})"
     text = f"{what}: {kind} ({len(names)}) contradict all else, {off} in the median: they are left out here"
     return Note("warning", text, tuple(names.tolist()))
 

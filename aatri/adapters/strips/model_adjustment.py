@@ -85,5 +85,6 @@ def adjusted_models(
         ]),
         point_covariance_m2=covariance_m2, uncontrolled=uncontrolled,
         tests=tables.tests_of(tied) if rules.tests else None,
+        components=tables.components_of(tied) if rules.tests else None,
     )  # fmt: skip
     return solution, [*notes, *resected]

@@ -210,6 +210,7 @@ def strip_block_solution(
         point_covariance_m2=adjusted.covariances.point_covariance_m2,
         uncontrolled=uncontrolled,
         tests=tied_tables.tests_of(tied) if tests else None,
+        components=tied_tables.components_of(tied) if tests else None,
     )
     return solution, notes
 

@@ -11,7 +11,15 @@ from aatri.adapters import solution as assemble
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations, Tests
+from aatri.artifacts.solution import (
+    Iterations,
+    Parameters,
+    Residuals,
+    Solution,
+    StripTransformations,
+    Tests,
+    VarianceComponents,
+)
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.artifacts.uncontrolled import Uncontrolled
@@ -135,6 +143,7 @@ def solution_of(
     point_covariance_m2: Float | None = None,
     uncontrolled: Uncontrolled | None = None,
     tests: Tests | None = None,
+    components: VarianceComponents | None = None,
 ) -> Solution:
     """A Solution without covariances of its orientations.
 
@@ -146,6 +155,7 @@ def solution_of(
     uncontrolled : Uncontrolled, optional
     tests : Tests, optional
         Of the observations in the order of the residuals.
+    components : VarianceComponents, optional
     """
     oriented, solved = finite_rows(placed.position_m), finite_rows(placed.point_m)
     measured = image_points.measurements
@@ -175,4 +185,5 @@ def solution_of(
         suspects=suspects,
         uncontrolled=uncontrolled,
         tests=tests,
+        variance_components=components,
     )

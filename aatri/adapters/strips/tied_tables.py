@@ -12,14 +12,17 @@ from aatri.adapters.solution import stacked
 from aatri.adapters.uncontrolled_before import of_observations
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_adjustment import TiedResult
+from aatri.adjustment.statistics.variance_components import group_sigmas, sigma_limits
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.solution import Residuals, Tests
+from aatri.artifacts.solution import Residuals, Tests, VarianceComponents
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.geometry.similarity import Similarity
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, COMPONENT_POINT, HELD
+from aatri.orientation.bundle.variance_groups import squares_and_redundancy
 
 CALLED = {
     "control": "control point {1}",
@@ -98,6 +101,32 @@ def tests_of(result: TiedResult) -> Tests:
     return stacked([Tests.empty(), *(reliability_table(found, result.state) for found in _shown(result))])
 
 
+def components_of(result: TiedResult) -> VarianceComponents:
+    """Factors on the standard deviations of each kind, plan and height apart where they are, the deformation counted.
+
+    As the residuals of this adjustment have them: they are proposed, and not iterated.
+    """
+    names = list[str]()
+    parts: list[tuple[Float, Float, Int]] = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
+    for found in _shown(result):
+        o = found.observed
+        number = np.full((len(o), o.records.rows), len(names))
+        for k, (_, components) in enumerate(o.parts):
+            number[:, components] += k
+        number[o.demanded()] = -1
+        names += [f"{o.kind} {part}".strip() for part, _ in o.parts or (("", ()),)]
+        parts.append(squares_and_redundancy(found, result.state, number))
+    squares, redundancy, group = (np.concatenate(of) for of in zip(*parts))
+    made = group_sigmas(squares, redundancy, group.astype(np.int64), len(names))
+    low, high = (np.where(made.estimable, x, np.nan) for x in sigma_limits(made.factor, made.redundancy))
+    differs = made.estimable & ((low > 1) | (high < 1))
+    return VarianceComponents(
+        group=np.array(names, dtype=np.str_), observations=made.count.astype(np.int32), redundancy=made.redundancy,
+        factor=made.factor, low=low, high=high,
+        verdict=np.where(~made.estimable, "not estimable", np.where(differs, "proposed", "fits")),
+    )  # fmt: skip
+
+
 def _shown(result: TiedResult) -> Iterator[AdjustedObservations]:
     """What is observed of the ground, then ties of several bodies."""
     native = [o.kind for o, _ in _native(result)]
@@ -114,7 +143,7 @@ def _of_several(found: AdjustedObservations) -> AdjustedObservations:
     return replace(found, rows=found.rows[shared[found.rows]])
 
 
-def suspects_of(result: TiedResult, stage: str, began: Bool, scale: float = 1.0) -> Suspects:
+def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | None = None) -> Suspects:
     """What was rejected, was rejected before and is believed again, or is kept although above the limit.
 
     Parameters
@@ -123,15 +152,16 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, scale: float = 1.0)
     stage : str
     began : (n,) bool
         Observations used before the test.
-    scale : float
-        Unit of the bodies, m.
+    to : Similarity, optional
+        To the ground, from the frame of the bodies.
     """
     tables = [Suspects.empty()]
     for o, mine in _native(result):
         active, above = result.active[mine], result.above[mine]
         listed = np.flatnonzero(~active | ~began[mine] | above)
         test = result.test[mine][listed]
-        size = scale * np.sqrt(np.nansum(result.size[mine][listed] ** 2, axis=1))
+        error = result.size[mine][listed] if to is None else to.scale * result.size[mine][listed] @ to.rotation.T
+        size = np.sqrt(np.nansum(error**2, axis=1))
         known = np.isfinite(test) & (test > 0)
         image, point = o.names(listed)
         n = len(listed)
@@ -140,6 +170,7 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, scale: float = 1.0)
             stage=np.full(n, stage), size=size, unit=np.full(n, o.unit),
             sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test,
             verdict=np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected"),
+            error=error,
         ))  # fmt: skip
     return stacked(tables)
 

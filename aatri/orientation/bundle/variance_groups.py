@@ -13,6 +13,7 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.variance_components import GroupSigmas, group_sigmas, sigma_limits
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, ResourceError
 from aatri.notes import Note
@@ -154,19 +155,20 @@ def variance_notes(found: VarianceComponents, *, applied: bool) -> list[Note]:
 
 
 def _one_round(result: BundleResult, groups: VarianceGroups) -> GroupSigmas:
-    parts = [_of_kind(o, result, number) for o, number in zip(result.observations, groups.number)]
+    state = result.adjusted.state
+    parts = [squares_and_redundancy(o, state, number) for o, number in zip(result.observations, groups.number)]
     squares, redundancy, group = (np.concatenate(p) for p in zip(*parts))
     return group_sigmas(squares, redundancy, group.astype(np.int64), len(groups.names))
 
 
-def _of_kind(found: AdjustedObservations, result: BundleResult, number: Int) -> tuple[Float, Float, Int]:
+def squares_and_redundancy(found: AdjustedObservations, state: State, number: Int) -> tuple[Float, Float, Int]:
     """v_i (P v)_i, (Qvv P)_ii and group of the components in use."""
     o = found.observed
     rows = np.flatnonzero(found.used)
     if o.exact or not len(rows):
         return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
-    L = o.records.whitener[rows]
-    v = o.records.evaluate(result.adjusted.state, rows)[0]
+    L = found.records.whitener[rows]
+    v = o.records.evaluate(state, rows)[0]
     hat = found.covariance[rows]
     if L.ndim == 2:
         squares, r = (L * v) ** 2, 1.0 - np.einsum("nii->ni", hat)
@@ -174,10 +176,10 @@ def _of_kind(found: AdjustedObservations, result: BundleResult, number: Int) -> 
         white = np.einsum("nij,nj->ni", L, v)
         squares = v * np.einsum("nji,nj->ni", L, white)
         # (Qvv P)_ii = (L^-1 (I - H) L)_ii; components that are not observed are left out of L
-        both = o.records.observed_components()[rows]
+        both = found.records.observed_components()[rows]
         filled = np.where(both[:, :, None] & both[:, None, :], L, np.eye(L.shape[1]))
         r = np.einsum("nij,njk,nki->ni", np.linalg.inv(filled), np.eye(L.shape[1]) - hat, filled)
-    used = o.records.observed_components()[rows]
+    used = found.records.observed_components()[rows]
     return squares[used], r[used], np.where(used, number[rows], -1)[used]
 
 
