@@ -9,6 +9,7 @@ import numpy as np
 
 from aatri.adapters.ground.initial_datum import Known
 from aatri.adapters.ground.initial_observed import Ground, Lengths
+from aatri.adapters.solution import suspect_rows
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
@@ -69,14 +70,12 @@ def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
 
 def left_out_table(o: Observed, residual: Float) -> Suspects:
     """All of one kind, left out as it contradicts all else: the bundle begins without it and tests it again."""
-    n, size, (image, point) = len(o), np.sqrt(np.nansum(residual**2, axis=1)), o.names(np.arange(len(o)))
+    size, (image, point) = np.sqrt(np.nansum(residual**2, axis=1)), o.names(np.arange(len(o)))
     test = np.sqrt(np.nanmean((residual / np.maximum(o.sigmas(), LEAST_SIGMA)) ** 2, axis=1))
-    known = np.isfinite(test) & (test > 0)
-    return Suspects(
-        kind=np.full(n, o.kind), row=o.row.astype(np.int32), image=image, point=point, stage=np.full(n, STAGE),
-        size=size, unit=np.full(n, o.unit), sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test,
-        verdict=np.full(n, "rejected"),
-    )  # fmt: skip
+    sigma = np.where(test > 0, size / np.where(test > 0, test, 1.0), np.nan)
+    return suspect_rows(
+        STAGE, o.kind, image=image, point=point, row=o.row, size=size, unit=o.unit, sigma=sigma, test=test
+    )
 
 
 def without_one(known: Known) -> Iterator[tuple[str, Known, Known]]:

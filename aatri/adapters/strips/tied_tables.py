@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
-from aatri.adapters.solution import stacked
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import of_observations
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_adjustment import TiedResult
@@ -164,14 +164,11 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | No
         size = np.sqrt(np.nansum(error**2, axis=1))
         known = np.isfinite(test) & (test > 0)
         image, point = o.names(listed)
-        n = len(listed)
-        tables.append(Suspects(
-            kind=np.full(n, o.kind), row=o.row[listed].astype(np.int32), image=image, point=point,
-            stage=np.full(n, stage), size=size, unit=np.full(n, o.unit),
-            sigma=np.where(known, size / np.where(known, test, 1.0), np.nan), test=test,
-            verdict=np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected"),
-            error=error,
-        ))  # fmt: skip
+        sigma = np.where(known, size / np.where(known, test, 1.0), np.nan)
+        rows = suspect_rows(stage, o.kind, image=image, point=point, row=o.row[listed], size=size, unit=o.unit,
+                            sigma=sigma, test=test)  # fmt: skip
+        verdict = np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected")
+        tables.append(replace(rows, verdict=verdict, error=error))
     return stacked(tables)
 
 
