@@ -138,11 +138,15 @@ def score(
     adjusted = with_factor(adjusted)
     n, k = int(unit.max(initial=-1)) + 1, H.shape[2]
     found = Score(np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k)))
-    H, ray = _whitened_effects(records, rows, H), _rays(adjusted.problem, records, rows)
+    ray = _rays(adjusted.problem, records, rows)
+    if ray is not None:
+        order = np.argsort(ray, kind="stable")
+        rows, ray, unit, H = rows[order], ray[order], unit[order], H[order]
+    H = _whitened_effects(records, rows, H)
     sides = MOST_SIDES if ray is None else ROOM_BYTES / 8 / max(adjusted.problem.layout.n_kept, 1)
     at_a_time = max(1, int(sides) // k)
     for first in range(0, n, at_a_time):
-        some = np.flatnonzero((unit >= first) & (unit < first + at_a_time))
+        some = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
         part = Score(found.gradient[here], found.whole[here], found.information[here])
         if ray is None:

@@ -51,7 +51,7 @@ def reduced_effects(
     Parameters
     ----------
     ray : (e,) int64
-        Place among the rays in their order; one that belongs to several units comes several times.
+        Places among the rays, ascending; one that belongs to several units comes several times.
     H : (e, m, k) float64
         Whitened; zero where the ray is not active.
     unit : (e,) int64
@@ -59,8 +59,6 @@ def reduced_effects(
     """
     rays, fill, k = problem.rays, problem.ray_lane(state), H.shape[2]
     assert rays is not None
-    order = np.argsort(ray, kind="stable")
-    ray, unit, H = ray[order], unit[order], np.ascontiguousarray(H[order])
     found = Reduced(np.zeros((problem.layout.n_kept, units * k)), np.zeros((units, k)), np.zeros((units, k)),
                     np.zeros((units, k, k)))  # fmt: skip
     met = np.unique(np.searchsorted(rays.ray_start, ray, side="right") - 1)
