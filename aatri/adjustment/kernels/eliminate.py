@@ -275,15 +275,15 @@ def _eliminator(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
             if n:
                 np.dot(Y.T, Y, S)
             for q in range(n):
-                k = widest if single else places[1, q + 1] - places[1, q]
-                c, o = places[0, q], k * q if single else places[1, q]
-                for b in range(k):
+                wide = widest if single else places[1, q + 1] - places[1, q]
+                c, o = places[0, q], wide * q if single else places[1, q]
+                for b in range(wide):
                     diagonal[c + b] += N[o + b, b]
-                    for a in range(k):
+                    for a in range(wide):
                         S[o + b, o + a] -= N[o + b, a]
                     for other in range(q, n):
-                        d, t = places[0, other], k * other if single else places[1, other]
-                        for a in range(k if single else places[1, other + 1] - t):
+                        d, t = places[0, other], wide * other if single else places[1, other]
+                        for a in range(wide if single else places[1, other + 1] - t):
                             F[d + a, c + b] -= S[o + b, t + a]
             p = end
         return cost

@@ -2,7 +2,8 @@
 
 A list of `{type, points | images | pairs | at and between, value, sigma | exact, axis, radius}`. `sigma` makes a
 condition an observation, `exact: true` a constraint (standard deviation 0). Values are in the block's ground or angle
-unit. Conditions come out sorted by type, axis, members and value; the order of the members is kept.
+unit, or plain numbers, as the type has it. Conditions come out sorted by type, axis, members and value; the order of the
+members is kept.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -27,15 +28,28 @@ FILE = "relative_control.yaml"
 
 
 class ConditionForm(NamedTuple):
-    """What a type takes: its members, the least number of them, and its value: `needed`, `optional` or none."""
+    """What a type takes: its members, the least number of them, and its value.
+
+    Attributes
+    ----------
+    members : tuple of str
+    least : int
+    value : {'needed', 'optional', ''}
+    exactly : bool
+        It takes no more than the least number.
+    unit : {'m', 'rad', '1'}
+        Of its value and standard deviation: in the tables the block's ground unit, its angle unit, or a plain number.
+    """
 
     members: tuple[str, ...]
     least: int
     value: str = ""
+    exactly: bool = False
+    unit: Literal["m", "rad", "1"] = "m"
 
 
 FORMS = {
-    "distance": ConditionForm(("points", "images"), 2, "needed"),
+    "distance": ConditionForm(("points", "images"), 2, "needed", exactly=True),
     "equal_distance": ConditionForm(("pairs",), 4),
     "horizontal_plane": ConditionForm(("points",), 2),
     "vertical_plane": ConditionForm(("points",), 3),
@@ -43,16 +57,14 @@ FORMS = {
     "plumb_line": ConditionForm(("points",), 2),
     "line": ConditionForm(("points",), 3),
     "horizontal_line": ConditionForm(("points",), 2),
-    "angle": ConditionForm(("at", "between"), 3, "needed"),
+    "angle": ConditionForm(("at", "between"), 3, "needed", exactly=True, unit="rad"),
     "equal_height": ConditionForm(("points",), 2),
-    "coordinate_difference": ConditionForm(("points",), 2, "needed"),
-    "parallel": ConditionForm(("pairs",), 4),
-    "perpendicular": ConditionForm(("pairs",), 4),
+    "coordinate_difference": ConditionForm(("points",), 2, "needed", exactly=True),
+    "parallel": ConditionForm(("pairs",), 4, exactly=True, unit="rad"),
+    "perpendicular": ConditionForm(("pairs",), 4, exactly=True, unit="rad"),
     "sphere": ConditionForm(("points",), 4, "optional"),
     "cylinder": ConditionForm(("points",), 5, "optional"),
 }
-EXACTLY = {"distance": 2, "coordinate_difference": 2, "angle": 3, "parallel": 4, "perpendicular": 4}
-ANGULAR = ("angle", "parallel", "perpendicular")
 KEYS = ("type", "points", "images", "pairs", "at", "between", "value", "radius", "sigma", "exact", "axis")
 
 
@@ -153,11 +165,9 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
         elif key in ("points", "images", "pairs", "at", "between") and key not in form.members:
             fault(f"{kind} does not take `{key}`", key, remedy=f"it takes {' or '.join(form.members)}")
     members = _members(document, k, item, form)
-    exact = EXACTLY.get(kind)
-    if len(members) < form.least or (exact and len(members) != exact):
-        fault(
-            f"{kind} has {len(members)} members", remedy=f"it takes {'exactly' if exact else 'at least'} {form.least}"
-        )
+    if len(members) < form.least or (form.exactly and len(members) > form.least):
+        takes = "exactly" if form.exactly else "at least"
+        fault(f"{kind} has {len(members)} members", remedy=f"it takes {takes} {form.least}")
     if "pairs" in form.members and len(members) % 2:
         fault("pairs are two ids each", "pairs", remedy="write [[A, B], [C, D]]")
     if form.members[0] != "pairs" and len(set(members)) < len(members):
@@ -199,13 +209,11 @@ def _members(document: Document, k: int, item: dict[str, Any], form: ConditionFo
 
 
 def _figures(source: Source, item: dict[str, Any], kind: str, form: ConditionForm, fault: Any) -> tuple[float, float]:
-    """Value and standard deviation in m or rad."""
+    """Value and standard deviation in the unit of the type."""
     units = source.settings.units
-    factor = units.ground_m
-    if kind in ANGULAR:
-        if units.angle is None and ("value" in item or "sigma" in item):
-            fault(f"units.angle is missing in block.yaml, but {kind} is an angle", remedy="add units: {angle: deg}")
-        factor = ANGLE_RAD["deg" if units.angle == "dms" else units.angle or "rad"]
+    factor = {"m": units.ground_m, "rad": ANGLE_RAD["deg" if units.angle == "dms" else units.angle or "rad"], "1": 1.0}
+    if form.unit == "rad" and units.angle is None and ("value" in item or "sigma" in item):
+        fault(f"units.angle is missing in block.yaml, but {kind} is an angle", remedy="add units: {angle: deg}")
     key = "radius" if form.value == "optional" else "value"
     for name in ("value", "radius", "sigma"):
         if name in item and (isinstance(item[name], bool) or not isinstance(item[name], int | float)
@@ -224,5 +232,5 @@ def _figures(source: Source, item: dict[str, Any], kind: str, form: ConditionFor
         )
     elif "sigma" in item and item["sigma"] <= 0:
         fault(f"sigma is {item['sigma']}", "sigma", remedy="more than 0; for a constraint write exact: true")
-    value = float(item[key]) * factor if key in item else np.nan
-    return value, float(item.get("sigma", 0.0)) * factor
+    value = float(item[key]) * factor[form.unit] if key in item else np.nan
+    return value, float(item.get("sigma", 0.0)) * factor[form.unit]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from aatri.formats.tables.relative_control import FORMS
+from aatri.formats.tables.relative_control import FORMS, ConditionForm
 from tests.stages.hand_block import hand, read
 
 LENGTHS, ANGLES = ("distance", "coordinate_difference", "sphere", "cylinder"), ("angle", "parallel", "perpendicular")
@@ -36,3 +36,11 @@ def test_values_and_standard_deviations_in_mm_and_gon(type_: str, tmp_path: Path
     assert control.sigma[0] == pytest.approx(0.5 * unit)
     if type_ in (*LENGTHS, "angle"):
         assert control.value[0] == pytest.approx(40 * unit)
+
+
+def test_a_type_of_plain_numbers_is_not_scaled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(FORMS, "ratio", ConditionForm(("pairs",), 4, "needed", unit="1"))
+    condition = {"type": "ratio", "pairs": [["p00", "p01"], ["p02", "p03"]], "value": 1.5, "sigma": 0.01}
+    (tmp_path / "relative_control.yaml").write_text(yaml.dump([condition]))
+    control = read(tmp_path, hand(), more={"units": {"ground": "mm"}})[0].relative_control
+    assert (control.value[0], control.sigma[0]) == (1.5, 0.01)
