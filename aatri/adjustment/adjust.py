@@ -29,6 +29,12 @@ from aatri.adjustment.iteration import (
     refuse_unusable,
     with_runaways_slowed,
 )
+from aatri.adjustment.openness.set_aside import (
+    refuse_nearly_singular,
+    refuse_singular,
+    without_open_parts,
+    without_weak_parts,
+)
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import Settings
@@ -40,7 +46,6 @@ from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
-from aatri.adjustment.weakness import refuse_nearly_singular, weak_blocks_of, without_open_parts, without_weak_blocks
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
 from aatri.progress import SILENT, Reporter, tell_iteration
@@ -97,8 +102,6 @@ def adjust_large(
     notes += more
     refuse_unusable(IterationState(problem, dict(start), factored))
     if not factored.factor.whole:
-        from aatri.adjustment.iterative.conjugate_gradients import refuse_singular  # compiled only where it is needed
-
         refuse_singular(problem, start)
     linear = factored.factor.whole and all(r.linear and r.loss is None for r in problem.records)
     here, history = IterationState(problem, dict(start), factored), []
@@ -114,16 +117,16 @@ def adjust_large(
             and (linear or here.decrement <= tolerance)
             and (tolerance >= ROUGH or settled(problem, here.state))
         ):
-            weak, hardly = weak_blocks_of(problem, here.state, factored)
-            if weak:
-                problem, factored, more = without_weak_blocks(problem, here.state, weak)
+            weak = without_weak_parts(problem, here.state, factored)
+            if isinstance(weak, tuple):
+                problem, factored, more = weak
                 here, notes = IterationState(problem, here.state, factored), [*notes, *more]
                 refuse_unusable(here)
                 continue
             bent, cost = after_step(problem, here.state, trial, found)
             if bent <= LINEAR:
                 stiff.refuse_violated(trial)
-                done = _finished(problem, trial, cost, tuple(history), (*notes, *hardly))
+                done = _finished(problem, trial, cost, tuple(history), (*notes, *weak))
                 done = replace(done, observations=done.observations - stiff.count)
                 return replace(done, factored=factored) if linear else done
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")

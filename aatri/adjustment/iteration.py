@@ -10,8 +10,8 @@ import numpy as np
 
 from aatri.adjustment.adjusted import Step
 from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints
-from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease
+from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.damping import Damping, gain
 from aatri.adjustment.stepping.robust import POOR, bolder, curvature_of, more_cautious
@@ -155,7 +155,7 @@ def refuse_unusable(here: IterationState) -> None:
     factored = here.factored
     if not np.isfinite(factored.cost):
         raise ConvergenceError("residuals are not finite", remedy=ADVICE)
-    if factored.damping == 0.0 and (factored.weak or (factored.determined == 0).any()):
+    if factored.damping == 0.0 and is_singular(factored):
         refuse_undetermined(here.problem, here.state, factored)
 
 

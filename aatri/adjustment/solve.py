@@ -19,9 +19,9 @@ import numpy as np
 
 from aatri.adjustment.constraints import factorise_constrained
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
-from aatri.adjustment.diagnosis import refuse_undetermined
 from aatri.adjustment.elimination.backsolve import cost_of, steps
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
+from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
 from aatri.adjustment.records import keys_of
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
 from aatri.adjustment.stepping.linearity import after_step
@@ -118,7 +118,7 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
     factored = factorise_constrained(problem, state)
     if not np.isfinite(factored.cost):
         raise ConvergenceError("residuals are not finite", remedy="check the observations and the initial values")
-    if factored.weak or (factored.determined == 0).any():
+    if is_singular(factored):
         refuse_undetermined(problem, state, factored)
     step = steps(problem, factored, state)
     after = retract_state(problem.unknowns, state, step)

@@ -47,7 +47,7 @@ class Unknowns:
         State -> (n, k, 7): how the blocks move with three shifts, three rotations about the origin and a change of
         scale of the object space; absent: not at all.
     implausible : (k,) float64, optional
-        Standard deviations a priori beyond which a scalar counts as open, see `conditioning`.
+        Standard deviations a priori beyond which a scalar counts as open, see `openness.nearly_open`.
     """
 
     name: str

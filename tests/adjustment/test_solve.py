@@ -148,7 +148,7 @@ def test_an_open_kept_unknown_is_named() -> None:
 
 def test_an_open_kept_unknown_of_a_large_problem_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     _many_fronts(monkeypatch)
-    monkeypatch.setattr("aatri.adjustment.diagnosis.WHOLE", 0)
+    monkeypatch.setattr("aatri.adjustment.openness.null_vectors.WHOLE", 0)
     unknowns, records, start = made_problem(3, n_kept=14, n_points=40)
     off = _switched_off(records, 0, 5)
     records[1].active[5] = False

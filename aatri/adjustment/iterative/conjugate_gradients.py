@@ -29,7 +29,6 @@ from functools import partial
 import numpy as np
 from scipy.linalg import eigvalsh_tridiagonal
 
-from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import IterativeFactor
 from aatri.adjustment.elimination.schedule import Stretch, stretches
@@ -40,7 +39,7 @@ from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import ConvergenceError
 
 Product = Callable[[Float], Float]
 
@@ -89,14 +88,8 @@ def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping:
     return replace(factored, factor=IterativeFactor(x))
 
 
-def refuse_singular(problem: IndexedProblem, state: State) -> None:
-    """Find out whether the problem is determined at a state.
-
-    Raises
-    ------
-    GeometryError
-        If it is not; the message names unknowns of a null vector.
-    """
+def null_vector(problem: IndexedProblem, state: State) -> Float | None:
+    """A null vector of the reduced normal matrix, if there is one, in unknowns times the root of their diagonal."""
     preconditioner, factored = partly_factorised(problem, state, 0.0)
     S, diagonal = _Reduced(problem, state, factored), factored.diagonal
     used = ~problem.layout.held & (diagonal > 0)
@@ -104,8 +97,8 @@ def refuse_singular(problem: IndexedProblem, state: State) -> None:
     left = w - _iterated(S.times, S.times(w), preconditioner.solve, PROBE_ACCURACY, 0.0)[0]
     size = float((diagonal * left**2).sum())
     if size > 0.0 and float(left @ S.times(left)) < RANK_TOLERANCE * size:
-        names = described(problem, left * np.sqrt(diagonal))
-        raise GeometryError(f"the observations leave unknowns open: {names}")
+        return left * np.sqrt(diagonal)
+    return None
 
 
 def conjugate_gradients(S: Product, b: Float, solve: Product, accuracy: float, small: float = 0.0) -> Float:

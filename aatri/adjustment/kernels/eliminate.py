@@ -282,9 +282,9 @@ def _eliminator(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
                     for a in range(wide):
                         S[o + b, o + a] -= N[o + b, a]
                     for other in range(q, n):
-                        d, t = places[0, other], wide * other if single else places[1, other]
-                        for a in range(wide if single else places[1, other + 1] - t):
-                            F[d + a, c + b] -= S[o + b, t + a]
+                        d, first = places[0, other], wide * other if single else places[1, other]
+                        for a in range(wide if single else places[1, other + 1] - first):
+                            F[d + a, c + b] -= S[o + b, first + a]
             p = end
         return cost
 

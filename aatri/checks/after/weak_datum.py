@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.conditioning import least_certain
 from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.openness.nearly_open import least_certain
 from aatri.checks.finding import Finding
 from aatri.checks.limits import WEAK_DATUM, WEAK_SHARE
 from aatri.observations.poses import POINT

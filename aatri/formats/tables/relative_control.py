@@ -2,8 +2,8 @@
 
 A list of `{type, points | images | pairs | at and between, value, sigma | exact, axis, radius}`. `sigma` makes a
 condition an observation, `exact: true` a constraint (standard deviation 0). Values are in the block's ground or angle
-unit, or plain numbers, as the type has it. Conditions come out sorted by type, axis, members and value; the order of the
-members is kept.
+unit, or plain numbers, as the type has it. Conditions come out sorted by type, axis, members and value; the order of
+the members is kept.
 """
 
 from __future__ import annotations

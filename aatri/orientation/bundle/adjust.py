@@ -22,10 +22,10 @@ from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.score import with_factor
 from aatri.adjustment.forecast import forecast
 from aatri.adjustment.loss import Huber
-from aatri.adjustment.reach import scaled, within_reach
+from aatri.adjustment.openness.reach import scaled, within_reach
+from aatri.adjustment.openness.set_aside import SET_ASIDE
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
-from aatri.adjustment.weakness import SET_ASIDE
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError
 from aatri.notes import Note

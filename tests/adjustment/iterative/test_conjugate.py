@@ -102,7 +102,7 @@ def test_covariances_are_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("room", ROOM)
 def test_an_open_unknown_is_named(monkeypatch: pytest.MonkeyPatch, room: str) -> None:
     _small_pieces(monkeypatch)
-    monkeypatch.setattr("aatri.adjustment.diagnosis.WHOLE", 0)
+    monkeypatch.setattr("aatri.adjustment.openness.null_vectors.WHOLE", 0)
     unknowns, records, start = made_problem(3, n_kept=14, n_points=40)
     off = _switched_off(records, 0, 5)
     gb = _room_gb(unknowns, (off,), room)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment import diagnosis
 from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.openness import null_vectors
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.errors import GeometryError
 from aatri.observations.poses import POINT, point_generator
-from tests.adjustment.test_diagnosis import trilateration
+from tests.adjustment.openness.test_null_vectors import trilateration
 
 
 def _net(n: int = 3):
@@ -59,7 +59,7 @@ def test_heights_leave_plan_and_azimuth() -> None:
 def test_large_problems_are_told_the_same(monkeypatch: pytest.MonkeyPatch, which: dict[int, tuple[int, ...]]) -> None:
     """Where the matrix is too large to be seen as a whole, as from 2,000 kept unknowns on."""
     small = _said(which)
-    monkeypatch.setattr(diagnosis, "WHOLE", 10)
+    monkeypatch.setattr(null_vectors, "WHOLE", 10)
     assert _said(which) == small
 
 

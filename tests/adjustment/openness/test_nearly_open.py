@@ -14,7 +14,7 @@ from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.errors import GeometryError
 from tests.adjustment.block_problem import posed_problem
-from tests.adjustment.test_diagnosis import trilateration
+from tests.adjustment.openness.test_null_vectors import trilateration
 
 
 def _kahan(n: int) -> np.ndarray:

@@ -13,55 +13,32 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.open_similarity import open_motions
-from aatri.adjustment.open_whole import open_motions_of_all
+from aatri.adjustment.openness.limits import MOST_NAMED
+from aatri.adjustment.openness.motions import open_motions
+from aatri.adjustment.openness.open_directions import OpenDirections, described
+from aatri.adjustment.openness.unseen_motions import unseen_motions
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
-from aatri.errors import GeometryError
-
-LARGE = 0.2
-"""What is larger than this part of the largest is named."""
-
-MOST_DESCRIBED = 7
-"""So many open directions at most are described."""
 
 WHOLE = 2000
 """Up to this many kept unknowns the whole matrix is analysed."""
 
 
-def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factored) -> None:
-    """Raise the error that names what is not determined.
-
-    Raises
-    ------
-    GeometryError
-    """
-    _refuse_blocks(problem, factored)
+def vanishing(problem: IndexedProblem, state: State, factored: Factored) -> OpenDirections:
+    """What vanishing pivots leave open: eliminated blocks, or else combinations of the kept unknowns."""
+    blocks = np.flatnonzero(factored.determined == 0)
+    if len(blocks):
+        return OpenDirections(0, (), np.zeros((problem.layout.n_kept, 0)), blocks=blocks, exact=True)
     defect, vectors, normals = null_vectors(problem, state, factored)
-    whole = open_motions_of_all(problem, state) if normals is None else []
+    whole = unseen_motions(problem, state) if normals is None else []
     if len(whole) >= defect:
         names = ", ".join(dict.fromkeys(whole))
-        raise GeometryError(f"the observations leave {len(whole)} unknown(s) open: {names} of the whole block")
+        return OpenDirections(len(whole), (f"{names} of the whole block",), vectors, exact=True)
     diagonal, N = (factored.diagonal, None) if normals is None else (normals.diagonal, normals.N)
     motions, rest = open_motions(problem, state, vectors, diagonal, N)
-    texts = [*motions, *(described(problem, vector) for vector in rest.T[:MOST_DESCRIBED])]
-    left = max(rest.shape[1] - MOST_DESCRIBED, 0)
-    more = f" and {left} more" if left else ""
-    raise GeometryError(f"the observations leave {defect} unknown(s) open: {'; '.join(texts)}{more}")
-
-
-def _refuse_blocks(problem: IndexedProblem, factored: Factored) -> None:
-    weak = np.flatnonzero(factored.determined == 0)
-    if not len(weak) or problem.rays is None:
-        return
-    group = next(u for u in problem.unknowns if u.eliminated)
-    names = [f"{group.name} {group.ids[k]}" for k in np.sort(problem.rays.block[weak])]
-    more = f" and {len(names) - 10} more" if len(names) > 10 else ""
-    raise GeometryError(
-        f"{len(names)} of {len(group.ids)} are not determined by their observations: {', '.join(names[:10])}{more}",
-        remedy="give them more rays or known coordinates, or leave them out",
-    )
+    texts = (*motions, *(described(problem, vector) for vector in rest.T[:MOST_NAMED]))
+    return OpenDirections(defect, texts, vectors, exact=True, more=max(rest.shape[1] - MOST_NAMED, 0))
 
 
 def null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> tuple[int, Float, ReducedNormals | None]:
@@ -119,27 +96,3 @@ def _leading_null_vector(problem: IndexedProblem, factored: Factored, k: int, ro
         x[node.columns[: node.panel]] = front[: node.panel]
     scale = np.where(factored.diagonal > 0, np.sqrt(np.maximum(factored.diagonal, 0.0)), 1.0)
     return np.asarray((x * scale)[:, None])
-
-
-def described(problem: IndexedProblem, vector: Float) -> str:
-    """The unknowns that take part most in a null vector: of each label up to four, or the one with most and a count.
-
-    A label takes part where one of its unknowns does, or all blocks together: what many blocks share, as the heights of
-    all images where the principal distance is open, is small in each of them.
-    """
-    shares: list[tuple[float, float, str]] = []
-    for u in problem.unknowns:
-        columns = problem.layout.columns(u.name, u.size)
-        size = np.where(columns >= 0, np.abs(vector[np.maximum(columns, 0)]), 0.0)
-        for scalar in range(u.size):
-            own = size[:, scalar]
-            total, most = float((own**2).sum()), float(own.max(initial=0.0))
-            if total > 0:
-                large = np.argsort(-own, kind="stable")[: int((own > LARGE * most).sum())].tolist()
-                named = " with ".join(u.label(k, scalar) for k in large)
-                many = f"{u.label(large[0], scalar)} and {len(large) - 1} more"
-                shares.append((total, most, named if len(large) <= 4 else many))
-    shares.sort(key=lambda share: -share[0])
-    largest = max((own for _, own, _ in shares), default=0.0)
-    members = [name for total, own, name in shares if total > LARGE**2 * shares[0][0] or own > LARGE * largest][:5]
-    return " with ".join(members) or "unknowns of no group"

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.open_similarity import ORDER, echelon, named
+from aatri.adjustment.openness.limits import UNSEEN
+from aatri.adjustment.openness.motions import ORDER, echelon, named
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
-UNSEEN = 1e-10
-"""Square of what observations see of a motion, as a share of what they see of its parts, below which it is open."""
-
 CHUNK = 50_000
 
 
-def open_motions_of_all(problem: IndexedProblem, state: State) -> list[str]:
+def unseen_motions(problem: IndexedProblem, state: State) -> list[str]:
     """Names of the motions of all unknowns together that are open.
 
     Parameters

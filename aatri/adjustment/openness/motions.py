@@ -14,18 +14,13 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from aatri.adjustment.openness.limits import MOTION_IF_OPEN, NAMED
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 
-COMMON = 1.0 - 1e-6
-"""Cosine from which on a motion counts as one of the open directions."""
-
 INDEPENDENT = 1e-3
 """Singular values above this make a direction of its own."""
-
-GOING_ALONG = 0.2
-"""Share of the largest from which on what goes along is named."""
 
 SMALL = 1e-6
 """Size, of the largest, below which an unknown takes no part in a direction."""
@@ -48,8 +43,8 @@ def open_motions(
     vectors: Float,
     diagonal: Float,
     normals: Float | None = None,
-    common: float = COMMON,
-) -> tuple[list[str], Float]:  # fmt: skip
+    common: float = MOTION_IF_OPEN,
+) -> tuple[list[str], Float]:
     """The motions among open directions, by name, and what is left.
 
     Parameters
@@ -174,7 +169,7 @@ def _along(problem: IndexedProblem, directions: Float) -> str:
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         own = np.where(columns >= 0, size[np.maximum(columns, 0)], 0.0)
-        names += [f"{u.label(int(k), int(j))}" for k, j in np.argwhere(own > GOING_ALONG * max(size.max(), 1e-9))[:4]]
+        names += [f"{u.label(int(k), int(j))}" for k, j in np.argwhere(own > NAMED * max(size.max(), 1e-9))[:4]]
     return f" with {' with '.join(names)}" if names else ""
 
 

@@ -15,12 +15,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from aatri.adjustment.openness.limits import BEYOND, WITHIN
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
-
-BEYOND, WITHIN = 1e10, 1e9
-"""Ratios of weights; at 1e12 the rank tolerance is met."""
 
 
 def within_reach(records: Sequence[Records], candidates: Sequence[int], state: State) -> dict[int, Float]:

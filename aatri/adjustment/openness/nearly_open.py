@@ -20,25 +20,16 @@ Source: Golub & Van Loan, Matrix Computations, 8.2 (subspace iteration).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from aatri.adjustment.diagnosis import described
 from aatri.adjustment.elimination.backsolve import solve_columns
-from aatri.adjustment.open_similarity import open_motions
+from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, WARNED
+from aatri.adjustment.openness.motions import open_motions
+from aatri.adjustment.openness.open_directions import OpenDirections, described
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
 from aatri.adjustment.threads import thread_control
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
-from aatri.errors import GeometryError
-from aatri.notes import Note
-
-OPEN = 1e12
-"""Q_ii N_ii from which on an unknown is open."""
-
-WARNED = 0.1
-"""Share of the limits from which on there is a warning."""
 
 COLUMNS = 8
 """Directions looked for at once: a free datum leaves seven open."""
@@ -48,48 +39,11 @@ STEPS = 2
 
 UNLIKELY = 1e-4
 
-NEARLY_COMMON = 0.99
-"""Cosine from which on a motion of the whole counts as one of the directions."""
-
-MOSTLY_COMMON = 0.95
-"""The same where a block is bent as well as moved."""
-
 SAME = 0.5
 """Cosine from which on two directions are one."""
 
-ALONE = 0.98
-"""Share of a direction within one vertex from which on it is that vertex's own."""
 
-
-@dataclass(frozen=True)
-class Conditioning:
-    """What is open, or nearly so.
-
-    Attributes
-    ----------
-    count : int
-        Open combinations of unknowns.
-    open : tuple of str
-        What they are; motions of the whole in one text.
-    nearly : tuple of str
-        Combinations that are within a factor of ten of it.
-    weak_vertices : (k,) int
-        Vertices that are open by themselves.
-    weak_blocks : (k,) int
-        Eliminated blocks that are, by their place among the rays' blocks.
-    directions : (n_kept, count) float64
-        Open combinations, in unknowns times the root of their diagonal.
-    """
-
-    count: int
-    open: tuple[str, ...]
-    nearly: tuple[str, ...]
-    weak_vertices: Int
-    weak_blocks: Int
-    directions: Float
-
-
-def conditioning(problem: IndexedProblem, factored: Factored, state: State) -> Conditioning:
+def nearly_open(problem: IndexedProblem, factored: Factored, state: State) -> OpenDirections:
     """Look for open directions at the state of a factorisation without damping."""
     with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
         U, excess = _directions(problem, factored)
@@ -103,14 +57,15 @@ def conditioning(problem: IndexedProblem, factored: Factored, state: State) -> C
             vertices.append(int(share.argmax()))
 
     def named(chosen: Bool) -> tuple[str, ...]:
-        motions, rest = open_motions(problem, state, U[:, chosen], factored.diagonal, common=NEARLY_COMMON)
+        motions, rest = open_motions(problem, state, U[:, chosen], factored.diagonal, common=MOTION_IF_NEARLY)
         others = (described(problem, u) for u in (rest.T if motions else U[:, chosen].T))
         return (*motions, *others)
 
-    open_, nearly = named(whole & (excess > 1)), named(whole & (excess <= 1))
-    count = int((whole & (excess > 1)).sum())
-    return Conditioning(count, open_, nearly, np.unique(np.array(vertices, dtype=np.int64)),
-                        _weak_blocks(problem, factored), U[:, whole & (excess > 1)])  # fmt: skip
+    texts, nearly = named(whole & (excess > 1)), named(whole & (excess <= 1))
+    more = max(len(texts) - MOST_NAMED, 0)
+    alone, blocks = np.unique(np.array(vertices, dtype=np.int64)), _weak_blocks(problem, factored)
+    directions = U[:, whole & (excess > 1)]
+    return OpenDirections(directions.shape[1], texts[:MOST_NAMED], directions, alone, blocks, nearly, more=more)
 
 
 def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Float]:
@@ -136,33 +91,12 @@ def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Flo
     return U, excess
 
 
-def refuse_open(found: Conditioning) -> None:
-    """Raise if anything but single blocks is open.
-
-    Raises
-    ------
-    GeometryError
-    """
-    if found.open:
-        more = f" and {len(found.open) - 7} more" if len(found.open) > 7 else ""
-        raise GeometryError(
-            f"the observations nearly leave {found.count} combination(s) of unknowns open: "
-            f"{'; '.join(found.open[:7])}{more}",
-            remedy="observe more, hold them or weigh them by a prior, or estimate fewer parameters",
-        )
-
-
-def notes_of(found: Conditioning) -> tuple[Note, ...]:
-    """Warnings of what is nearly open."""
-    return tuple(Note("warning", f"hardly determined by the observations: {text}") for text in found.nearly)
-
-
 def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> str:
     """The direction that a solution determines least, against what its unknowns would be by themselves."""
     D = np.sqrt(np.where(factored.diagonal > 0, factored.diagonal, 1.0))
     with thread_control().limit(limits=1, user_api="blas"):
         U = _leading(problem, factored, D, 0.0)[1][:, :1]
-    motions, rest = open_motions(problem, state, U, factored.diagonal, common=MOSTLY_COMMON)
+    motions, rest = open_motions(problem, state, U, factored.diagonal, common=MOTION_IF_WEAK)
     return "; ".join([*motions, *(described(problem, u) for u in rest.T)])
 
 

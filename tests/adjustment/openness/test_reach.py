@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.reach import BEYOND, WITHIN, scaled, within_reach
+from aatri.adjustment.openness.limits import BEYOND, WITHIN
+from aatri.adjustment.openness.reach import scaled, within_reach
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int

@@ -1,0 +1,1 @@
+"""What observations leave open: rank, datum, weakness."""

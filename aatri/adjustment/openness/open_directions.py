@@ -1,0 +1,97 @@
+"""What is open, in words: the combinations of unknowns that a linearisation leaves without an answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from aatri.adjustment.openness.limits import NAMED
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.arrays import Float, Int
+from aatri.errors import GeometryError
+from aatri.notes import Note
+
+
+def _none() -> Int:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class OpenDirections:
+    """What the observations leave open, or nearly so.
+
+    Attributes
+    ----------
+    count : int
+        Open combinations of unknowns.
+    texts : tuple of str
+        What they are; motions of the whole in one text.
+    directions : (n_kept, count) float64
+        The combinations, in unknowns times the root of their diagonal.
+    vertices : (k,) int
+        Vertices that are open by themselves.
+    blocks : (k,) int
+        Eliminated blocks that are, by their place among the rays' blocks.
+    nearly : tuple of str
+        Combinations that are within a factor of ten of it.
+    exact : bool
+        A pivot vanishes; else rounding hides it.
+    more : int
+        Directions without a text.
+    """
+
+    count: int
+    texts: tuple[str, ...]
+    directions: Float
+    vertices: Int = field(default_factory=_none)
+    blocks: Int = field(default_factory=_none)
+    nearly: tuple[str, ...] = ()
+    exact: bool = False
+    more: int = 0
+
+    def refuse(self, before: str = "") -> None:
+        """Raise if any combination is open; the message may begin with how it showed.
+
+        Raises
+        ------
+        GeometryError
+        """
+        if not self.texts:
+            return
+        more = f" and {self.more} more" if self.more else ""
+        if self.exact:
+            what = f"the observations leave {self.count} unknown(s) open"
+            remedy = ""
+        else:
+            what = f"the observations nearly leave {self.count} combination(s) of unknowns open"
+            remedy = "observe more, hold them or weigh them by a prior, or estimate fewer parameters"
+        raise GeometryError(f"{before}{what}: {'; '.join(self.texts)}{more}", remedy=remedy)
+
+    def notes(self) -> list[Note]:
+        """Warnings of what is nearly open."""
+        return [Note("warning", f"hardly determined by the observations: {text}") for text in self.nearly]
+
+
+def described(problem: IndexedProblem, vector: Float) -> str:
+    """The unknowns that take part most in a null vector: of each label up to four, or the one with most and a count.
+
+    A label takes part where one of its unknowns does, or all blocks together: what many blocks share, as the heights of
+    all images where the principal distance is open, is small in each of them.
+    """
+    shares: list[tuple[float, float, str]] = []
+    for u in problem.unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        size = np.where(columns >= 0, np.abs(vector[np.maximum(columns, 0)]), 0.0)
+        for scalar in range(u.size):
+            own = size[:, scalar]
+            total, most = float((own**2).sum()), float(own.max(initial=0.0))
+            if total > 0:
+                large = np.argsort(-own, kind="stable")[: int((own > NAMED * most).sum())].tolist()
+                named = " with ".join(u.label(k, scalar) for k in large)
+                many = f"{u.label(large[0], scalar)} and {len(large) - 1} more"
+                shares.append((total, most, named if len(large) <= 4 else many))
+    shares.sort(key=lambda share: -share[0])
+    largest = max((own for _, own, _ in shares), default=0.0)
+    members = [name for total, own, name in shares if total > NAMED**2 * shares[0][0] or own > NAMED * largest][:5]
+    return " with ".join(members) or "unknowns of no group"

@@ -1,0 +1,189 @@
+"""What to do about what is open: refuse it by name, or set blocks aside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
+from aatri.adjustment.openness.nearly_open import nearly_open
+from aatri.adjustment.openness.null_vectors import vanishing
+from aatri.adjustment.openness.open_directions import OpenDirections, described
+from aatri.adjustment.openness.unseen_motions import unseen_motions
+from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.weights import with_set_aside
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import GeometryError
+from aatri.notes import Note
+
+Blocks = dict[str, Bool]
+"""Some blocks by group, (n,) each."""
+
+SET_ASIDE = "set aside, "
+"""How the notes of what is set aside begin."""
+
+MOST_PARTS = 20
+"""So many loose parts are set aside at most, one after the other."""
+
+
+def without_open_parts(
+    problem: IndexedProblem, state: State, factored: Factored, why: str = "its observations do not determine it"
+) -> tuple[IndexedProblem, Factored, list[Note]]:
+    """The problem without what vanishing pivots leave open, as long as that is not all of it."""
+    notes: list[Note] = []
+    for _ in range(MOST_PARTS):
+        if not is_singular(factored) or not (factored.factor.whole or (factored.determined == 0).any()):
+            break
+        aside = _aside(problem, state, vanishing(problem, state, factored))
+        if not aside:
+            break
+        notes.append(_note(problem, aside, why))
+        problem = with_set_aside(problem, aside)
+        factored = factorise_constrained(problem, state)
+    return problem, factored, notes
+
+
+def without_weak_parts(
+    problem: IndexedProblem, state: State, factored: Factored
+) -> tuple[IndexedProblem, Factored, list[Note]] | list[Note]:
+    """The problem without what rounding hides from the pivots, factorised; or else warnings of what is nearly open.
+
+    Raises
+    ------
+    GeometryError
+        If combinations of several blocks are open.
+    """
+    if not factored.factor.whole:
+        return []
+    weak = nearly_open(problem, factored, state)
+    aside = _aside(problem, state, weak)
+    if not aside:
+        weak.refuse()
+        return weak.notes()
+    notes = [*weak.notes(), _note(problem, aside, "its observations hardly determine it")]
+    problem = with_set_aside(problem, aside)
+    factored = factorise_constrained(problem, state)
+    why = "what is left of its observations does not determine it"
+    problem, factored, more = without_open_parts(problem, state, factored, why)
+    return problem, factored, [*notes, *more]
+
+
+def is_singular(factored: Factored) -> bool:
+    """Whether a pivot vanishes."""
+    return bool(factored.weak) or bool((factored.determined == 0).any())
+
+
+def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factored) -> None:
+    """Raise the error that names what vanishing pivots leave open.
+
+    Raises
+    ------
+    GeometryError
+    """
+    found = vanishing(problem, state, factored)
+    found.refuse()
+    group, rays = next(u for u in problem.unknowns if u.eliminated), problem.rays
+    names = [] if rays is None else [f"{group.name} {group.ids[k]}" for k in np.sort(rays.block[found.blocks])]
+    more = f" and {len(names) - 10} more" if len(names) > 10 else ""
+    raise GeometryError(
+        f"{len(names)} of {len(group.ids)} are not determined by their observations: {', '.join(names[:10])}{more}",
+        remedy="give them more rays or known coordinates, or leave them out",
+    )
+
+
+def refuse_singular(problem: IndexedProblem, state: State) -> None:
+    """Raise if a problem that has no factor is singular at a state.
+
+    Raises
+    ------
+    GeometryError
+        The message names unknowns of a null vector.
+    """
+    from aatri.adjustment.iterative.conjugate_gradients import null_vector  # compiled only where it is needed
+
+    vector = null_vector(problem, state)
+    if vector is not None:
+        raise GeometryError(f"the observations leave unknowns open: {described(problem, vector)}")
+
+
+def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: int) -> None:
+    """Raise if a problem that did not converge is singular, or within a factor of ten of the limits.
+
+    Raises
+    ------
+    GeometryError
+    """
+    factored = factorise_constrained(problem, state)
+    if not factored.factor.whole or not np.isfinite(factored.cost) or (factored.determined == 0).any():
+        return
+    if factored.weak:
+        refuse_undetermined(problem, state, factored)
+    found = nearly_open(problem, factored, state)
+    alone = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], found.vertices)) for u in problem.unknowns)
+    names = [f"{u.name} {u.ids[int(k)]}" for u, blocks in zip(problem.unknowns, alone) for k in blocks]
+    texts = (*found.texts, *names, *found.nearly)
+    replace(found, count=len(texts), texts=texts[:MOST_NAMED], more=0).refuse(
+        f"no convergence in {iterations} iterations: "
+    )
+
+
+def _aside(problem: IndexedProblem, state: State, found: OpenDirections) -> Blocks:
+    """What is to be set aside: blocks that are open by themselves, and a part that moves; nothing if all does."""
+    aside = loose_part(problem, state, found.directions) if found.texts else {}
+    if (found.texts and not aside) or (found.exact and 0 < len(problem.block_free) == len(found.blocks)):
+        return {}
+    for u in problem.unknowns:
+        alone = np.isin(problem.layout.vertex[u.name], found.vertices) & u.free.any(axis=1)
+        if u.eliminated:
+            alone |= _of_rays(problem, found.blocks)
+        if alone.any():
+            aside[u.name] = alone | aside.get(u.name, False)
+    return aside
+
+
+def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Blocks:
+    """What moves in open directions, where something else stays that is determined; else nothing.
+
+    A camera or a parameter that many share is no part: without it all would change. Nor is a whole block whose datum is
+    open, of which a point may stay where it is.
+
+    Parameters
+    ----------
+    directions : (n_kept, k) float64
+        Open directions in unknowns times the root of their diagonal, orthonormal.
+    """
+    size = problem.layout.size
+    vertex = np.repeat(np.arange(len(size)), size)
+    share = np.bincount(vertex, (directions**2).sum(axis=1), minlength=len(size))
+    moving = share > MOVES * share.max(initial=0.0)
+    part: Blocks = {}
+    stays = np.zeros(len(size), dtype=bool)
+    bodies = np.zeros(len(size), dtype=bool)
+    for u in problem.unknowns:
+        at = problem.layout.vertex[u.name]
+        free = (at >= 0) & u.free.any(axis=1)
+        if u.generator is not None:
+            bodies[at[free]] = True
+            stays[at[free & ~moving[at]]] |= not u.eliminated
+        if (free & moving[at]).any():
+            part[u.name] = free & moving[at]
+    if not part or not stays.any() or (moving & ~bodies).any() or unseen_motions(problem, state):
+        return {}
+    return part
+
+
+def _note(problem: IndexedProblem, blocks: Blocks, why: str) -> Note:
+    groups = [(u.name, u.ids, blocks[u.name]) for u in problem.unknowns if u.name in blocks]
+    ids = [f"{name} {one}" for name, of, some in groups for one, out in zip(of, some) if out]
+    return Note("warning", f"{SET_ASIDE}{why}", tuple(ids))
+
+
+def _of_rays(problem: IndexedProblem, places: Int) -> Bool:
+    """Which blocks of the eliminated group stand at some places among the rays' blocks."""
+    found = np.zeros(len(problem.layout.block), dtype=bool)
+    if problem.rays is not None:
+        found[problem.rays.block[places]] = True
+    return found
