@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.camera_parameters import additional_parameters
+from aatri.adapters.cameras.unknowns import additional_parameters
 from aatri.adjustment.records import Records
 from aatri.arrays import Float
 from aatri.artifacts.block import Block

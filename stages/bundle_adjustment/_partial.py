@@ -122,5 +122,5 @@ def _made(
     result = adjust(given, settings)
     report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
     suspects = after(initial.suspects if initial is not None else Suspects.empty(), Round(given, result))
-    made = bundle_solution(block, given, result, suspects, [])
+    made = bundle_solution(block, given, result, suspects)
     return replace(made, method=f"bundle_adjustment/{variant}")

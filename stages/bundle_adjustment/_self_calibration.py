@@ -6,28 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 from pydantic import field_validator
 
 from aatri.adapters.bundle.bundle_input import film_parameters
-from aatri.adapters.bundle.calibrated_cameras import calibrated_cameras, has_camera_models
-from aatri.adapters.bundle.calibration import Calibration, calibrated_parameters, calibration_of
-from aatri.adapters.bundle.calibration_tables import CalibrationTables, calibration_tables
-from aatri.adapters.bundle.camera_parameters import (
-    Unit,
-    additional_parameters,
-    camera_parameters,
-    camera_scale,
-    classical_factors,
-    classical_table,
-    listed_parameters,
-    parameter_table,
+from aatri.adapters.cameras.calibration import (
+    Calibration,
+    calibrated_cameras,
+    calibrated_parameters,
+    calibration_of,
+    has_camera_models,
 )
-from aatri.adapters.bundle.parameter_covariances import TableRows, parameter_covariances
-from aatri.adapters.bundle.set_parts import UNITS, SetPart, names_of_parts, parts_of_set
+from aatri.adapters.cameras.sharing import SHARINGS, SetPart, Sharing, camera_scale, names_of_parts, parts_of_set
+from aatri.adapters.cameras.tables import ParameterTables, parameter_tables
+from aatri.adapters.cameras.unknowns import additional_parameters, camera_parameters
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
+from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, parameter_set, with_interior
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
@@ -36,7 +30,6 @@ from aatri.formats.text.text_file import read_lines
 from aatri.ids import did_you_mean
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
-from aatri.observations.poses import CAMERA
 from aatri.orientation.bundle.result import BundleResult
 from aatri.plugin import CodePath, Field, Options
 
@@ -47,7 +40,7 @@ class SelfCalibration(Options):
     set: Literal[
         "brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"
     ] = Field(description="set of parameters")  # fmt: skip
-    per: Unit | dict[Unit, list[str]] = Field(
+    per: Sharing | dict[Sharing, list[str]] = Field(
         "camera",
         description="what shares a set: camera, flight, session, image; or which of its parameters each of them shares",
     )
@@ -75,15 +68,15 @@ class SelfCalibration(Options):
     @field_validator("per", mode="before")
     @classmethod
     def _units(cls, value: object) -> object:
-        wanted = f"one of {', '.join(UNITS)}, or a mapping from them to names: {{camera: [k1, k2], image: [x0, y0]}}"
+        wanted = f"one of {', '.join(SHARINGS)}, or a mapping from them to names: {{camera: [k1, k2], image: [x0, y0]}}"
         if isinstance(value, Mapping):
-            unknown = [str(unit) for unit in value if unit not in UNITS]
+            unknown = [str(unit) for unit in value if unit not in SHARINGS]
             if unknown:
-                raise ValueError(f"{unknown[0]} shares no parameters{did_you_mean(unknown[0], UNITS)}: {wanted}")
+                raise ValueError(f"{unknown[0]} shares no parameters{did_you_mean(unknown[0], SHARINGS)}: {wanted}")
             if not all(isinstance(names, list) for names in value.values()):
                 raise ValueError(f"names stand in a list: {wanted}")
-        elif value not in UNITS:
-            raise ValueError(f"{value} shares no parameters{did_you_mean(str(value), UNITS)}: {wanted}")
+        elif value not in SHARINGS:
+            raise ValueError(f"{value} shares no parameters{did_you_mean(str(value), SHARINGS)}: {wanted}")
         return value
 
 
@@ -188,58 +181,32 @@ def parameters_of(
     return (*groups, camera) if camera is not None else tuple(groups)
 
 
-@dataclass(frozen=True)
-class ToldParameters:
-    """Adjusted parameters as tables, and what a self-calibration leaves for reports and other blocks."""
-
-    tables: list[Parameters]
-    covariances: ParameterCovariances | None
-    calibration: CalibrationTables | None
-    notes: tuple[Note, ...]
-
-
-def told_parameters(block: Block, result: BundleResult, chosen: ChosenSet | None) -> ToldParameters:
-    """Adjusted parameters with their covariances."""
-    tables: list[Parameters] = []
-    rows: list[TableRows] = []
-    parts = {part.group: part for part in chosen.parts} if chosen is not None else {}
-    for p in result.parameters:
-        first, part = int(np.sum([len(t) for t in tables])), parts.get(p.given.group)
-        if part is not None:
-            tables.append(classical_table(block, p, part.parameters, part.per))
-            row = first + np.arange(p.value.size).reshape(p.value.shape)
-            rows.append(TableRows(p, row, classical_factors(block, part.parameters, part.per)))
-            continue
-        tables.append(parameter_table(block, p))
-        if p.given.group == CAMERA:
-            listed = listed_parameters(p.given)
-            row = first + np.cumsum(listed).reshape(listed.shape) - 1
-            rows.append(TableRows(p, np.where(listed & p.given.free, row, -1), np.ones(row.shape)))
-    covariances, notes = parameter_covariances(result, rows)
-    calibration = None
-    if chosen is not None:
-        adjusted = [p for p in result.parameters if p.given.group in parts]
-        calibration = calibration_tables(block, adjusted, chosen.parts, chosen.name, chosen.interior)
+def camera_tables(
+    block: Block, result: BundleResult, chosen: ChosenSet | None
+) -> tuple[ParameterTables, tuple[Note, ...]]:
+    """Adjusted parameters with their covariances, and what is to be said of them."""
+    if chosen is None:
+        return parameter_tables(block, result)
+    tables, notes = parameter_tables(block, result, chosen.parts, chosen.name, chosen.interior)
     notes = (*notes, *_units_without_names(block, chosen), *_left_out_by_name(chosen))
-    if chosen is not None and not parts.keys() & {p.given.group for p in result.parameters}:
+    if not {part.group for part in chosen.parts} & {p.given.group for p in result.parameters}:
         notes = (Note("warning", "self_calibration: there are no image points, so nothing is estimated"), *notes)
-    return ToldParameters(tables, covariances, calibration, notes)
+    return tables, notes
 
 
-def _left_out_by_name(chosen: ChosenSet | None) -> list[Note]:
+def _left_out_by_name(chosen: ChosenSet) -> list[Note]:
     """Parameters of the set that no unit of `per` names: not adjusted."""
-    if chosen is None or not chosen.unnamed:
+    if not chosen.unnamed:
         return []
     return [Note("note", f"self_calibration.per names no unit for some parameters of {chosen.name}, which stay zero: "
                  f"{', '.join(chosen.unnamed)}")]  # fmt: skip
 
 
-def _units_without_names(block: Block, chosen: ChosenSet | None) -> list[Note]:
+def _units_without_names(block: Block, chosen: ChosenSet) -> list[Note]:
     """Warnings of flights and sessions that the block does not name: then a camera is one."""
     names = {"flight": block.images.flight, "session": block.images.session}
-    parts = chosen.parts if chosen is not None else ()
     return [
         Note("warning", f"self_calibration: no image has a {part.per} (images.csv): all images of a camera share "
              f"{', '.join(part.parameters.parameters)}")
-        for part in parts if part.per in names and not (names[part.per] != "").any()
+        for part in chosen.parts if part.per in names and not (names[part.per] != "").any()
     ]  # fmt: skip

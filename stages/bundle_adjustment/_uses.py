@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from aatri.adapters.bundle.camera_parameters import MODELS
+from aatri.adapters.cameras.unknowns import MODELS
 from aatri.camera.models.calibration import PARAMETERS
 from aatri.observations import kinds
 

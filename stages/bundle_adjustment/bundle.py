@@ -64,7 +64,7 @@ from aatri.plugin import SILENT, Context, Field, Need, Options, stage
 from ._adjusting import adjusted, adjusted_in_rounds
 from ._blunders import GONE, Blunders
 from ._ideal_coordinates import at_ideal_coordinates
-from ._self_calibration import SelfCalibration, chosen_set, parameters_of, told_parameters, units_named
+from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
 
@@ -199,13 +199,12 @@ def bundle(
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)
     report(findings_after(done, result, groups, options.max_sigma0, tests=options.reliability), context)
-    told = told_parameters(block, result, chosen)
-    tell(told.notes, context)
+    of_cameras, camera_notes = camera_tables(block, result, chosen)
+    tell(camera_notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":
         suspects = with_gross_errors(result, suspects, options.blunders.rule())
-    made = bundle_solution(block, given, result, suspects, told.tables, told.calibration, told.covariances, orderings,
-                           tests=options.reliability)  # fmt: skip
+    made = bundle_solution(block, given, result, suspects, of_cameras, orderings, tests=options.reliability)
     uncontrolled, of_film = uncontrolled_of(done.result)
     report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
     made = replace(made, variance_components=components, uncontrolled=uncontrolled,

@@ -12,7 +12,7 @@ Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aa
 
 from __future__ import annotations
 
-from aatri.adapters.bundle.calibration import calibrated_correction, calibration_of
+from aatri.adapters.cameras.calibration import calibrated_correction, calibration_of
 from aatri.adapters.refinement.corrected import largest_length, with_corrections
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -19,7 +19,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from aatri.adapters.bundle.bundle_input import bundle_input
-from aatri.adapters.bundle.camera_parameters import camera_scale
+from aatri.adapters.cameras.sharing import camera_scale
 from aatri.adapters.pairs.image_pairs import neighbouring_images
 from aatri.artifacts.block import CHECK, Block
 from aatri.orientation.bundle.block import start_of

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.camera_parameters import camera_parameters
+from aatri.adapters.cameras.unknowns import camera_parameters
 from aatri.adjustment.statistics.global_test import global_test
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.errors import ConvergenceError, GeometryError

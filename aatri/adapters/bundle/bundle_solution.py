@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
-from aatri.adapters.bundle.calibration_tables import CalibrationTables
-from aatri.adapters.bundle.camera_parameters import PRINCIPAL_POINT
 from aatri.adapters.bundle.independent_errors import independent_errors_table
+from aatri.adapters.cameras.tables import ParameterTables
+from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT
 from aatri.adapters.frame.adjustment_frame import result_out_of
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
     Orderings,
-    ParameterCovariances,
     Parameters,
     Residuals,
     Solution,
@@ -34,12 +32,19 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult, without_absent
 
+NOTHING_OF_CAMERAS = ParameterTables()
+
 
 def bundle_solution(
-    block: Block, given: BundleInput, result: BundleResult, suspects: Suspects, parameters: Sequence[Parameters],
-    calibration: CalibrationTables | None = None, covariances: ParameterCovariances | None = None,
-    orderings: Orderings | None = None, *, tests: bool = False,
-) -> Solution:  # fmt: skip
+    block: Block,
+    given: BundleInput,
+    result: BundleResult,
+    suspects: Suspects,
+    of_cameras: ParameterTables = NOTHING_OF_CAMERAS,
+    orderings: Orderings | None = None,
+    *,
+    tests: bool = False,
+) -> Solution:
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
     adjusted = result.adjusted
     independent = independent_errors_table(block, result, tests=tests)
@@ -58,9 +63,9 @@ def bundle_solution(
             block, result.poses.position_m, result.poses.ground_from_image, per_image, result.pose_covariance
         ),
         points=assemble.ground_points(block, result.xyz_m, per_point, result.point_covariance_m2),
-        cameras=_cameras(block, parameters, calibration),
+        cameras=_cameras(block, of_cameras),
         transformations=StripTransformations.empty(),
-        parameters=assemble.stacked([Parameters.empty(), *parameters, *_own_unknowns(given, result)]),
+        parameters=assemble.stacked([Parameters.empty(), *of_cameras.parameters, *_own_unknowns(given, result)]),
         residuals=assemble.stacked([Residuals.empty(), *(residual_table(o, state) for o in result.observations)]),
         history=Iterations(
             cost=np.array([s.cost for s in adjusted.history]),
@@ -69,9 +74,9 @@ def bundle_solution(
         ),
         suspects=suspects,
         tests=_tests(result) if tests else None,
-        calibrated_sets=calibration.sets if calibration else None,
-        parameter_covariances=covariances,
-        error_fields=calibration.fields if calibration else None,
+        calibrated_sets=of_cameras.sets,
+        parameter_covariances=of_cameras.covariances,
+        error_fields=of_cameras.fields,
         independent_errors=independent,
         orderings=orderings,
         sigma0_redundancy=float("nan") if result.counted is None else result.counted,
@@ -84,11 +89,11 @@ def _tests(result: BundleResult) -> Tests:
     return assemble.stacked([Tests.empty(), *tables])
 
 
-def _cameras(block: Block, parameters: Sequence[Parameters], calibration: CalibrationTables | None) -> SolvedCameras:
+def _cameras(block: Block, tables: ParameterTables) -> SolvedCameras:
     """Interior orientations as adjusted: of camera models, or by c, x0, y0 of a set that each camera has one of."""
-    sets = [] if calibration is None else calibration.sets.set.tolist()
+    sets = [] if tables.sets is None else tables.sets.set.tolist()
     ideal = any(is_ideal(name) for name in sets)
-    cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *parameters])
+    cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *tables.parameters])
     given = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
     by_set = _by_camera(block, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(given), 3)))
     values = given + by_set

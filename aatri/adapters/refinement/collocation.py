@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.bundle.camera_parameters import Unit, units_of
+from aatri.adapters.cameras.sharing import Sharing, units_of
 from aatri.adapters.refinement.corrected import with_corrections
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
@@ -15,7 +15,7 @@ from aatri.orientation.refinement.collocation import collocate_groups
 
 
 def compensated(
-    block: Block, image_points: ImagePoints, solution: Solution, *, per: Unit, model: str, cells_per_side: int
+    block: Block, image_points: ImagePoints, solution: Solution, *, per: Sharing, model: str, cells_per_side: int
 ) -> tuple[ImagePoints, tuple[Note, ...]]:
     """Image points less the common part of their residuals, and what was found.
 

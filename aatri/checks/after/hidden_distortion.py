@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.bundle.camera_parameters import additional_parameters
+from aatri.adapters.cameras.unknowns import additional_parameters
 from aatri.adjustment.covariance.score import moved, score
 from aatri.camera.parameters.brown import BROWN_CONRADY
 from aatri.camera.parameters.parameter_set import chosen

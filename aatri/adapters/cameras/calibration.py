@@ -1,7 +1,9 @@
-"""Additional parameters that another block has determined, values and covariance: the test field of the textbook.
+"""Camera parameters that another block has determined, values and covariance: the test field of the textbook.
 
-They are written in their classical units; with the scale of their camera they are the lengths in mm that an adjustment
-works with. They correct the nominal camera, which must be the same in both blocks.
+    v = p - p_calibration,    covariance that of the calibration, of all parameters of a camera together
+
+Additional parameters are written in their classical units; with the scale of their camera they are the lengths in mm
+that an adjustment works with. They correct the nominal camera, which must be the same in both blocks.
 """
 
 from __future__ import annotations
@@ -10,17 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.bundle.camera_parameters import Unit, Units, additional_parameters, camera_scale, units_of
-from aatri.adapters.bundle.set_parts import Per, SetPart, parts_of_set
+from aatri.adapters.cameras.sharing import Per, SetPart, Sharing, SharingUnits, camera_scale, parts_of_set, units_of
+from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT, additional_parameters, nominal_point_mm
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Solution
+from aatri.artifacts.solution import ParameterCovariances, Solution
+from aatri.camera.models.calibration import PARAMETERS
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, correction
 from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.observations.parameters import ParameterRows
-from aatri.observations.poses import ADDITIONAL
+from aatri.observations.poses import ADDITIONAL, CAMERA
 
 _SAME = 1e-6
 """Nominal values and formats of two blocks are the same within this, mm."""
@@ -45,7 +48,7 @@ class CalibratedPart:
         NaN where the block was adjusted without standard deviations.
     """
 
-    per: Unit
+    per: Sharing
     ids: Text
     names: tuple[str, ...]
     scale: tuple[SetScale, ...]
@@ -91,22 +94,21 @@ def calibration_of(solution: Solution) -> Calibration:
         raise InputError("additional parameters per image belong to those images: they calibrate nothing else",
                          remedy="adjust the test field with `per: camera`")  # fmt: skip
     rows = np.split(np.flatnonzero(p.group == ADDITIONAL), np.cumsum(sets.parameters)[:-1])
-    C = {(int(a), int(b)): c for a, b, c in zip(covariances.first, covariances.second, covariances.covariance)}
     parts = []
     for per in dict.fromkeys(sets.per.tolist()):
-        mine = np.flatnonzero(sets.per == per)
-        values = np.array([p.value[rows[k]] for k in mine])
-        covariance = np.array([[[C.get((min(a, b), max(a, b)), np.nan) for a in rows[k].tolist()]
-                                for b in rows[k].tolist()] for k in mine])  # fmt: skip
-        scales = tuple(SetScale(float(sets.principal_distance_mm[k]), (float(w), float(h)), float(sets.base_mm[k]))
-                       for k, (w, h) in zip(mine, sets.half_format_mm[mine]))  # fmt: skip
-        names = tuple(p.name[rows[mine[0]]].tolist())
-        parts.append(CalibratedPart(per, sets.object[mine], names, scales, sets.principal_point_mm[mine], values,
-                                    covariance))  # fmt: skip
+        units = np.flatnonzero(sets.per == per)
+        values = np.array([p.value[rows[k]] for k in units])
+        covariance = np.array([_among(rows[k], covariances, np.nan) for k in units])
+        scales = tuple(
+            SetScale(float(sets.principal_distance_mm[k]), (float(w), float(h)), float(sets.base_mm[k]))
+            for k, (w, h) in zip(units, sets.half_format_mm[units])
+        )
+        names, points = tuple(p.name[rows[units[0]]].tolist()), sets.principal_point_mm[units]
+        parts.append(CalibratedPart(per, sets.object[units], names, scales, points, values, covariance))
     return Calibration(str(sets.set[0]), bool(sets.interior[0]), tuple(parts))
 
 
-def calibrated_units(block: Block, calibration: CalibratedPart) -> tuple[Units, Int]:
+def calibrated_units(block: Block, calibration: CalibratedPart) -> tuple[SharingUnits, Int]:
     """Units of a block and their rows in a calibration of the same cameras.
 
     Raises
@@ -144,23 +146,85 @@ def calibrated_parameters(
 ) -> ParameterRows:
     """Unknowns of additional parameters, weighted by a calibration: its values, its whole covariance.
 
-    Parameters of variance zero, those that were left out there, are held.
-
     Raises
     ------
     InputError
         If the calibration has no covariance, or is not of the cameras of the block.
     """
     rows = calibrated_units(block, calibration)[1]
-    known = [calibration.in_mm(part.parameters, int(k)) for k in rows]
-    value, covariance = (np.array(part) for part in zip(*known))
-    if not np.isfinite(covariance).all():
-        raise InputError("the solution given as calibration has no standard deviations",
-                         remedy="adjust the test field with `standard_deviations: true`")  # fmt: skip
+    value, covariance = zip(*(calibration.in_mm(part.parameters, int(k)) for k in rows))
     free = additional_parameters(block, image_points, part.parameters, part.per, None, part.group)
-    determined = np.einsum("nii->ni", covariance) > 0
-    return replace(free, start=value, prior=value, covariance=covariance, free=determined, weighted=determined,
-                   calibrated=True)  # fmt: skip
+    return _weighted(free, np.array(value), np.array(covariance))
+
+
+def has_camera_models(solution: Solution) -> bool:
+    """Whether a finished adjustment has estimated parameters of camera models."""
+    p = solution.parameters
+    return bool(((p.group == CAMERA) & (p.sigma != 0)).any())
+
+
+def calibrated_cameras(block: Block, rows: ParameterRows, solution: Solution) -> ParameterRows:
+    """Unknowns of camera models, weighted by a calibration: its values, its whole covariance.
+
+    The adjustment has principal points from the nominal ones; the nominal points of the two blocks may differ.
+
+    Parameters
+    ----------
+    block : Block
+    rows : ParameterRows
+        Of the cameras as the block has them.
+    solution : Solution
+        The calibration.
+
+    Raises
+    ------
+    InputError
+        If a camera is not in the calibration, has another model there, or the calibration has no covariances.
+    """
+    p = solution.parameters
+    of_cameras = p.group == CAMERA
+    missing = [name for name in rows.ids if not (of_cameras & (p.object == name)).any()]
+    if missing:
+        remedy = f"it has {shown(np.unique(p.object[of_cameras]))}; ids of cameras must agree in both blocks"
+        raise InputError(f"the calibration does not have {shown(missing)}", where=f"block {block.name}", remedy=remedy)
+    value, C = np.zeros_like(rows.start), np.zeros_like(rows.covariance)
+    for k, (name, model) in enumerate(zip(rows.ids, rows.model)):
+        at = np.flatnonzero(of_cameras & (p.object == name))
+        names = PARAMETERS[model]
+        if tuple(p.name[at].tolist()) != names:
+            raise InputError(
+                f"camera {name} has the parameters {', '.join(names)}, in the calibration {', '.join(p.name[at])}",
+                where=f"block {block.name}",
+                remedy="give the camera the distortion model of its calibration",
+            )
+        nominal = dict(zip(PRINCIPAL_POINT, nominal_point_mm(block.cameras, str(name)).tolist()))
+        value[k, : len(at)] = p.value[at] - np.array([nominal.get(parameter, 0.0) for parameter in names])
+        own = _among(at, solution.parameter_covariances, 0.0)
+        known = np.allclose(np.diag(own), p.sigma[at] ** 2, rtol=1e-6, atol=0.0)
+        C[k, : len(at), : len(at)] = own if known else np.nan
+    return _weighted(rows, value, C)
+
+
+def _weighted(rows: ParameterRows, value: Float, covariance: Float) -> ParameterRows:
+    """Unknowns weighted by what another block has determined; what it has held, variance zero, is held."""
+    if not np.isfinite(covariance).all():
+        raise InputError(
+            "the solution given as calibration has no standard deviations",
+            remedy="adjust the test field with `standard_deviations: true`",
+        )
+    free = np.einsum("nii->ni", covariance) > 0
+    return replace(rows, start=value, prior=value, covariance=covariance, free=free, weighted=free, calibrated=True)
+
+
+def _among(rows: Int, covariances: ParameterCovariances | None, missing: float) -> Float:
+    """Covariance matrix of some rows of the parameters, of which not every pair is told."""
+    C = np.full((len(rows), len(rows)), missing)
+    if covariances is not None:
+        place = {int(row): k for k, row in enumerate(rows)}
+        for k in np.flatnonzero(np.isin(covariances.first, rows) & np.isin(covariances.second, rows)):
+            i, j = place[int(covariances.first[k])], place[int(covariances.second[k])]
+            C[i, j] = C[j, i] = covariances.covariance[k]
+    return C
 
 
 def calibrated_correction(

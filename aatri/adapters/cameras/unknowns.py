@@ -7,23 +7,17 @@ block says (`sigmas` of block.yaml); their measurements must not have been corre
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.adapters.cameras.sharing import Sharing, camera_scale, units_of
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block, Cameras
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Parameters
 from aatri.camera.models import calibration
-from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, scale_of_format
+from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.errors import InputError
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import ADDITIONAL, CAMERA
-from aatri.orientation.bundle.result import AdjustedParameters
-
-Unit = Literal["camera", "flight", "session", "image"]
 
 MODELS = {"none": "pinhole", "brown": "brown", "dbat3": "brown", "bal": "bal", "opencv": "opencv", "fisheye": "fisheye"}
 """Camera model of each distortion of the block."""
@@ -34,50 +28,8 @@ CARRIED = ("lever_arm", "boresight")
 """Parameters of a camera that are none of its model: how it is mounted with antenna and IMU."""
 
 
-@dataclass(frozen=True)
-class Units:
-    """What shares a set of parameters.
-
-    Attributes
-    ----------
-    id : (n,) str
-    camera : (n,) int
-        Camera of each unit.
-    of_image : (n_images,) int
-    """
-
-    id: Text
-    camera: Int
-    of_image: Int
-
-
-def units_of(block: Block, per: Unit) -> Units:
-    """Cameras, flights or sessions of cameras, or images."""
-    camera = block.images.camera
-    if per == "image":
-        return Units(block.images.id, camera, np.arange(len(camera)))
-    if per == "camera":
-        return Units(block.cameras.id, np.arange(len(block.cameras)), camera)
-    of = block.images.flight if per == "flight" else block.images.session
-    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, of)])
-    ids, first, of_image = np.unique(names, return_index=True, return_inverse=True)
-    return Units(ids, camera[first], of_image.ravel())
-
-
-def camera_scale(block: Block, camera: int) -> SetScale:
-    """Scale of the additional parameters of a camera: its format, else the extent of its measurements."""
-    cameras = block.cameras
-    half = 0.5 * cameras.format[camera]
-    if cameras.kind[camera] == "digital":
-        half = half * cameras.pixel_size_mm[camera]
-    if not np.isfinite(half).all():
-        mine = block.images.camera[block.image_points.image] == camera
-        half = np.abs(block.image_points.xy[mine]).max(axis=0, initial=0.0)
-    return scale_of_format(half, float(cameras.principal_distance_mm[camera]))
-
-
 def additional_parameters(
-    block: Block, image_points: ImagePoints, chosen: ParameterSet, per: Unit, sigma_mm: float | None,
+    block: Block, image_points: ImagePoints, chosen: ParameterSet, per: Sharing, sigma_mm: float | None,
     group: str = ADDITIONAL,
 ) -> ParameterRows:  # fmt: skip
     """Unknowns of a set of additional parameters.
@@ -97,8 +49,8 @@ def additional_parameters(
     xy = np.where(np.isfinite(m.xy_mm), m.xy_mm, 0.0)
     of_ray = block.images.camera[m.image]
     for camera in np.unique(of_ray):
-        mine = of_ray == camera
-        basis[mine] = chosen.basis(xy[mine], camera_scale(block, int(camera)))
+        of_camera = of_ray == camera
+        basis[of_camera] = chosen.basis(xy[of_camera], camera_scale(block, int(camera)))
     weighted = np.full((n, s), sigma_mm is not None)
     covariance = np.tile(np.eye(s) * (sigma_mm or 1.0) ** 2, (n, 1, 1))
     zero = np.zeros((n, s))
@@ -170,17 +122,17 @@ def _camera_rows(block: Block, image_points: ImagePoints) -> ParameterRows:
         start[k, 0] = block.cameras.principal_distance_mm[k]
         if "q" in names:
             start[k, names.index("q")] = 1.0
-    given = block.camera_parameters
-    for row in range(len(given)):
-        k, name = int(given.camera[row]), str(given.name[row])
+    table = block.camera_parameters
+    for row in range(len(table)):
+        k, name = int(table.camera[row]), str(table.name[row])
         names = calibration.PARAMETERS[models[k]]
         if name not in names:
             continue
         j = names.index(name)
-        if np.isfinite(given.value[row]):
-            start[k, j] = given.value[row]
-        free[k, j] = given.free[row] or given.sigma[row] > 0
-        sigma[k, j] = 0.0 if given.free[row] else np.nan_to_num(given.sigma[row])
+        if np.isfinite(table.value[row]):
+            start[k, j] = table.value[row]
+        free[k, j] = table.free[row] or table.sigma[row] > 0
+        sigma[k, j] = 0.0 if table.free[row] else np.nan_to_num(table.sigma[row])
     covariance = np.where(sigma[:, :, None] > 0, sigma[:, :, None] ** 2, 1.0) * np.eye(s)
     longest = max((calibration.PARAMETERS[m] for m in models), key=len)
     block_of_ray = block.images.camera[image_points.measurements.image]
@@ -203,58 +155,3 @@ def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
 def nominal_point_mm(cameras: Cameras, camera: str) -> Float:
     """Principal point of a camera as the block gives it, (2,) mm."""
     return np.asarray(cameras.principal_point_mm[cameras.id == camera][0])
-
-
-def listed_parameters(given: ParameterRows) -> Bool:
-    """Which parameters the table of a group tells: those that are free, of camera models all, (n, s)."""
-    if given.group != CAMERA:
-        return given.free
-    size = np.array([len(calibration.PARAMETERS[model]) for model in given.model])
-    return np.asarray(np.arange(given.free.shape[1]) < size[:, None])
-
-
-def parameter_table(block: Block, adjusted: AdjustedParameters) -> Parameters:
-    """Adjusted parameters as a table; held ones only where they belong to a camera model.
-
-    The adjustment has principal points from the nominal ones; the table has them as the block has, from its origin.
-    """
-    given, value = adjusted.given, adjusted.value.copy()
-    variance = np.einsum("nii->ni", adjusted.covariance)
-    camera = given.group == CAMERA
-    listed = listed_parameters(given)
-    labels = np.array([given.labels] * len(given.free), dtype=np.str_).reshape(given.free.shape)
-    if camera:
-        for k, model in enumerate(given.model):
-            own = calibration.PARAMETERS[model]
-            labels[k, : len(own)] = own
-            for axis, name in enumerate(PRINCIPAL_POINT):
-                value[k, labels[k] == name] += nominal_point_mm(block.cameras, str(given.ids[k]))[axis]
-    row, column = np.nonzero(listed)
-    sigma = np.sqrt(variance[row, column])
-    return Parameters(
-        group=np.full(len(row), given.group),
-        object=np.asarray(given.ids, dtype=np.str_)[row],
-        name=labels[row, column],
-        value=value[row, column],
-        sigma=np.where(given.free[row, column], sigma, 0.0),
-    )
-
-
-def classical_table(block: Block, adjusted: AdjustedParameters, chosen: ParameterSet, per: Unit) -> Parameters:
-    """Additional parameters in their classical units."""
-    units, factors = units_of(block, per), classical_factors(block, chosen, per)
-    n, s = len(units.id), len(chosen)
-    return Parameters(
-        group=np.full(n * s, ADDITIONAL),
-        object=np.repeat(units.id, s),
-        name=np.tile(np.array(chosen.parameters), n),
-        value=(factors * adjusted.value).ravel(),
-        sigma=(np.abs(factors) * np.sqrt(np.einsum("nii->ni", adjusted.covariance))).ravel(),
-    )
-
-
-def classical_factors(block: Block, chosen: ParameterSet, per: Unit) -> Float:
-    """Classical value over length in mm of the parameters of every unit, (n, s)."""
-    cameras = units_of(block, per).camera
-    of_camera = {int(k): chosen.classical_factors(camera_scale(block, int(k))) for k in np.unique(cameras)}
-    return np.array([of_camera[int(k)] for k in cameras]).reshape(len(cameras), len(chosen))

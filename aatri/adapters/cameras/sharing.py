@@ -1,4 +1,4 @@
-"""A set of additional parameters in parts: which of its parameters a camera, a flight, a session or an image shares.
+"""What shares parameters of a set, and with what scale: the camera, a flight, a session, or each image its own.
 
     p = (p_camera, p_flight, p_session, p_image),    (x, y) + sum of K_part p_part = projection
 
@@ -11,16 +11,64 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from aatri.adapters.bundle.camera_parameters import Unit
-from aatri.camera.parameters.parameter_set import ParameterSet, chosen
+import numpy as np
+
+from aatri.arrays import Int, Text
+from aatri.artifacts.block import Block
+from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, chosen, scale_of_format
 from aatri.errors import SpecError
 from aatri.observations.poses import ADDITIONAL
 
-UNITS: tuple[Unit, ...] = ("camera", "flight", "session", "image")
+Sharing = Literal["camera", "flight", "session", "image"]
+
+SHARINGS: tuple[Sharing, ...] = ("camera", "flight", "session", "image")
 """From what most images share to what none do."""
 
-Per = Unit | Mapping[Unit, Sequence[str]]
+Per = Sharing | Mapping[Sharing, Sequence[str]]
+
+
+@dataclass(frozen=True)
+class SharingUnits:
+    """The cameras, flights, sessions or images that share parameters.
+
+    Attributes
+    ----------
+    id : (n,) str
+    camera : (n,) int
+        Camera of each unit.
+    of_image : (n_images,) int
+    """
+
+    id: Text
+    camera: Int
+    of_image: Int
+
+
+def units_of(block: Block, per: Sharing) -> SharingUnits:
+    """Cameras, flights or sessions of cameras, or images."""
+    camera = block.images.camera
+    if per == "image":
+        return SharingUnits(block.images.id, camera, np.arange(len(camera)))
+    if per == "camera":
+        return SharingUnits(block.cameras.id, np.arange(len(block.cameras)), camera)
+    of = block.images.flight if per == "flight" else block.images.session
+    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, of)])
+    ids, first, of_image = np.unique(names, return_index=True, return_inverse=True)
+    return SharingUnits(ids, camera[first], of_image.ravel())
+
+
+def camera_scale(block: Block, camera: int) -> SetScale:
+    """Scale of the additional parameters of a camera: its format, else the extent of its measurements."""
+    cameras = block.cameras
+    half = 0.5 * cameras.format[camera]
+    if cameras.kind[camera] == "digital":
+        half = half * cameras.pixel_size_mm[camera]
+    if not np.isfinite(half).all():
+        of_camera = block.images.camera[block.image_points.image] == camera
+        half = np.abs(block.image_points.xy[of_camera]).max(axis=0, initial=0.0)
+    return scale_of_format(half, float(cameras.principal_distance_mm[camera]))
 
 
 @dataclass(frozen=True)
@@ -38,7 +86,7 @@ class SetPart:
     """
 
     group: str
-    per: Unit
+    per: Sharing
     parameters: ParameterSet
 
 
@@ -58,12 +106,12 @@ def parts_of_set(parameters: ParameterSet, per: Per) -> tuple[SetPart, ...]:
     """
     if isinstance(per, str):
         return (SetPart(ADDITIONAL, per, parameters),)
-    named = [name for unit in UNITS for name in per.get(unit, ())]
+    named = [name for unit in SHARINGS for name in per.get(unit, ())]
     twice = sorted({name for name in named if named.count(name) > 1})
     if twice or not named:
         what = f"names {', '.join(twice)} twice" if twice else "names no parameter"
         raise SpecError(f"self_calibration.per {what}", remedy="per: {camera: [k1, k2], image: [x0, y0]}")
-    units = [unit for unit in UNITS if per.get(unit)]
+    units = [unit for unit in SHARINGS if per.get(unit)]
     groups = [ADDITIONAL, *(f"{ADDITIONAL} per {unit}" for unit in units[1:])]
     return tuple(SetPart(g, unit, chosen(parameters, list(per[unit]))) for g, unit in zip(groups, units))
 
