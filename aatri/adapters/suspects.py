@@ -13,7 +13,7 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int, Text

@@ -150,7 +150,7 @@ def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Fl
     active = records.active[rows]
     v = np.where(active[:, None], v, 0.0)
     jacobians = tuple(np.where(active[:, None, None], J, 0.0) for J in jacobians)
-    v, jacobians = _times(records.whitener[rows], v, jacobians)
+    v, jacobians = times_whitener(records.whitener[rows], v, jacobians)
     if records.loss is not None:
         records.loss.weigh(v, jacobians)
     return v, jacobians
@@ -158,28 +158,11 @@ def whitened(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Fl
 
 def predicted(records: Records, state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
     """`whitened`, of inactive records too, and without their loss."""
-    return _times(records.whitener[rows], *records.evaluate(state, rows))
+    return times_whitener(records.whitener[rows], *records.evaluate(state, rows))
 
 
-CHUNK = 20_000
-"""Records evaluated at a time where only their residuals are wanted."""
-
-
-def whitened_residuals(records: Records, state: State, rows: Int) -> Float:
-    """`predicted` without the Jacobians, (n, m), by the compiled lane where there is one."""
-    if records.compiled is None or len(rows) < CHUNK:
-        return predicted(records, state, rows)[0]
-    fill = records.compiled(rows)(np.ascontiguousarray(records.whitener[rows]))(state)
-    v = np.empty((len(rows), records.rows))
-    some = records.evaluate(state, rows[:1])[1]
-    jacobians = tuple(np.empty((CHUNK, *J.shape[1:])) for J in some)
-    for first in range(0, len(rows), CHUNK):
-        last = min(first + CHUNK, len(rows))
-        fill(first, last, v[first:last], tuple(J[: last - first] for J in jacobians))
-    return v
-
-
-def _times(whitener: Float, v: Float, jacobians: tuple[Float, ...]) -> tuple[Float, tuple[Float, ...]]:
+def times_whitener(whitener: Float, v: Float, jacobians: tuple[Float, ...]) -> tuple[Float, tuple[Float, ...]]:
+    """Residuals and Jacobians in units of their standard deviations."""
     with np.errstate(invalid="ignore", over="ignore"):  # of records that are not active; else refused by the cost
         if whitener.ndim == 2:
             return whitener * v, tuple(whitener[:, :, None] * J for J in jacobians)
@@ -199,7 +182,7 @@ def prepared_lane(records: Records, order: Int) -> Weigh:
     def weigh(whitener: Float) -> Bind:
         def bind(state: State) -> Fill:
             def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
-                found, jacobians = _times(whitener[first:last], *records.evaluate(state, order[first:last]))
+                found, jacobians = times_whitener(whitener[first:last], *records.evaluate(state, order[first:last]))
                 v[:] = found
                 for target, source in zip(J, jacobians):
                     target[:] = source

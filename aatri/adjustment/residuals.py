@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.records import Records
+from aatri.adjustment.records import Records, times_whitener
 from aatri.adjustment.threads import in_threads
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
@@ -30,3 +30,8 @@ def residuals(records: Records, state: State, rows: Int) -> Float:
 
     in_threads(n, part)
     return v
+
+
+def whitened_residuals(records: Records, state: State, rows: Int) -> Float:
+    """The same in units of their standard deviations, of inactive records too."""
+    return times_whitener(records.whitener[rows], residuals(records, state, rows), ())[0]

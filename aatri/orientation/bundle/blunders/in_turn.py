@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.attribution import SEPARABLE
 from aatri.adjustment.statistics.leave_one_out import as_good, gains_of_leaving_out
 from aatri.arrays import Bool, Float, Int

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.tau import tau_limit
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
