@@ -37,7 +37,7 @@ from aatri.adjustment.openness.set_aside import (
 )
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.stepping.linearity import LINEAR, after_step
 from aatri.adjustment.stepping.robust import down_weighted, settled, with_curvature
 from aatri.adjustment.stepping.runaways import Veto, steadied
@@ -60,7 +60,7 @@ def adjust_large(
     start: State,
     *,
     constraints: Sequence[Records] = (),
-    settings: Settings | None = None,
+    settings: SolverSettings | None = None,
     veto: Veto | None = None,
     reporter: Reporter = SILENT,
     **changed: Any,
@@ -75,12 +75,12 @@ def adjust_large(
         Values of all groups.
     constraints : sequence of Records
         What must hold exactly, given like observations; see `constraints`.
-    settings : Settings, optional
+    settings : SolverSettings, optional
     veto : callable, optional
     reporter : Reporter
         Of the progress.
     **changed
-        Settings that differ from `settings`.
+        SolverSettings that differ from `settings`.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def adjust_large(
     if stiff.records:
         records, constraints = (*records, *stiff.records), ()
     stated = Problem(tuple(unknowns), tuple(records), tuple(constraints))
-    settings = replace(settings or Settings(), **changed)
+    settings = replace(settings or SolverSettings(), **changed)
     max_iterations, tolerance = settings.max_iterations, settings.tolerance
     problem = indexed(stated, settings, support(unknowns, records, constraints, start))
     problem = within_limit(problem, reporter)

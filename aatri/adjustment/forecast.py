@@ -25,7 +25,7 @@ from aatri.adjustment.elimination.schedule import Schedule
 from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
 from aatri.adjustment.settings import Solver as Solver
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
-from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.errors import ResourceError, SpecError
 from aatri.progress import Reporter
 
@@ -85,7 +85,7 @@ def _fronts_bytes(problem: IndexedProblem) -> float:
     return max(below + sum(largest), above)
 
 
-def _most(nodes: Sequence[Node], members: Sequence[int]) -> tuple[float, float]:
+def _most(nodes: Sequence[FrontNode], members: Sequence[int]) -> tuple[float, float]:
     """Most bytes of the fronts while some nodes are worked on in their order, and what is left in the end."""
     most = held = 0.0
     inside = set(members)

@@ -11,7 +11,7 @@ Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 
 @dataclass(frozen=True)
-class Settings:
+class SolverSettings:
     """Settings of an adjustment.
 
     Attributes

@@ -12,7 +12,7 @@ from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.refinement.systematic import without_distortion
 from aatri.adapters.suspects import after, inherited
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.arrays import Bool, Float, Text
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -118,7 +118,9 @@ def _made(
 ) -> Solution:  # fmt: skip
     tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)  # type: ignore[arg-type]
     tell(inherited(initial.suspects) if initial is not None else [], context)
-    settings = BundleSettings(solution=Settings(max_iterations=options.max_iterations, tolerance=options.tolerance))
+    settings = BundleSettings(
+        solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)
+    )
     result = adjust(given, settings)
     report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
     suspects = after(initial.suspects if initial is not None else Suspects.empty(), Round(given, result))

@@ -1,4 +1,4 @@
-"""Settings are given once, as one object or by name."""
+"""SolverSettings are given once, as one object or by name."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import dataclasses
 import pytest
 
 from aatri.adjustment.adjust import adjust_large
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from tests.adjustment.block_problem import made_problem
 
 
 def test_settings_reach_the_problem_as_one_object_or_by_name() -> None:
     problem = made_problem()
-    settings = Settings(ordering="minimum_degree", threads=1, tolerance=1e-9)
+    settings = SolverSettings(ordering="minimum_degree", threads=1, tolerance=1e-9)
     one = adjust_large(*problem, settings=settings)
     assert one.problem.settings == settings
-    other = adjust_large(*problem, settings=Settings(threads=1, tolerance=1e-9), ordering="minimum_degree")
+    other = adjust_large(*problem, settings=SolverSettings(threads=1, tolerance=1e-9), ordering="minimum_degree")
     assert other.problem.settings == settings
     assert (one.state["a"] == other.state["a"]).all()
 
@@ -28,4 +28,4 @@ def test_an_unknown_setting_is_refused() -> None:
 
 def test_settings_cannot_be_changed() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Settings().threads = 2  # type: ignore[misc]
+        SolverSettings().threads = 2  # type: ignore[misc]

@@ -31,7 +31,7 @@ from aatri.adjustment.records import predicted
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
-from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.threads import run_all, taken
 from aatri.adjustment.unknowns import State
@@ -139,7 +139,7 @@ class _Down:
         for child in node.children:
             self.boundary[child] = part_of(S, tree.maps[child])
 
-    def _take(self, k: int, node: Node, S: Float, pool: ThreadPoolExecutor | None) -> None:
+    def _take(self, k: int, node: FrontNode, S: Float, pool: ThreadPoolExecutor | None) -> None:
         held = self.problem.layout.held[node.columns]
         if held.any():
             S[held, :] = 0.0

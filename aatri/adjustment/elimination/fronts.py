@@ -26,7 +26,7 @@ from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_a
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
-from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 
@@ -154,7 +154,7 @@ class Work:
             self.room.give(F)
             self.fronts[k] = None
 
-    def _eliminate(self, k: int, node: Node, F: Float, g: Float, d: Float, held: Bool) -> None:
+    def _eliminate(self, k: int, node: FrontNode, F: Float, g: Float, d: Float, held: Bool) -> None:
         m = node.panel
         info = lapack.cholesky_panel(F, m)
         pivot = np.diagonal(F)[:m] ** 2
@@ -166,7 +166,7 @@ class Work:
         lapack.forward(F[:, :m], g)
         self.y[k] = g[:m].copy()
 
-    def _blocks(self, k: int, node: Node, F: Float, g: Float, d: Float, pool: ThreadPoolExecutor | None) -> None:
+    def _blocks(self, k: int, node: FrontNode, F: Float, g: Float, d: Float, pool: ThreadPoolExecutor | None) -> None:
         """Add the eliminated blocks of a node; those of one large front are shared out in fixed parts.
 
         Each stretch is summed on its own, in any thread, and the sums are added in their order.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.tree import Node
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.threads import run_all, thread_control
 
 AtNode = Callable[[int, ThreadPoolExecutor | None], None]
@@ -41,7 +41,7 @@ class Schedule:
 
     Attributes
     ----------
-    nodes : tuple of Node
+    nodes : tuple of FrontNode
     subtrees : tuple of tuple of int
         The largest first; at least two, or none.
     levels : tuple of tuple of int
@@ -51,7 +51,7 @@ class Schedule:
         One BLAS thread throughout.
     """
 
-    nodes: tuple[Node, ...]
+    nodes: tuple[FrontNode, ...]
     subtrees: tuple[tuple[int, ...], ...]
     levels: tuple[tuple[int, ...], ...]
     threads: int
@@ -149,7 +149,7 @@ def _shared_out(problem: IndexedProblem) -> tuple[list[list[int]], list[list[int
     return [_subtree(nodes, k) for k in heads], [found for found in reversed(levels) if found]
 
 
-def _subtree(nodes: Sequence[Node], k: int) -> list[int]:
+def _subtree(nodes: Sequence[FrontNode], k: int) -> list[int]:
     found, queue = [], [k]
     while queue:
         j = queue.pop()

@@ -11,7 +11,7 @@ from aatri.adjustment.kernels.graph import counting_order, neighbours
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import Ordering as Ordering
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.structure.graph import Graph, OrderedNode, border_vertices, chain, nested_dissection
 from aatri.adjustment.structure.index import Parts, group_sizes, index_kept, index_rays, parts_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -38,18 +38,18 @@ def prepare(unknowns: Sequence[Unknowns], records: Sequence[Records], **settings
     ----------
     unknowns, records
     **settings
-        Of `Settings`.
+        Of `SolverSettings`.
     """
-    return indexed(Problem(tuple(unknowns), tuple(records)), Settings(**settings))
+    return indexed(Problem(tuple(unknowns), tuple(records)), SolverSettings(**settings))
 
 
-def indexed(problem: Problem, settings: Settings, support: Sequence[Records] = ()) -> IndexedProblem:
+def indexed(problem: Problem, settings: SolverSettings, support: Sequence[Records] = ()) -> IndexedProblem:
     """Index a problem.
 
     Parameters
     ----------
     problem : Problem
-    settings : Settings
+    settings : SolverSettings
     support : sequence of Records
         Its constraints as records of a weight, see `constraints`.
     """

@@ -11,7 +11,7 @@ import numpy as np
 
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Fill, Records, active_lane
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.structure.index import KeptRecords, Rays
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
@@ -60,7 +60,7 @@ class IndexedProblem:
         Records that touch one eliminated block and nothing else.
     block_free : (n_blocks, 3) float64
         1 where a scalar of an eliminated block is free, in the order of the rays' blocks.
-    settings : Settings
+    settings : SolverSettings
     hold : (n_blocks, 3, 3) float64
         Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
         finite optimum, whose steps it shortens.
@@ -81,7 +81,7 @@ class IndexedProblem:
     kept: tuple[KeptRecords, ...]
     direct: tuple[tuple[Records, Int, Int], ...]
     block_free: Float
-    settings: Settings
+    settings: SolverSettings
     hold: Float
     set_aside: dict[str, Bool] = field(default_factory=dict)
     spill: bool = False

@@ -15,7 +15,7 @@ from aatri.arrays import Int
 
 
 @dataclass(frozen=True)
-class Node:
+class FrontNode:
     """One front.
 
     Attributes
@@ -63,7 +63,7 @@ class Tree:
 
     Attributes
     ----------
-    nodes : tuple of Node
+    nodes : tuple of FrontNode
     node_of : (n_vertices,) int32
         Where each vertex is eliminated.
     place : (n_vertices,) int64
@@ -72,7 +72,7 @@ class Tree:
         For each node: row of the parent's front for each row of its boundary.
     """
 
-    nodes: tuple[Node, ...]
+    nodes: tuple[FrontNode, ...]
     node_of: Int
     place: Int
     maps: tuple[Int, ...]
@@ -121,7 +121,7 @@ def build_tree(graph: Graph, order: list[OrderedNode], size: Int, start: Int) ->
         vertices = np.concatenate([ordered.own, boundaries[k]]).astype(np.int64)
         offset = np.concatenate([[0], np.cumsum(size[vertices])]).astype(np.int64)
         columns = np.repeat(start[vertices] - offset[:-1], size[vertices]) + np.arange(offset[-1])
-        nodes.append(Node(vertices, len(ordered.own), offset, columns, int(parent[k]), ordered.children))
+        nodes.append(FrontNode(vertices, len(ordered.own), offset, columns, int(parent[k]), ordered.children))
     return Tree(tuple(nodes), node_of, place, tuple(_map(node, nodes, graph.n) for node in nodes))
 
 
@@ -135,7 +135,7 @@ def _boundaries(graph: Graph, order: list[OrderedNode], node_of: Int, place: Int
     return boundaries
 
 
-def _map(node: Node, nodes: list[Node], n_vertices: int) -> Int:
+def _map(node: FrontNode, nodes: list[FrontNode], n_vertices: int) -> Int:
     """Rows of the parent's front for the boundary of a node."""
     if node.parent < 0:
         return np.zeros(0, dtype=np.int32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.arrays import Float
 
 Datum = Literal["given", "minimal", "free"]
@@ -14,7 +14,7 @@ DatumOver = Literal["points", "images", "marked"]
 
 @dataclass(frozen=True)
 class BundleSettings:
-    """Settings of a bundle adjustment.
+    """SolverSettings of a bundle adjustment.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class BundleSettings:
         `aatri.adjustment.loss`.
     weights : tuple of (n,) float64
         Weights of all observations, kind by kind; empty: 1.
-    solution : Settings
+    solution : SolverSettings
         How the normal equations are solved.
     """
 
@@ -43,4 +43,4 @@ class BundleSettings:
     keep_factor: bool = False
     huber: float | None = None
     weights: tuple[Float, ...] = ()
-    solution: Settings = field(default_factory=Settings)
+    solution: SolverSettings = field(default_factory=SolverSettings)

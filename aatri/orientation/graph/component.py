@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
@@ -160,7 +160,10 @@ def _bundled(
         image_ids, point_ids, observed_image_points(rays, (), names), poses, xyz[: len(points)], np.zeros(3), rays
     )
     settings = BundleSettings(
-        "minimal", covariances=False, huber=HUBER, solution=Settings(max_iterations=ITERATIONS, tolerance=tolerance)
+        "minimal",
+        covariances=False,
+        huber=HUBER,
+        solution=SolverSettings(max_iterations=ITERATIONS, tolerance=tolerance),
     )
     result = adjust_bundle(given, settings, reporter=reporter)
     lost = finite_rows(poses.position_m) & ~result.image_adjusted

@@ -8,7 +8,7 @@ import pytest
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import whitened
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.stepping import runaways
 from aatri.adjustment.stepping.runaways import all_steadied
 from aatri.adjustment.structure.index_problem import indexed
@@ -25,7 +25,7 @@ def test_every_block_is_at_the_optimum_of_its_own_records_and_nothing_else_has_m
     rng = np.random.default_rng(1)
     free = {u.name: u.free for u in unknowns}
     far = {name: value + free[name] * rng.normal(size=value.shape) for name, value in start.items()}
-    problem = indexed(Problem(tuple(unknowns), tuple(records)), Settings())
+    problem = indexed(Problem(tuple(unknowns), tuple(records)), SolverSettings())
     steadied = all_steadied(problem, far)
     assert cost_of(problem, steadied) < cost_of(problem, far)
     for name in far:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters.bundle.bundle_input import origin_of
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_points import ImagePointRows, observed_image_points
 from aatri.observations.parameters import ParameterRows
@@ -61,6 +61,6 @@ def adjust_bundle_from_afar(parts: Parts, **options: Any) -> BundleResult:
 
 
 def settings(**options: Any) -> BundleSettings:
-    """Settings of the bundle, and of its solution, by name."""
+    """SolverSettings of the bundle, and of its solution, by name."""
     own = {name: options.pop(name) for name in tuple(options) if name in BundleSettings.__dataclass_fields__}
-    return BundleSettings(**own, solution=Settings(**options))
+    return BundleSettings(**own, solution=SolverSettings(**options))
