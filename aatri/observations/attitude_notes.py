@@ -79,8 +79,11 @@ def _of_convention(block: Block, rows: Any, mine: Any, rotation: Float, camera: 
         return [Note("warning", f"{text}; check the angle system, its unit and the times of the attitudes")]
     proposal = f"read as {best[1]} they agree to {np.degrees(best[0]):.2g} deg"
     if before:
-        raise InputError(f"{text}; {proposal}", where=f"block {block.name}",
-                         remedy=f"declare them as {best[1]} (rotation, heading, mount in block.yaml)")  # fmt: skip
+        raise InputError(
+            f"{text}; {proposal}",
+            where=f"block {block.name}",
+            remedy=f"declare them as {best[1]} (rotation, heading, mount in block.yaml)",
+        )
     return [Note("warning", f"{text}; {proposal}")]
 
 
@@ -93,8 +96,11 @@ def _scatter(observed: Float, rotation: Float) -> float:
 
 def _readings(angles: Float) -> Iterator[tuple[str, Float]]:
     """The same angles in other conventions: what it is called, and R_obs; the simplest first."""
-    names = {"omega-phi-kappa": ("omega", "phi", "kappa"), "phi-omega-kappa": ("phi", "omega", "kappa"),
-             "roll-pitch-heading": ("roll", "pitch", "heading")}  # fmt: skip
+    names = {
+        "omega-phi-kappa": ("omega", "phi", "kappa"),
+        "phi-omega-kappa": ("phi", "omega", "kappa"),
+        "roll-pitch-heading": ("roll", "pitch", "heading"),
+    }
     flips = sorted(itertools.product((1, -1), repeat=3), key=lambda s: -sum(s))
     for transposed, signs, system in itertools.product((False, True), flips, names):
         R, _ = angle_axes(angles * np.array(signs), system)

@@ -30,8 +30,9 @@ Member = tuple[int, int]
 """Which of the observations, and which row of it."""
 
 
-def joined(observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Float, scalar: Sequence[Int]
-           ) -> tuple[Observed, ...]:  # fmt: skip
+def joined(
+    observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Float, scalar: Sequence[Int]
+) -> tuple[Observed, ...]:
     """The observations with those that are correlated joined to records.
 
     Parameters
@@ -60,8 +61,11 @@ def joined(observed: Sequence[Observed], row_a: Int, row_b: Int, covariance: Flo
         for i, r in members:
             holds = observed[i].holds
             if holds is not None and holds.scalar[r].any():
-                raise InputError("a coordinate is exact, others of the same point are correlated with other points",
-                                 where=observed[i].label(r), remedy="give it a small standard deviation")  # fmt: skip
+                raise InputError(
+                    "a coordinate is exact, others of the same point are correlated with other points",
+                    where=observed[i].label(r),
+                    remedy="give it a small standard deviation",
+                )
         builds[_build(observed, members)].append(members)
     value = {(min(a, b), max(a, b)): c for a, b, c in zip(row_a.tolist(), row_b.tolist(), covariance.tolist())}
     alone = [np.ones(len(o), dtype=bool) for o in observed]
@@ -77,8 +81,9 @@ def _sets(a: list[Member], b: list[Member]) -> list[list[Member]]:
     """Connected sets of rows."""
     members = sorted({*a, *b})
     number = {m: k for k, m in enumerate(members)}
-    pairs = coo_array((np.ones(len(a)), ([number[m] for m in a], [number[m] for m in b])),
-                      shape=(len(members), len(members)))  # fmt: skip
+    pairs = coo_array(
+        (np.ones(len(a)), ([number[m] for m in a], [number[m] for m in b])), shape=(len(members), len(members))
+    )
     _, label = connected_components(pairs, directed=False)
     order = np.argsort(label, kind="stable")
     return [[members[k] for k in part] for part in np.split(order, np.flatnonzero(np.diff(label[order])) + 1)]
@@ -93,8 +98,10 @@ def _blocks(observed: Sequence[Observed], members: list[Member]) -> list[tuple[s
 def _build(observed: Sequence[Observed], members: list[Member]) -> tuple[object, ...]:
     """Of which parts a set is made, and which of its rows touch the same."""
     number = {block: k for k, block in enumerate(_blocks(observed, members))}
-    return tuple((i, *((group, number[group, int(block[r])]) for group, block in observed[i].records.touches))
-                 for i, r in members)  # fmt: skip
+    return tuple(
+        (i, *((group, number[group, int(block[r])]) for group, block in observed[i].records.touches))
+        for i, r in members
+    )
 
 
 def _joined(
@@ -104,11 +111,14 @@ def _joined(
     parts = [observed[i] for i, _ in sets[0]]
     rows = np.array([[r for _, r in members] for members in sets])
     blocks = [_blocks(observed, members) for members in sets]
-    touches = tuple((group, np.array([b[k][1] for b in blocks], dtype=np.int32))
-                    for k, (group, _) in enumerate(blocks[0]))  # fmt: skip
+    touches = tuple(
+        (group, np.array([b[k][1] for b in blocks], dtype=np.int32)) for k, (group, _) in enumerate(blocks[0])
+    )
     place = {block: k for k, block in enumerate(blocks[0])}
-    at = [[place[group, int(block[sets[0][j][1]])] for group, block in part.records.touches]
-          for j, part in enumerate(parts)]  # fmt: skip
+    at = [
+        [place[group, int(block[sets[0][j][1]])] for group, block in part.records.touches]
+        for j, part in enumerate(parts)
+    ]
     first = np.cumsum([0, *(part.records.rows for part in parts)])
     m = int(first[-1])
 

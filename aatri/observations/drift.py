@@ -185,9 +185,16 @@ def observed_terms(
             told |= {t.unknowns.name for t in new}
             records = _records(rows.take(some), given.take(some), mine, exact=exact)
             found.append(
-                Observed(records, rows.row[some], named(image=names[some]), "m", exact=exact,
-                         unknowns=tuple(t.unknowns for t in new), start={t.unknowns.name: t.start for t in new})
-            )  # fmt: skip
+                Observed(
+                    records,
+                    rows.row[some],
+                    named(image=names[some]),
+                    "m",
+                    exact=exact,
+                    unknowns=tuple(t.unknowns for t in new),
+                    start={t.unknowns.name: t.start for t in new},
+                )
+            )
     return tuple(found)
 
 

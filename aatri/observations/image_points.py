@@ -155,9 +155,14 @@ class ImagePointRows:
     def take(self, rows: Int | Bool) -> ImagePointRows:
         """The chosen rows."""
         return ImagePointRows(
-            self.image[rows], self.point[rows], self.xy_mm[rows], self.sigma_mm[rows], self.c_mm[rows],
-            self.principal_point_mm[rows], self.active[rows],
-        )  # fmt: skip
+            self.image[rows],
+            self.point[rows],
+            self.xy_mm[rows],
+            self.sigma_mm[rows],
+            self.c_mm[rows],
+            self.principal_point_mm[rows],
+            self.active[rows],
+        )
 
 
 @dataclass(frozen=True)

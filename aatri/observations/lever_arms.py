@@ -58,6 +58,7 @@ def arm_priors(block: Block) -> tuple[Observed, ...]:
     if not len(rows):
         return ()
     covariance = np.where(weighted, sigma, 1.0)[rows][:, :, None] ** 2 * np.eye(3)
-    records = value_records("lever_arm_prior", LEVER_ARM, rows.astype(np.int32), block.cameras.lever_arm_m[rows],
-                            covariance, weighted[rows])  # fmt: skip
+    records = value_records(
+        "lever_arm_prior", LEVER_ARM, rows.astype(np.int32), block.cameras.lever_arm_m[rows], covariance, weighted[rows]
+    )
     return (Observed(records, np.full(len(rows), -1), named(image=block.cameras.id[rows]), "m", components=LABELS),)

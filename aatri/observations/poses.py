@@ -120,5 +120,13 @@ def pose_unknowns(
     labels = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
     seen_at_m = None if seen_at_m is None else np.where(free.all(axis=1), seen_at_m, 0.0)
     retract = partial(retract_poses, seen_at_m=seen_at_m)
-    return Unknowns(POSE, free, labels, ids, retract, position=position_m[:, :2], generator=pose_generator,
-                    implausible=None if distance_m is None else np.array([distance_m] * 3 + [1.0] * 3))  # fmt: skip
+    return Unknowns(
+        POSE,
+        free,
+        labels,
+        ids,
+        retract,
+        position=position_m[:, :2],
+        generator=pose_generator,
+        implausible=None if distance_m is None else np.array([distance_m] * 3 + [1.0] * 3),
+    )

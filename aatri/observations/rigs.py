@@ -55,13 +55,17 @@ class RigOptions(Options):
 
     use: bool = Field(True, description="images of one exposure are tied by the mounts of their rig")
     position_m: float | None = Field(
-        None, gt=0, description="standard deviation of a place about its mount, m; null: 1/200 of what one image point "
-        "measures on the ground"
-    )  # fmt: skip
+        None,
+        gt=0,
+        description="standard deviation of a place about its mount, m; null: 1/200 of what one image point "
+        "measures on the ground",
+    )
     angle_deg: float | None = Field(
-        None, gt=0, description="standard deviation of a rotation about its mount, degrees; null: 1/200 of what one "
-        "image point measures"
-    )  # fmt: skip
+        None,
+        gt=0,
+        description="standard deviation of a rotation about its mount, degrees; null: 1/200 of what one "
+        "image point measures",
+    )
 
 
 @dataclass(frozen=True)
@@ -202,8 +206,10 @@ def poses_by_rigs(block: Block, poses: Poses) -> Poses:
     """Poses that are not known, from those of the same exposure and the mounts as given."""
     pairs, t = rig_pairs(block), block.rig_members.position_m
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
-    for source, target, ms, mt in ((pairs.first, pairs.second, pairs.first_mount, pairs.second_mount),
-                                   (pairs.second, pairs.first, pairs.second_mount, pairs.first_mount)):  # fmt: skip
+    for source, target, ms, mt in (
+        (pairs.first, pairs.second, pairs.first_mount, pairs.second_mount),
+        (pairs.second, pairs.first, pairs.second_mount, pairs.first_mount),
+    ):
         known = finite_rows(position) & finite_rows(rotation)
         rows = np.flatnonzero(known[source] & ~known[target])
         F = rotation[source[rows]] @ pairs.mount[ms[rows]].swapaxes(1, 2)

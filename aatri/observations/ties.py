@@ -107,8 +107,15 @@ class Ties(Generic[S]):
             return Spread(*self.spectrum(state[BODY]), spread)
 
         own: Mapping[str, Any] = {BODY: start}
-        return Observed(self.records(kind), np.full(len(self.body), -1), named(body, block), "m",
-                        unknowns=(self.unknowns,), start=own, spread=spread(own))  # fmt: skip
+        return Observed(
+            self.records(kind),
+            np.full(len(self.body), -1),
+            named(body, block),
+            "m",
+            unknowns=(self.unknowns,),
+            start=own,
+            spread=spread(own),
+        )
 
     def places(self, bodies: S, n: int) -> Float:
         """Ground coordinates of n points, (n, 3), by the first body that has each; zero where none has."""

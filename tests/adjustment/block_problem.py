@@ -80,10 +80,15 @@ def posed_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: i
     kept, point = _rays(rng, n_kept, n_points, rays)
     evaluate = _observed(rng, (("a", 6), ("p", 3)), (kept, point))
     records = (
-        Records("ray", (("a", kept), ("p", point)), evaluate, whitener_of_covariances(_covariances(rng, len(kept))),
-                np.ones(len(kept), bool)),
+        Records(
+            "ray",
+            (("a", kept), ("p", point)),
+            evaluate,
+            whitener_of_covariances(_covariances(rng, len(kept))),
+            np.ones(len(kept), bool),
+        ),
         _prior("a", n_kept, 6),
-    )  # fmt: skip
+    )
     unknowns = (
         _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
         _group("p", np.ones((n_points, 3), bool), eliminated=True),
@@ -108,11 +113,21 @@ def joined_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: 
         Records("ray", touches, evaluate, whitener_of_covariances(_covariances(rng, len(kept))), ones),
         _prior("a", n_kept, 6),
         _prior("f", n_kept, 2),
-        Records("given", (("p", some),), lambda s, r: direct.evaluate(s, some[r]), direct.whitener[some],
-                np.ones(len(some), bool)),
-        Records("relation", (("a", here), ("a", there)), relation,
-                whitener_of_covariances(_covariances(rng, len(here))), np.ones(len(here), bool)),
-    )  # fmt: skip
+        Records(
+            "given",
+            (("p", some),),
+            lambda s, r: direct.evaluate(s, some[r]),
+            direct.whitener[some],
+            np.ones(len(some), bool),
+        ),
+        Records(
+            "relation",
+            (("a", here), ("a", there)),
+            relation,
+            whitener_of_covariances(_covariances(rng, len(here))),
+            np.ones(len(here), bool),
+        ),
+    )
     unknowns = (
         _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
         _group("f", free_f, joins="a"),
@@ -132,13 +147,23 @@ def shared_problem(seed: int = 0, *, n_kept: int = 5, n_points: int = 12, rays: 
     first, second = np.array([3], dtype=np.int32), np.array([8], dtype=np.int32)
     distance = _observed(rng, (("p", 3), ("p", 3)), (first, second))
     records = (
-        Records("ray", touches, evaluate, whitener_of_covariances(_covariances(rng, len(kept))),
-                np.ones(len(kept), dtype=bool)),
+        Records(
+            "ray",
+            touches,
+            evaluate,
+            whitener_of_covariances(_covariances(rng, len(kept))),
+            np.ones(len(kept), dtype=bool),
+        ),
         _prior("a", n_kept, 6),
         _prior("c", 2, 3),
-        Records("distance", (("p", first), ("p", second)), distance, whitener_of_covariances(_covariances(rng, 1)),
-                np.ones(1, bool)),
-    )  # fmt: skip
+        Records(
+            "distance",
+            (("p", first), ("p", second)),
+            distance,
+            whitener_of_covariances(_covariances(rng, 1)),
+            np.ones(1, bool),
+        ),
+    )
     unknowns = (
         _group("a", np.ones((n_kept, 6), bool), position=_along(n_kept)),
         _group("c", np.ones((2, 3), bool)),
@@ -158,11 +183,16 @@ def halves_problem(seed: int = 0):
     camera = np.zeros(len(kept), dtype=np.int32)
     evaluate = _observed(rng, (("a", 4), ("c", 1), ("p", 3)), (kept, camera, point))
     records = (
-        Records("ray", (("a", kept), ("c", camera), ("p", point)), evaluate,
-                whitener_of_covariances(_covariances(rng, len(kept))), np.ones(len(kept), dtype=bool)),
+        Records(
+            "ray",
+            (("a", kept), ("c", camera), ("p", point)),
+            evaluate,
+            whitener_of_covariances(_covariances(rng, len(kept))),
+            np.ones(len(kept), dtype=bool),
+        ),
         _prior("a", n_kept, 4),
         _prior("c", 1, 1),
-    )  # fmt: skip
+    )
     unknowns = (
         _group("a", np.ones((n_kept, 4), bool), position=_along(n_kept)),
         _group("c", np.ones((1, 1), bool)),

@@ -178,9 +178,7 @@ def _step(here: _Linear[S], v: Float, damping: float) -> Float:
     return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0] / scale)
 
 
-def _acceleration(
-    linearise: Linearise[S], update: Update[S], here: _Linear[S], dx: Float, damping: float
-) -> Float:  # fmt: skip
+def _acceleration(linearise: Linearise[S], update: Update[S], here: _Linear[S], dx: Float, damping: float) -> Float:
     """Acceleration along a damped step; infinite where it cannot be evaluated."""
     v, _ = linearise(update(here.state, AHEAD * dx))
     with np.errstate(over="ignore", invalid="ignore"):

@@ -163,8 +163,9 @@ def test_a_start_far_from_the_constraints_is_brought_onto_them() -> None:
         J = (d / length[:, None])[:, None, :]
         return (length - 5.0)[rows, None], (J[rows], -J[rows])
 
-    sphere = Records("distance 5", (("p", np.array([4, 6])), ("p", np.array([9, 11]))), evaluate, np.ones((2, 1)),
-                     np.ones(2, bool))  # fmt: skip
+    sphere = Records(
+        "distance 5", (("p", np.array([4, 6])), ("p", np.array([9, 11]))), evaluate, np.ones((2, 1)), np.ones(2, bool)
+    )
     start = {**start, "p": np.random.default_rng(1).normal(size=start["p"].shape)}
     result = adjust_large(unknowns, records, start, constraints=[sphere], tolerance=1e-9, max_iterations=100)
     length = np.linalg.norm(result.state["p"][[4, 6]] - result.state["p"][[9, 11]], axis=1)

@@ -114,6 +114,4 @@ def test_blocks_without_positions_are_not_one_front() -> None:
     assert tree.largest_front < 0.6 * 6 * 200
     assert tree.flops < 0.3 * (6 * 200) ** 3 / 3
     with_positions = adjust_large(unknowns, records, start)
-    np.testing.assert_allclose(
-        adjust_large(placeless, records, start).state["a"], with_positions.state["a"], atol=1e-9
-    )  # fmt: skip
+    np.testing.assert_allclose(adjust_large(placeless, records, start).state["a"], with_positions.state["a"], atol=1e-9)

@@ -92,8 +92,9 @@ def _image_points(loss: Huber | None):
         POSE: Poses(rng.normal(size=(images, 3), loc=(0, 0, 100.0)), exp_rotation(0.05 * rng.normal(size=(images, 3)))),
         POINT: 20 * rng.normal(size=(points, 3)),
     }
-    nothing = ImagePointRows(image, point, np.zeros((n, 2)), np.full((n, 2), 0.01), np.full(n, 150.0),
-                             np.zeros((n, 2)), active)  # fmt: skip
+    nothing = ImagePointRows(
+        image, point, np.zeros((n, 2)), np.full((n, 2), 0.01), np.full(n, 150.0), np.zeros((n, 2)), active
+    )
     computed = image_point_records(nothing).residuals(state)
     noise = 0.01 * rng.normal(size=(n, 2)) * np.where(rng.random(n) < 0.2, 30.0, 1.0)[:, None]
     return replace(image_point_records(replace(nothing, xy_mm=computed + noise)), loss=loss), state

@@ -110,9 +110,7 @@ def _adjusted(name: str, given: Certified, start: int) -> DenseResult[np.ndarray
             return columns[0].real - given.y, columns.imag.T / 1e-30
 
     tolerance = 1e-13 * float(np.linalg.norm(given.y))
-    return adjust(
-        linearise, lambda b, step: b + step, given.starts[start], tolerance=tolerance, max_iterations=2000
-    )  # fmt: skip
+    return adjust(linearise, lambda b, step: b + step, given.starts[start], tolerance=tolerance, max_iterations=2000)
 
 
 def _digits(found: np.ndarray, certified: np.ndarray) -> float:

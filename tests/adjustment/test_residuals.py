@@ -15,9 +15,14 @@ def test_residuals_of_film_with_open_corrections_are_the_same_by_either_way(monk
     rng = np.random.default_rng(3)
     n = 500
     rays = ImagePointRows(
-        rng.integers(0, 4, n).astype(np.int32), rng.integers(0, 60, n).astype(np.int32), rng.normal(0, 50.0, (n, 2)),
-        np.full((n, 2), 0.005), np.full(n, 150.0), np.zeros((n, 2)), rng.random(n) < 0.9,
-    )  # fmt: skip
+        rng.integers(0, 4, n).astype(np.int32),
+        rng.integers(0, 60, n).astype(np.int32),
+        rng.normal(0, 50.0, (n, 2)),
+        np.full((n, 2), 0.005),
+        np.full(n, 150.0),
+        np.zeros((n, 2)),
+        rng.random(n) < 0.9,
+    )
     records = image_point_records(rays, [film_correction(rays, FILM)])
     state = {
         POSE: Poses(rng.normal((0.0, 0.0, 1500.0), 100.0, (4, 3)), exp_rotation(rng.normal(0, 0.1, (4, 3)))),

@@ -47,17 +47,35 @@ def strips(seed: int = 0, *, n_strips: int = 6, n_points: int = 60):
         return state["point"][given[rows]] - xyz[rows], (np.broadcast_to(np.eye(3), (len(rows), 3, 3)),)
 
     records = (
-        Records("tie", (("strip", strip), ("point", point)), tie, whitener_of_covariances(covariance),
-                np.ones(len(point), bool), linear=True),
-        Records("control", (("point", given),), control, whitener_of_sigmas(sigma), np.ones(len(given), bool),
-                linear=True),
-    )  # fmt: skip
+        Records(
+            "tie",
+            (("strip", strip), ("point", point)),
+            tie,
+            whitener_of_covariances(covariance),
+            np.ones(len(point), bool),
+            linear=True,
+        ),
+        Records(
+            "control", (("point", given),), control, whitener_of_sigmas(sigma), np.ones(len(given), bool), linear=True
+        ),
+    )
     unknowns = (
-        Unknowns("strip", np.ones((n_strips, 15), bool), tuple(f"c{i}" for i in range(15)),
-                 [f"s{i}" for i in range(n_strips)], add_step),
-        Unknowns("point", np.ones((n_points, 3), bool), ("X", "Y", "Z"), [f"p{i}" for i in range(n_points)], add_step,
-                 eliminated=True),
-    )  # fmt: skip
+        Unknowns(
+            "strip",
+            np.ones((n_strips, 15), bool),
+            tuple(f"c{i}" for i in range(15)),
+            [f"s{i}" for i in range(n_strips)],
+            add_step,
+        ),
+        Unknowns(
+            "point",
+            np.ones((n_points, 3), bool),
+            ("X", "Y", "Z"),
+            [f"p{i}" for i in range(n_points)],
+            add_step,
+            eliminated=True,
+        ),
+    )
     return unknowns, records, {"strip": np.zeros((n_strips, 15)), "point": np.zeros((n_points, 3))}
 
 
@@ -139,8 +157,9 @@ def test_a_rejected_record_that_is_a_gross_error_shows_its_size_in_the_predictio
         return v - target[rows] - shift[rows], jacobians
 
     zero = records[1].evaluate(exact, np.arange(len(records[1].active)))[0]
-    control = replace(records[1], evaluate=lambda s, r: (records[1].evaluate(s, r)[0] - zero[r],
-                                                         records[1].evaluate(s, r)[1]))  # fmt: skip
+    control = replace(
+        records[1], evaluate=lambda s, r: (records[1].evaluate(s, r)[0] - zero[r], records[1].evaluate(s, r)[1])
+    )
     active = records[0].active.copy()
     active[7] = False
     tie = replace(records[0], evaluate=evaluate, active=active)

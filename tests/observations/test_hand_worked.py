@@ -36,10 +36,11 @@ DOWN = np.eye(3)
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """kappa = 90 degrees: the image's x axis points along Y."""
 STATE = {
-    POSE: Poses(np.array([[0.0, 0.0, 0.0], [100.0, 200.0, 1000.0], [100.0, 200.0, 1000.0]]),
-                np.stack([DOWN, DOWN, QUARTER])),
+    POSE: Poses(
+        np.array([[0.0, 0.0, 0.0], [100.0, 200.0, 1000.0], [100.0, 200.0, 1000.0]]), np.stack([DOWN, DOWN, QUARTER])
+    ),
     POINT: np.array([[130.0, 160.0, 0.0], [0.0, 0.0, -1.0]]),
-}  # fmt: skip
+}
 ROWS = ImagePointRows(
     image=np.array([1, 2], dtype=np.int32),
     point=np.array([0, 0], dtype=np.int32),
@@ -127,8 +128,11 @@ def test_each_correction_takes_the_block_of_its_own_ray(is_compiled: bool) -> No
     basis[0], basis[1] = [[1, 2, 3], [4, 5, 6]], [[1, 0, 0], [0, 1, 0]]
     additional = LinearCorrection(ADDITIONAL, np.array([1, 0]), basis)
     film = film_correction(ROWS, FILM)
-    state = {**STATE, FILM: np.array([[0.0] * 6, [0.0] * 6, [0.5, 0, 0, 0, 0, 0]]),
-             ADDITIONAL: np.array([[0.01, 0.02, 0.03], [0.1, 0.2, -0.3]])}  # fmt: skip
+    state = {
+        **STATE,
+        FILM: np.array([[0.0] * 6, [0.0] * 6, [0.5, 0, 0, 0, 0, 0]]),
+        ADDITIONAL: np.array([[0.01, 0.02, 0.03], [0.1, 0.2, -0.3]]),
+    }
     records = image_point_records(ROWS, [film, additional])
     assert [name for name, _ in records.touches] == [POSE, FILM, ADDITIONAL, POINT]
     expected = [[0.1 - (0.1 + 0.4 - 0.9), -0.1 - (0.4 + 1.0 - 1.8)], [0.1 - 0.5 - 0.01, -0.3 - 0.02]]
@@ -169,8 +173,18 @@ def test_taken_rows_keep_all_their_columns_together() -> None:
 
 def test_rays_of_cameras_of_several_models_take_their_own() -> None:
     names = {model: calibration.PARAMETERS[model] for model in ("pinhole", "brown")}
-    values = {"principal_distance": 160.0, "principal_point.x": 0.2, "principal_point.y": -0.1, "as": 0.01, "K1": 1e-5,
-              "k1": 1e-5, "p1": 2e-5, "P1": 2e-5, "b1": 0.0, "B1": 0.0}  # fmt: skip
+    values = {
+        "principal_distance": 160.0,
+        "principal_point.x": 0.2,
+        "principal_point.y": -0.1,
+        "as": 0.01,
+        "K1": 1e-5,
+        "k1": 1e-5,
+        "p1": 2e-5,
+        "P1": 2e-5,
+        "b1": 0.0,
+        "B1": 0.0,
+    }
     p = np.full((2, len(names["brown"])), np.nan)  # beyond a model's own size nothing is looked at
     p[1, :3] = [values[n] for n in names["pinhole"]]
     p[0] = [values.get(n, 0.0) for n in names["brown"]]
@@ -259,8 +273,14 @@ def test_observed_values_use_the_marginal_covariance_of_the_components_observed(
     covariance = np.array([[4.0, 99.0, 2.0], [99.0, 1e9, 99.0], [2.0, 99.0, 9.0]])
     observed = np.array([[True, False, True], [False, False, False]])
     value = np.array([[100.0, np.nan, -3.0], [np.nan, np.nan, np.nan]])
-    records = value_records("control", POINT, np.array([0, 1], dtype=np.int32), value,
-                            np.stack([covariance, np.full((3, 3), np.nan)]), observed)  # fmt: skip
+    records = value_records(
+        "control",
+        POINT,
+        np.array([0, 1], dtype=np.int32),
+        value,
+        np.stack([covariance, np.full((3, 3), np.nan)]),
+        observed,
+    )
     assert records.active.tolist() == [True, False]
     assert records.observations == 2
     white, (J,) = whitened(records, STATE, np.arange(2))

@@ -34,8 +34,9 @@ def _ray(seed: int):
     X = X0 + R @ np.array([rng.uniform(-50, 50), rng.uniform(-50, 50), -rng.uniform(50, 500)])
     measured, pp = rng.uniform(-100, 100, 2), rng.normal(0, 0.02, 2)
     one = np.zeros(1, dtype=np.int32)
-    rows = ImagePointRows(one, one, measured[None], np.full((1, 2), 0.005), np.array([153.84]), pp[None],
-                          np.ones(1, dtype=bool))  # fmt: skip
+    rows = ImagePointRows(
+        one, one, measured[None], np.full((1, 2), 0.005), np.array([153.84]), pp[None], np.ones(1, dtype=bool)
+    )
     return rows, {POSE: Poses(X0[None], R[None]), POINT: X[None]}, R, X0, X, measured, pp, rng
 
 
@@ -82,9 +83,15 @@ def test_the_compiled_lane_equals_the_numpy_form() -> None:
     R = rotation_from_angles(rng.normal(0, 0.1, (4, 3)))
     X0 = np.array([0.0, 0.0, 400.0]) + rng.normal(0, 50, (4, 3))
     X = rng.uniform(-200, 200, (12, 3)) * [1, 1, 0.1]
-    rows = ImagePointRows(rng.integers(0, 4, n), rng.integers(0, 12, n), rng.uniform(-100, 100, (n, 2)),
-                          rng.uniform(0.004, 0.01, (n, 2)), rng.choice([150.0, 153.0], n), np.zeros((n, 2)),
-                          rng.uniform(size=n) > 0.2)  # fmt: skip
+    rows = ImagePointRows(
+        rng.integers(0, 4, n),
+        rng.integers(0, 12, n),
+        rng.uniform(-100, 100, (n, 2)),
+        rng.uniform(0.004, 0.01, (n, 2)),
+        rng.choice([150.0, 153.0], n),
+        np.zeros((n, 2)),
+        rng.uniform(size=n) > 0.2,
+    )
     state = {POSE: Poses(X0, R), POINT: X, FILM: rng.normal(0, 1e-3, (4, 6))}
     records = image_point_records(rows, [film_correction(rows, FILM)])
     assert records.compiled is not None
@@ -101,9 +108,15 @@ def _many_rays(seed: int) -> tuple[ImagePointRows, dict[str, object], np.random.
     rng, n = np.random.default_rng(seed), 40
     X0 = np.array([0.0, 0.0, 400.0]) + rng.normal(0, 50, (4, 3))
     X = rng.uniform(-200, 200, (12, 3)) * [1, 1, 0.1]
-    rows = ImagePointRows(rng.integers(0, 4, n), rng.integers(0, 12, n), rng.uniform(-100, 100, (n, 2)),
-                          rng.uniform(0.004, 0.01, (n, 2)), np.full(n, 150.0), np.zeros((n, 2)),
-                          rng.uniform(size=n) > 0.2)  # fmt: skip
+    rows = ImagePointRows(
+        rng.integers(0, 4, n),
+        rng.integers(0, 12, n),
+        rng.uniform(-100, 100, (n, 2)),
+        rng.uniform(0.004, 0.01, (n, 2)),
+        np.full(n, 150.0),
+        np.zeros((n, 2)),
+        rng.uniform(size=n) > 0.2,
+    )
     return rows, {POSE: Poses(X0, rotation_from_angles(rng.normal(0, 0.1, (4, 3)))), POINT: X}, rng
 
 
@@ -170,8 +183,14 @@ def test_positions_with_a_lever_arm(seed: int) -> None:
 
 def test_only_observed_components_of_a_value_count() -> None:
     observed = np.array([[True, False, True]])
-    records = value_records("control", POINT, np.zeros(1, np.int32), np.array([[1.0, np.nan, 3.0]]),
-                            np.diag([4.0, np.nan, 9.0])[None], observed)  # fmt: skip
+    records = value_records(
+        "control",
+        POINT,
+        np.zeros(1, np.int32),
+        np.array([[1.0, np.nan, 3.0]]),
+        np.diag([4.0, np.nan, 9.0])[None],
+        observed,
+    )
     v, (J,) = records.evaluate({POINT: np.array([[3.0, 5.0, 9.0]])}, np.arange(1))
     np.testing.assert_allclose(np.einsum("nij,nj->ni", records.whitener, v), [[1.0, 0.0, 2.0]])
     assert records.observations == 2

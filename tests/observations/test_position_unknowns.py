@@ -37,10 +37,12 @@ def _free_arm(block: Block, sigma: float = np.inf, axes: str = "yz") -> Block:
     arm[0, 0] = ARM[0]
     block = replace(block, cameras=replace(block.cameras, lever_arm_m=arm))
     rows = {
-        "camera": np.zeros(n, np.int32), "name": np.array([f"lever_arm.{a}" for a in axes]),
-        "value": np.full(n, np.nan), "sigma": np.full(n, sigma if np.isfinite(sigma) else np.nan),
+        "camera": np.zeros(n, np.int32),
+        "name": np.array([f"lever_arm.{a}" for a in axes]),
+        "value": np.full(n, np.nan),
+        "sigma": np.full(n, sigma if np.isfinite(sigma) else np.nan),
         "free": np.full(n, not np.isfinite(sigma)),
-    }  # fmt: skip
+    }
     return replace(block, camera_parameters=type(p)(**rows))
 
 

@@ -15,18 +15,30 @@ from aatri.observations.rigs import MOUNT, RigOptions, RigPairs, poses_by_rigs, 
 from tests.complex_step import complex_step
 from tests.stages.chain import simulated
 
-RIG = {"left": {"position_m": (0.1, 0.02, -0.03), "angles_deg": (0.0, 40.0, 1.0)},
-       "back": {"position_m": (-0.2, 0.0, 0.1), "angles_deg": (-35.0, 0.0, 90.0)}}  # fmt: skip
+RIG = {
+    "left": {"position_m": (0.1, 0.02, -0.03), "angles_deg": (0.0, 40.0, 1.0)},
+    "back": {"position_m": (-0.2, 0.0, 0.1), "angles_deg": (-35.0, 0.0, 90.0)},
+}
 
 
 def rigged(seed: int = 2, members: Any = RIG, **options: Any) -> Block:
     """Two strips of three stations with a frame and two oblique cameras."""
     return simulated(
-        seed, camera={"kind": "digital", "format": (8000.0, 6000.0), "pixel_size_mm": 0.005, "margin_mm": 0.0,
-                   "principal_distance_mm": 50.0},
-        flight={"strips": 2, "images_per_strip": 3, "scale_number": 20_000.0}, refraction="none",
-        ties={"per_position": 3, "random_per_image": 30.0}, known={"full": 4, "check_full": 4}, rig=members, **options,
-    )  # fmt: skip
+        seed,
+        camera={
+            "kind": "digital",
+            "format": (8000.0, 6000.0),
+            "pixel_size_mm": 0.005,
+            "margin_mm": 0.0,
+            "principal_distance_mm": 50.0,
+        },
+        flight={"strips": 2, "images_per_strip": 3, "scale_number": 20_000.0},
+        refraction="none",
+        ties={"per_position": 3, "random_per_image": 30.0},
+        known={"full": 4, "check_full": 4},
+        rig=members,
+        **options,
+    )
 
 
 def test_derivatives_are_those_of_the_residual_by_complex_step() -> None:

@@ -88,11 +88,15 @@ def calibration_of(solution: Solution) -> Calibration:
     """
     sets, covariances, p = solution.calibrated_sets, solution.parameter_covariances, solution.parameters
     if sets is None or covariances is None or not len(sets):
-        raise InputError("the solution given as calibration has no additional parameters",
-                         remedy="give one of bundle_adjustment with self_calibration")  # fmt: skip
+        raise InputError(
+            "the solution given as calibration has no additional parameters",
+            remedy="give one of bundle_adjustment with self_calibration",
+        )
     if (sets.per == "image").all():
-        raise InputError("additional parameters per image belong to those images: they calibrate nothing else",
-                         remedy="adjust the test field with `per: camera`")  # fmt: skip
+        raise InputError(
+            "additional parameters per image belong to those images: they calibrate nothing else",
+            remedy="adjust the test field with `per: camera`",
+        )
     rows = np.split(np.flatnonzero(p.group == ADDITIONAL), np.cumsum(sets.parameters)[:-1])
     parts = []
     for per in dict.fromkeys(sets.per.tolist()):

@@ -29,9 +29,13 @@ CARRIED = ("lever_arm", "boresight")
 
 
 def additional_parameters(
-    block: Block, image_points: ImagePoints, chosen: ParameterSet, per: Sharing, sigma_mm: float | None,
+    block: Block,
+    image_points: ImagePoints,
+    chosen: ParameterSet,
+    per: Sharing,
+    sigma_mm: float | None,
     group: str = ADDITIONAL,
-) -> ParameterRows:  # fmt: skip
+) -> ParameterRows:
     """Unknowns of a set of additional parameters.
 
     Parameters
@@ -54,8 +58,19 @@ def additional_parameters(
     weighted = np.full((n, s), sigma_mm is not None)
     covariance = np.tile(np.eye(s) * (sigma_mm or 1.0) ** 2, (n, 1, 1))
     zero = np.zeros((n, s))
-    return ParameterRows(group, units.id, chosen.parameters, zero, np.ones((n, s), dtype=bool), zero, covariance,
-                         weighted, units.of_image[m.image], basis, per_image=per == "image")  # fmt: skip
+    return ParameterRows(
+        group,
+        units.id,
+        chosen.parameters,
+        zero,
+        np.ones((n, s), dtype=bool),
+        zero,
+        covariance,
+        weighted,
+        units.of_image[m.image],
+        basis,
+        per_image=per == "image",
+    )
 
 
 def camera_parameters(block: Block, image_points: ImagePoints, *, calibrated: bool = False) -> ParameterRows | None:
@@ -88,8 +103,11 @@ def camera_parameters(block: Block, image_points: ImagePoints, *, calibrated: bo
         return None
     for k, name in enumerate(block.cameras.distortion):
         if name not in MODELS:
-            raise InputError(f"distortion {name} has not been corrected", where=f"camera {block.cameras.id[k]}",
-                             remedy="correct it by image_refinement/systematic")  # fmt: skip
+            raise InputError(
+                f"distortion {name} has not been corrected",
+                where=f"camera {block.cameras.id[k]}",
+                remedy="correct it by image_refinement/systematic",
+            )
     _refuse_symmetry_point(block)
     return _by_image(block, _camera_rows(block, image_points))
 
@@ -136,8 +154,9 @@ def _camera_rows(block: Block, image_points: ImagePoints) -> ParameterRows:
     covariance = np.where(sigma[:, :, None] > 0, sigma[:, :, None] ** 2, 1.0) * np.eye(s)
     longest = max((calibration.PARAMETERS[m] for m in models), key=len)
     block_of_ray = block.images.camera[image_points.measurements.image]
-    return ParameterRows(CAMERA, block.cameras.id, longest, start, free, start, covariance, sigma > 0, block_of_ray,
-                         None, models)  # fmt: skip
+    return ParameterRows(
+        CAMERA, block.cameras.id, longest, start, free, start, covariance, sigma > 0, block_of_ray, None, models
+    )
 
 
 def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
@@ -147,9 +166,20 @@ def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
         return rows
     image_of = np.empty(len(camera), dtype=np.int64)
     image_of[camera] = np.arange(len(camera))
-    return ParameterRows(rows.group, block.cameras.id[camera], rows.labels, rows.start[camera], rows.free[camera],
-                         rows.prior[camera], rows.covariance[camera], rows.weighted[camera], image_of[rows.block],
-                         None, tuple(rows.model[k] for k in camera), per_image=True)  # fmt: skip
+    return ParameterRows(
+        rows.group,
+        block.cameras.id[camera],
+        rows.labels,
+        rows.start[camera],
+        rows.free[camera],
+        rows.prior[camera],
+        rows.covariance[camera],
+        rows.weighted[camera],
+        image_of[rows.block],
+        None,
+        tuple(rows.model[k] for k in camera),
+        per_image=True,
+    )
 
 
 def nominal_point_mm(cameras: Cameras, camera: str) -> Float:

@@ -83,9 +83,14 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: C
 
 
 def covariances_at(
-    problem: IndexedProblem, state: State, factored: Factored, *, blocks: bool = True, gains_of: Collection[str] = (),
+    problem: IndexedProblem,
+    state: State,
+    factored: Factored,
+    *,
+    blocks: bool = True,
+    gains_of: Collection[str] = (),
     residuals: bool = False,
-) -> Covariances:  # fmt: skip
+) -> Covariances:
     """Covariances of all unknowns at a state, from the factor of the linearisation there.
 
     `residuals` asks for those of the records too, which cost nothing on the way; it needs `blocks`.
@@ -105,9 +110,14 @@ class _Down:
     """The way down the tree; a front's covariance lives until its children have taken their parts."""
 
     def __init__(
-        self, problem: IndexedProblem, state: State, factored: Factored, blocks: bool, gains_of: Collection[str],
+        self,
+        problem: IndexedProblem,
+        state: State,
+        factored: Factored,
+        blocks: bool,
+        gains_of: Collection[str],
         residuals: bool,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.problem, self.state, self.factored = problem, state, factored
         self.blocks, self.residuals = blocks, residuals
         n_vertices = len(problem.layout.size)

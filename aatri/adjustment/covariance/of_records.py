@@ -20,9 +20,15 @@ from aatri.arrays import Float, Int
 
 
 def kept_covariances(
-    problem: IndexedProblem, kept: KeptRecords, A: Float, k: int, row_of: Int, S: Float, found: Float,
+    problem: IndexedProblem,
+    kept: KeptRecords,
+    A: Float,
+    k: int,
+    row_of: Int,
+    S: Float,
+    found: Float,
     gains: Gains | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Those of the kept records of a node, into `found`.
 
     Parameters
@@ -48,8 +54,9 @@ def kept_covariances(
             take_gains(gains, kept.rows[some], np.where((row >= 0)[:, :, None], K, 0.0))
 
 
-def direct_covariances(problem: IndexedProblem, state: State, block: Float, found: tuple[Float, ...],
-                       gains: tuple[Gains, ...] = ()) -> None:  # fmt: skip
+def direct_covariances(
+    problem: IndexedProblem, state: State, block: Float, found: tuple[Float, ...], gains: tuple[Gains, ...] = ()
+) -> None:
     """Those of the records of one eliminated block alone, into `found`, from `block`, (n_blocks, 3, 3)."""
     for records, rows, number in problem.direct:
         _, (J,) = predicted(records, state, rows)

@@ -191,8 +191,18 @@ class Work:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
-        common = (self.D0, self.h0, self.problem.block_free, self.damping, F, g, d,
-                  self.block_factor, self.block_y, self.determined)  # fmt: skip
+        common = (
+            self.D0,
+            self.h0,
+            self.problem.block_free,
+            self.damping,
+            F,
+            g,
+            d,
+            self.block_factor,
+            self.block_y,
+            self.determined,
+        )
         cost, parts = 0.0, rays.parts
         eliminate = eliminator(rays.records.rows, parts.size)
         for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=False):
@@ -206,5 +216,6 @@ class Work:
         """All that later steps need."""
         weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
         factor, cost = DirectFactor(self.panels), float(self.cost.sum())
-        return Factored(factor, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak, cost,
-                        self.damping)  # fmt: skip
+        return Factored(
+            factor, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak, cost, self.damping
+        )

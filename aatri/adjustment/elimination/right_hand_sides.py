@@ -162,8 +162,22 @@ def _blocks_back(problem: IndexedProblem, factored: Factored, state: State, u: S
             for p0, p1, _, A, B in linearised(problem, fill, stretch):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 for j in range(m):
-                    substitute(p0, p1, base, rays.ray_start, A, B, first[base:last], parts.size, parts.start,
-                               columns[j], problem.block_free, factored.block_factor, right[j], found[j])  # fmt: skip
+                    substitute(
+                        p0,
+                        p1,
+                        base,
+                        rays.ray_start,
+                        A,
+                        B,
+                        first[base:last],
+                        parts.size,
+                        parts.start,
+                        columns[j],
+                        problem.block_free,
+                        factored.block_factor,
+                        right[j],
+                        found[j],
+                    )
 
     in_parallel(problem, one)
     return np.moveaxis(found, 0, 2)

@@ -63,8 +63,13 @@ class Schedule:
         subtrees, levels = _shared_out(problem)
         if len(subtrees) < 2:
             subtrees, levels = [], []
-        return Schedule(problem.tree.nodes, tuple(map(tuple, subtrees)), tuple(map(tuple, levels)), problem.threads,
-                        problem.settings.reproducible)  # fmt: skip
+        return Schedule(
+            problem.tree.nodes,
+            tuple(map(tuple, subtrees)),
+            tuple(map(tuple, levels)),
+            problem.threads,
+            problem.settings.reproducible,
+        )
 
     @property
     def early(self) -> list[int]:
@@ -94,8 +99,9 @@ class Schedule:
                     with self._blas([k]):
                         finish(k)
                 return
-            run_all(pool, [partial(both, some) for some in self.subtrees]
-                    + [partial(assemble, k, None) for k in self.early])  # fmt: skip
+            run_all(
+                pool, [partial(both, some) for some in self.subtrees] + [partial(assemble, k, None) for k in self.early]
+            )
             for level in self.levels:
                 if len(level) >= self.threads:
                     run_all(pool, [partial(both, [k]) for k in level])

@@ -167,8 +167,9 @@ class _Reduced:
         self.problem, self.factored = problem, factored
         self.free = ~problem.layout.held
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
-        self.kept = [(part_columns(k.parts, problem.layout), *side_by_side(k, problem.layout, state))
-                     for k in problem.kept]  # fmt: skip
+        self.kept = [
+            (part_columns(k.parts, problem.layout), *side_by_side(k, problem.layout, state)) for k in problem.kept
+        ]
         if problem.rays is not None:
             self.shares = _shares(problem)
 

@@ -53,7 +53,11 @@ def clear_lower(F):
             F[i, j] = 0.0
 
 
-@njit("float64(int64, int64, float64[:,::1], float64[:,:,::1], int32[:,::1], int32[::1], int32[::1], float64[::1,:], float64[::1], float64[::1])", nogil=True, cache=True)  # fmt: skip
+@njit(
+    "float64(int64, int64, float64[:,::1], float64[:,:,::1], int32[:,::1], int32[::1], int32[::1], float64[::1,:], float64[::1], float64[::1])",
+    nogil=True,
+    cache=True,
+)
 def add_records(r0, r1, v, A, loc, part_size, part_start, F, g, diagonal):
     """Add records r0 ... r1 - 1 of kept unknowns to a front; returns the sum of squares of v.
 

@@ -29,9 +29,27 @@ def add_products(A, r, t, column, part_size, part_start, x, first):
 
 @njit(_SIGNATURE, **OPTIONS)
 def reduce_effects(
-    p0, p1, base, ray_start, v, A, B, column, part_size, part_start, free, Ls, ys, ray, unit, H,
-    x, whole, gradient, information,
-):  # fmt: skip
+    p0,
+    p1,
+    base,
+    ray_start,
+    v,
+    A,
+    B,
+    column,
+    part_size,
+    part_start,
+    free,
+    Ls,
+    ys,
+    ray,
+    unit,
+    H,
+    x,
+    whole,
+    gradient,
+    information,
+):
     """Add the effects on the rays of the blocks p0 ... p1 - 1; per block and unit c = B'H, U = L^-1 c, w = L^-T U.
 
     Parameters

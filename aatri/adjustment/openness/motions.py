@@ -208,8 +208,11 @@ def named(row: Float, extent: Float) -> str:
     words = ["scale"] if size[0] > PART else []
     if (size[1:4] > PART).any():
         along = int(np.argmax(np.abs(axis)))
-        words.append(NAMES[1 + along] if abs(axis[along]) > 1.0 - 1e-4 else
-                     "rotation about the axis ({:.2f}, {:.2f}, {:.2f})".format(*axis))  # fmt: skip
+        words.append(
+            NAMES[1 + along]
+            if abs(axis[along]) > 1.0 - 1e-4
+            else "rotation about the axis ({:.2f}, {:.2f}, {:.2f})".format(*axis)
+        )
     return " with ".join(words) or " with ".join(NAMES[4 + k] for k in np.flatnonzero(size[4:] > PART))
 
 

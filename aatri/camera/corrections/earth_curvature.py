@@ -43,9 +43,11 @@ def earth_curvature_correction(
 
 
 def earth_curvature_of_rays(
-    xy_mm: npt.NDArray[Any], flying_height_m: npt.NDArray[Any], principal_distance_mm: npt.NDArray[Any],
+    xy_mm: npt.NDArray[Any],
+    flying_height_m: npt.NDArray[Any],
+    principal_distance_mm: npt.NDArray[Any],
     level_from_image: npt.NDArray[Any],
-) -> npt.NDArray[Any]:  # fmt: skip
+) -> npt.NDArray[Any]:
     """Correction of images of any tilt, see `earth_curvature_correction`.
 
     Parameters

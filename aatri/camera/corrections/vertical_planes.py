@@ -18,9 +18,11 @@ FLATTEST_RAD = np.deg2rad(80.0)
 
 
 def turned_rays(
-    xy_mm: npt.NDArray[Any], principal_distance_mm: npt.NDArray[Any], level_from_image: npt.NDArray[Any],
+    xy_mm: npt.NDArray[Any],
+    principal_distance_mm: npt.NDArray[Any],
+    level_from_image: npt.NDArray[Any],
     factor: Callable[[npt.NDArray[Any]], npt.NDArray[Any]],
-) -> npt.NDArray[Any]:  # fmt: skip
+) -> npt.NDArray[Any]:
     """Correction to add to photo coordinates, (n, 2) float64, mm; NaN where a ray is flatter than `FLATTEST_RAD`.
 
     Parameters

@@ -136,10 +136,15 @@ def kinds_of_columns(names: Sequence[str], columns: Float, xy_mm: Float) -> dict
     radial = brown_basis(xy_mm / scale)  # k1, k2, k3, p1, p2, b1, b2
     c, x0, y0 = xy_mm[:, :, None], np.stack([one, zero], axis=1)[:, :, None], np.stack([zero, one], axis=1)[:, :, None]
     spans = {
-        "c": c, "x0": x0, "y0": y0, "b1": radial[:, :, 5:6], "b2": radial[:, :, 6:7],
-        "p1": np.concatenate([x0, radial[:, :, 3:4]], axis=2), "p2": np.concatenate([y0, radial[:, :, 4:5]], axis=2),
+        "c": c,
+        "x0": x0,
+        "y0": y0,
+        "b1": radial[:, :, 5:6],
+        "b2": radial[:, :, 6:7],
+        "p1": np.concatenate([x0, radial[:, :, 3:4]], axis=2),
+        "p2": np.concatenate([y0, radial[:, :, 4:5]], axis=2),
         "k1": np.concatenate([c, radial[:, :, :3]], axis=2),
-    }  # fmt: skip
+    }
     shares = {kind: share_in_span(columns, span) for kind, span in spans.items()}
     return {name: next((kind for kind, share in shares.items() if share[j] > IS), "") for j, name in enumerate(names)}
 
@@ -165,9 +170,11 @@ def advise(pairs: Iterable[tuple[str, str, float]], kinds: Mapping[str, str] | N
         if abs(rho) < WARNED:
             continue
         determinable = abs(rho) < NOT_DETERMINABLE
-        fact = f"{first} and {second} are correlated by {rho:.3f}" if determinable else (
-            f"{first} and {second} cannot be told apart: correlation {rho:.6f}"
-        )  # fmt: skip
+        fact = (
+            f"{first} and {second} are correlated by {rho:.3f}"
+            if determinable
+            else (f"{first} and {second} cannot be told apart: correlation {rho:.6f}")
+        )
         reason = _reason(first, second, kinds or {})
         found.append(
             Advice(first, second, rho, determinable, f"{fact}: {reason}" if determinable else f"{fact}; {reason}")

@@ -105,8 +105,11 @@ def scale_of_format(half_format_mm: npt.ArrayLike, principal_distance_mm: float,
     """
     width, height = (float(h) for h in np.asarray(half_format_mm, dtype=np.float64))
     base = 0.8 * min(width, height) if np.isnan(base_mm) else float(base_mm)
-    for what, value in (("principal distance", principal_distance_mm), ("half format", min(width, height)),
-                        ("photo base", base)):  # fmt: skip
+    for what, value in (
+        ("principal distance", principal_distance_mm),
+        ("half format", min(width, height)),
+        ("photo base", base),
+    ):
         if not (np.isfinite(value) and value > 0):
             raise SpecError(
                 f"{what} is {value} mm: additional parameters cannot be scaled",

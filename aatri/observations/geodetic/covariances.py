@@ -14,8 +14,18 @@ from aatri.observations.observed import Observed
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
 
-KINDS = frozenset({distances.KIND, distances.HORIZONTAL, directions.DIRECTION, directions.AZIMUTH, directions.ANGLE,
-                   zenith_angles.KIND, height_differences.KIND, coordinate_differences.KIND})  # fmt: skip
+KINDS = frozenset(
+    {
+        distances.KIND,
+        distances.HORIZONTAL,
+        directions.DIRECTION,
+        directions.AZIMUTH,
+        directions.ANGLE,
+        zenith_angles.KIND,
+        height_differences.KIND,
+        coordinate_differences.KIND,
+    }
+)
 """Kinds whose rows are those of geodetic.csv."""
 
 USES = ("geodetic_covariances",)

@@ -71,8 +71,11 @@ def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
     """Directions of sets; the unknowns come with the first part."""
     ids, block = np.unique(rows.set, return_inverse=True)
     free = np.ones((len(ids), 1), dtype=bool)
-    own: tuple[Unknowns, ...] = (Unknowns(ORIENTATION, free, ("orientation",), ids, _turned,
-                                          generator=lambda state: _generator(state[ORIENTATION])),)  # fmt: skip
+    own: tuple[Unknowns, ...] = (
+        Unknowns(
+            ORIENTATION, free, ("orientation",), ids, _turned, generator=lambda state: _generator(state[ORIENTATION])
+        ),
+    )
     start: State = {ORIENTATION: orientation_start(rows, given.start, block, len(ids), given.level)[:, None]}
     number = dict(zip(ids.tolist(), range(len(ids))))
     notes = _lonely(ids, np.bincount(block, minlength=len(ids)))
@@ -81,8 +84,17 @@ def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
         of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
         own_set = Calibrated(ORIENTATION, of, _shown)
         records = sight_records(DIRECTION, part, given.level, bearing, own_set, angular=True, between=between)
-        yield Observed(records, part.row, named(point=part.names), "rad", unknowns=own, start=start, exact=exact,
-                       sees=PLAN, notes=notes)  # fmt: skip
+        yield Observed(
+            records,
+            part.row,
+            named(point=part.names),
+            "rad",
+            unknowns=own,
+            start=start,
+            exact=exact,
+            sees=PLAN,
+            notes=notes,
+        )
         own, start, notes = (), {}, ()
 
 
@@ -95,8 +107,10 @@ def _lonely(ids: Text, count: Int) -> tuple[Note, ...]:
 
 def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Level) -> Float:
     """Orientation of each set from the start of its stations and targets, (n,) rad: 0 where nothing is known."""
-    ends = [np.where(image[:, None], _places(start, POSE, at), _places(start, POINT, at))
-            for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target))]  # fmt: skip
+    ends = [
+        np.where(image[:, None], _places(start, POSE, at), _places(start, POINT, at))
+        for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target))
+    ]
     known: Bool = np.isfinite(np.hstack([end[:, :2] for end in ends])).all(axis=1)
     zero = np.zeros(len(rows))
     line = line_between(level, np.nan_to_num(ends[0]), np.nan_to_num(ends[1]), zero, zero)[0]
@@ -146,8 +160,9 @@ def _angles(given: Given) -> Iterator[Observed]:
             yield _observed_angles(given, row[some], groups, blocks, names[some], between)
 
 
-def _observed_angles(given: Given, row: Int, groups: tuple[str, ...], blocks: tuple[Int, ...],
-                     names: Text, between: Between) -> Observed:  # fmt: skip
+def _observed_angles(
+    given: Given, row: Int, groups: tuple[str, ...], blocks: tuple[Int, ...], names: Text, between: Between
+) -> Observed:
     g, level = given.block.geodetic, given.level
     above = [np.nan_to_num(h[row]) for h in (g.start_height_m, g.end_height_m)]
     value = g.value[row]
@@ -164,6 +179,7 @@ def _observed_angles(given: Given, row: Int, groups: tuple[str, ...], blocks: tu
         J = (by_unknowns(group, d) for group, d in zip(groups, (by_vertex, *by_targets)))
         return around(v)[:, None], tuple(J)
 
-    records = Records(ANGLE, tuple(zip(groups, blocks)), evaluate, 1.0 / g.sigma[row][:, None],
-                      np.ones(len(row), dtype=bool))  # fmt: skip
+    records = Records(
+        ANGLE, tuple(zip(groups, blocks)), evaluate, 1.0 / g.sigma[row][:, None], np.ones(len(row), dtype=bool)
+    )
     return Observed(records, row, named(point=names), "rad", sees=PLAN)

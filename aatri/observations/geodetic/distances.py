@@ -39,9 +39,14 @@ KIND, HORIZONTAL, CALIBRATION = "distance", "horizontal_distance", "distance_gro
 """Names of the kinds, and of the group of unknowns."""
 
 USES = (
-    "geodetic:distance", "geodetic:distance_to_image", "geodetic:horizontal_distance",
-    "geodetic:horizontal_distance_to_image", "geodetic.heights", "geodetic.group", "geodetic.reduced:distance",
-)  # fmt: skip
+    "geodetic:distance",
+    "geodetic:distance_to_image",
+    "geodetic:horizontal_distance",
+    "geodetic:horizontal_distance_to_image",
+    "geodetic.heights",
+    "geodetic.group",
+    "geodetic.reduced:distance",
+)
 
 
 class DistanceOptions(Options):
@@ -60,8 +65,9 @@ def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]:
         calibrated: list[Observed] = []
         for way in ways:
             grouped = way.rows.group != "" if own else np.zeros(len(way.rows), dtype=bool)
-            found += observed_sights(kind, way.rows.take(~grouped), given.level, way.measured, "m", way.sees,
-                                     way.between)  # fmt: skip
+            found += observed_sights(
+                kind, way.rows.take(~grouped), given.level, way.measured, "m", way.sees, way.between
+            )
             if own and grouped.any():
                 calibrated += _calibrated(kind, way, way.rows.take(grouped), given.level, own)
         if own:

@@ -137,9 +137,15 @@ class Calibrated:
 
 
 def sight_records(
-    kind: str, sights: Sights, level: Level, measured: Measured, own: Calibrated | None = None, *,
-    angular: bool = False, between: Between = line_between,
-) -> Records:  # fmt: skip
+    kind: str,
+    sights: Sights,
+    level: Level,
+    measured: Measured,
+    own: Calibrated | None = None,
+    *,
+    angular: bool = False,
+    between: Between = line_between,
+) -> Records:
     """Records of sights that are alike.
 
     Parameters
@@ -180,9 +186,14 @@ def around(angle: Float) -> Float:
 
 
 def observed_sights(
-    kind: str, sights: Sights, level: Level, measured: Measured, unit: str, sees: tuple[bool, bool, bool] = ALL,
+    kind: str,
+    sights: Sights,
+    level: Level,
+    measured: Measured,
+    unit: str,
+    sees: tuple[bool, bool, bool] = ALL,
     between: Between = line_between,
-) -> Iterator[Observed]:  # fmt: skip
+) -> Iterator[Observed]:
     """Sights without further unknowns as observations."""
     for part, exact in alike(sights):
         records = sight_records(kind, part, level, measured, angular=unit == "rad", between=between)

@@ -54,8 +54,7 @@ def relative_angles(given: Given) -> tuple[Observed, ...]:
     return tuple(found)
 
 
-def _records(kind: str, point: Int, value: Float, sigma: Float, pair: Callable[[Int], Pair], rows: int
-             ) -> Records:  # fmt: skip
+def _records(kind: str, point: Int, value: Float, sigma: Float, pair: Callable[[Int], Pair], rows: int) -> Records:
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         x = state[POINT][point[some]]
         u, du = _unit(x[:, 1] - x[:, 0])

@@ -66,16 +66,30 @@ def _equal(given: Given, row: Int, exact: bool) -> Observed:
     start = means(length[known, None], of[known], len(row))
     sigma = block.relative_control.sigma[row][of]
     touches = ((POINT, pairs[:, 0]), (POINT, pairs[:, 1]), (group, of))
-    records = Records(EQUAL, touches, evaluate, 1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None],
-                      np.ones(len(of), dtype=bool), similarity=seeing(NOTHING))  # fmt: skip
+    records = Records(
+        EQUAL,
+        touches,
+        evaluate,
+        1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None],
+        np.ones(len(of), dtype=bool),
+        similarity=seeing(NOTHING),
+    )
     labels = np.array([" ".join(m[1].tolist()[:4]) for m in members], dtype=np.str_)
     unknowns = Unknowns(group, np.ones((len(row), 1), dtype=bool), ("length",), labels, add_step, generator=generator)
     text = f"{EQUAL}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {len(of) - len(row)}"
     names = np.array([f"{a}-{b}" for a, b in ids], dtype=np.str_)
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))[::2]
-    return Observed(records, member, named(point=names), "m", unknowns=(unknowns,), start={group: start}, exact=exact,
-                    refitted=lambda anew: _equal(anew, row, exact),
-                    notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip
+    return Observed(
+        records,
+        member,
+        named(point=names),
+        "m",
+        unknowns=(unknowns,),
+        start={group: start},
+        exact=exact,
+        refitted=lambda anew: _equal(anew, row, exact),
+        notes=(Note("note", text, tuple(labels.tolist())),),
+    )
 
 
 def _difference(given: Given, row: Int, exact: bool) -> Observed:

@@ -40,5 +40,6 @@ def relative_sights(block: Block) -> Sights:
     at, to = (np.where(image, rows_of(ids, block.images.id), rows_of(ids, block.points.id)) for ids in ends)
     zero, empty = np.zeros(len(row)), np.full(len(row), "")
     names = np.array([f"{a}-{b}" for a, b in zip(*ends)], dtype=np.str_)
-    return Sights(row, at, to, image, image, zero, zero, control.value[row], control.sigma[row], names, empty, empty,
-                  empty)  # fmt: skip
+    return Sights(
+        row, at, to, image, image, zero, zero, control.value[row], control.sigma[row], names, empty, empty, empty
+    )

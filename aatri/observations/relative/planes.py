@@ -88,14 +88,27 @@ def _level(given: Given, type_: str, row: Int, exact: bool) -> Observed:
     known = np.flatnonzero(finite_rows(given.start[POINT][point]))
     start = means(level.height(given.start[POINT][point[known]])[0][:, None], of[known], len(row))
     sigma = block.relative_control.sigma[row][of]
-    records = Records(type_, ((POINT, point), (group, of)), evaluate,
-                      1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], np.ones(len(of), dtype=bool),
-                      similarity=seeing(TILT))  # fmt: skip
+    records = Records(
+        type_,
+        ((POINT, point), (group, of)),
+        evaluate,
+        1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None],
+        np.ones(len(of), dtype=bool),
+        similarity=seeing(TILT),
+    )
     labels = np.array([" ".join(m[1].tolist()[:4]) for m in members], dtype=np.str_)
     unknowns = Unknowns(group, np.ones((len(row), 1), dtype=bool), ("height",), labels, add_step, generator=generator)
     text = f"{type_}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {len(of) - len(row)}"
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
-    return Observed(records, member, named(point=np.concatenate([m[1] for m in members])), "m", unknowns=(unknowns,),
-                    refitted=lambda anew: _level(anew, type_, row, exact),
-                    start={group: start}, exact=exact, sees=HEIGHT if not level.curved else (True,) * 3,
-                    notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip
+    return Observed(
+        records,
+        member,
+        named(point=np.concatenate([m[1] for m in members])),
+        "m",
+        unknowns=(unknowns,),
+        refitted=lambda anew: _level(anew, type_, row, exact),
+        start={group: start},
+        exact=exact,
+        sees=HEIGHT if not level.curved else (True,) * 3,
+        notes=(Note("note", text, tuple(labels.tolist())),),
+    )

@@ -15,8 +15,24 @@ from aatri.observations.observed import Given, Observed
 from aatri.observations.relative.lines import across
 from aatri.observations.relative.shapes import Shape, main_axes, observed_shapes
 
-_CORNERS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1],
-                     [0, 1, -1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=np.float64)  # fmt: skip
+_CORNERS = np.array(
+    [
+        [1, 0, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+        [1, 1, 0],
+        [1, -1, 0],
+        [1, 0, 1],
+        [1, 0, -1],
+        [0, 1, 1],
+        [0, 1, -1],
+        [1, 1, 1],
+        [1, 1, -1],
+        [1, -1, 1],
+        [-1, 1, 1],
+    ],
+    dtype=np.float64,
+)
 DIRECTIONS = _CORNERS / np.linalg.norm(_CORNERS, axis=1, keepdims=True)
 """Axes of a cylinder that are tried, in those of the extent of its points."""
 
@@ -80,5 +96,6 @@ def _fit_cylinder(points: Float, _axes: Float, radius_m: float = np.nan) -> tupl
 
 
 SPHERE = Shape("sphere", ("centre 1", "centre 2", "centre 3", "radius"), 1, _sphere, _fit_sphere, radius=True)
-CYLINDER = Shape("cylinder", ("turn 1", "turn 2", "offset 1", "offset 2", "radius"), 1, _cylinder, _fit_cylinder,
-                 radius=True)  # fmt: skip
+CYLINDER = Shape(
+    "cylinder", ("turn 1", "turn 2", "offset 1", "offset 2", "radius"), 1, _cylinder, _fit_cylinder, radius=True
+)

@@ -130,16 +130,30 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
 
     sigma = control.sigma[row][of]
     whitener = np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], shape.rows, axis=1)
-    records = Records(shape.type, ((POINT, point), (group, of)), evaluate, whitener, np.ones(len(of), dtype=bool),
-                      similarity=tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees))  # fmt: skip
+    records = Records(
+        shape.type,
+        ((POINT, point), (group, of)),
+        evaluate,
+        whitener,
+        np.ones(len(of), dtype=bool),
+        similarity=tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees),
+    )
     steep = np.array([MOST_TILT if name.startswith(TURNS) else np.inf for name in shape.labels])
     unknowns = Unknowns(group, free, shape.labels, labels, add_step, generator=generator, implausible=steep)
     member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
     gained = shape.rows * len(of) - int(free.sum())
     text = f"{shape.type}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {gained}"
-    return Observed(records, member, named(point=ids), "m", unknowns=(unknowns,), start={group: t}, exact=exact,
-                    refitted=lambda anew: _observed(anew, shape, row, exact),
-                    notes=(Note("note", text, tuple(labels.tolist())),))  # fmt: skip
+    return Observed(
+        records,
+        member,
+        named(point=ids),
+        "m",
+        unknowns=(unknowns,),
+        start={group: t},
+        exact=exact,
+        refitted=lambda anew: _observed(anew, shape, row, exact),
+        notes=(Note("note", text, tuple(labels.tolist())),),
+    )
 
 
 def _label(ids: list[str]) -> str:

@@ -111,8 +111,10 @@ def test_what_the_iteration_has_left_does_not_count_as_an_effect() -> None:
     rays, rows, rng = records[0], np.arange(len(records[0].active)), np.random.default_rng(2)
     effect = rng.normal(size=(len(rows), rays.rows, 1))
     size = {u.name: u.free.shape for u in unknowns}
-    away = {n: exact.state[n] + 1e-4 * rng.normal(size=size[n]) * next(u.free for u in unknowns if u.name == n)
-            for n in ("a", "p")}  # fmt: skip
+    away = {
+        n: exact.state[n] + 1e-4 * rng.normal(size=size[n]) * next(u.free for u in unknowns if u.name == n)
+        for n in ("a", "p")
+    }
     early = replace(exact, state={**exact.state, **away}, factored=None)
     there, here = (score(one, rays, rows, effect).joint(0, [0]) for one in (exact, early))
     assert here.value[0] == pytest.approx(there.value[0], rel=1e-2)

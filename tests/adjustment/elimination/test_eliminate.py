@@ -39,8 +39,28 @@ def _eliminated(rays: RaysOnPlaces, D0: Float, h0: Float, free: Float, damping: 
     F, g, d = np.zeros((k, k), order="F"), np.zeros(k), np.zeros(k)
     L, y, determined = np.ones((n, 6)), np.zeros((n, 3)), np.ones(n)
     function = eliminator(rays.v.shape[1], rays.size)
-    cost = function(0, n, BASE, rays.ray_start, rays.v, rays.A, rays.B, rays.loc, rays.size, rays.start, D0, h0, free,
-                    damping, F, g, d, L, y, determined)  # fmt: skip
+    cost = function(
+        0,
+        n,
+        BASE,
+        rays.ray_start,
+        rays.v,
+        rays.A,
+        rays.B,
+        rays.loc,
+        rays.size,
+        rays.start,
+        D0,
+        h0,
+        free,
+        damping,
+        F,
+        g,
+        d,
+        L,
+        y,
+        determined,
+    )
     return np.tril(F), g, d, cost, determined
 
 

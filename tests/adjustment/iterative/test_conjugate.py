@@ -135,9 +135,13 @@ def test_a_common_shift_that_no_pivot_shows_is_named(monkeypatch: pytest.MonkeyP
 def test_a_shift_that_is_held_at_one_end_is_not_refused(monkeypatch: pytest.MonkeyPatch, sigma: float) -> None:
     _small_pieces(monkeypatch)
     unknowns, records, start = _chain_of_differences(40)
-    end = Records("end", (("a", np.array([0], dtype=np.int32)),),
-                  lambda state, rows: (state["a"][[0]][rows], (np.eye(2)[None][rows],)),
-                  np.full((1, 2), 1 / sigma), np.ones(1, bool))  # fmt: skip
+    end = Records(
+        "end",
+        (("a", np.array([0], dtype=np.int32)),),
+        lambda state, rows: (state["a"][[0]][rows], (np.eye(2)[None][rows],)),
+        np.full((1, 2), 1 / sigma),
+        np.ones(1, bool),
+    )
     result = adjust_large(unknowns, (*records, end), start, solver="conjugate_gradients", memory_gb=0.0)
     np.testing.assert_allclose(result.state["a"], np.repeat(np.arange(40.0)[:, None], 2, axis=1), atol=1e-6 * sigma)
 

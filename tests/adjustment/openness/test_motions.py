@@ -31,8 +31,9 @@ def _observed(points: Unknowns, start, which: dict[int, tuple[int, ...]]) -> Rec
         p, axis = rows[some].T
         return (state[POINT][p, axis] - target[p, axis])[:, None], (eye[axis][:, None, :],)
 
-    return Records("coordinate", ((POINT, rows[:, 0].copy()),), evaluate, np.full((len(rows), 1), 100.0),
-                   np.ones(len(rows), bool))  # fmt: skip
+    return Records(
+        "coordinate", ((POINT, rows[:, 0].copy()),), evaluate, np.full((len(rows), 1), 100.0), np.ones(len(rows), bool)
+    )
 
 
 def _said(which: dict[int, tuple[int, ...]], *more: Records) -> str:
@@ -76,8 +77,12 @@ def test_two_points_leave_the_turn_about_their_line() -> None:
 def test_a_part_that_nothing_joins_is_set_aside_by_name_unless_nothing_holds_the_rest() -> None:
     points, distances, start = _net()
     n = len(points.free)
-    two = replace(points, free=np.ones((2 * n, 3), bool), ids=[*points.ids, *(f"far{k}" for k in range(n))],
-                  position=np.tile(points.position, (2, 1)))  # fmt: skip
+    two = replace(
+        points,
+        free=np.ones((2 * n, 3), bool),
+        ids=[*points.ids, *(f"far{k}" for k in range(n))],
+        position=np.tile(points.position, (2, 1)),
+    )
     a, b = (np.concatenate([block, block + n]).astype(np.int32) for _, block in distances.touches)
     xyz = np.concatenate([start[POINT], start[POINT] + 20.0])
     wanted = np.linalg.norm(xyz[a] - xyz[b], axis=1)

@@ -36,8 +36,13 @@ def _linear(J: np.ndarray, blocks: int, bend: float = 0.0, start: float = 0.0):
         return v[:, None], tuple(slope[:, None, k * size : (k + 1) * size] for k in range(blocks))
 
     records = Records("row", tuple(("x", k) for k in number), evaluate, np.ones((rows, 1)), np.ones(rows, bool))
-    unknowns = Unknowns("x", np.ones((blocks, size), bool), tuple(f"x{i}" for i in range(size)),
-                        [f"b{i}" for i in range(blocks)], add_step)  # fmt: skip
+    unknowns = Unknowns(
+        "x",
+        np.ones((blocks, size), bool),
+        tuple(f"x{i}" for i in range(size)),
+        [f"b{i}" for i in range(blocks)],
+        add_step,
+    )
     return [unknowns], [records], {"x": np.full((blocks, size), start)}
 
 
@@ -66,8 +71,13 @@ def test_a_single_weak_block_is_set_aside_by_name() -> None:
             v, jacobians = all_.evaluate(state, rows[chosen])
             return v, (jacobians[block],)
 
-        return Records(name, (("x", np.full(len(rows), block, np.int32)),), evaluate, np.ones((len(rows), 1)),
-                       np.ones(len(rows), bool))  # fmt: skip
+        return Records(
+            name,
+            (("x", np.full(len(rows), block, np.int32)),),
+            evaluate,
+            np.ones((len(rows), 1)),
+            np.ones(len(rows), bool),
+        )
 
     weak, good = part("weak", np.arange(n), 0), part("good", np.arange(n, n + 40), 1)
     result = adjust_large(unknowns, [weak, good], start)
@@ -87,9 +97,13 @@ def _loose_net(sigma: float, implausible: float | None):
     n, distances = len(points.free), replace(distances, whitener=np.ones_like(distances.whitener))
     target = start["point"].copy()
     eye = np.broadcast_to(np.eye(3), (n, 3, 3))
-    given = Records("given", (("point", np.arange(n, dtype=np.int32)),),
-                    lambda state, rows: (state["point"][rows] - target[rows], (eye[rows],)),
-                    np.full((n, 3), 1 / sigma), np.ones(n, bool))  # fmt: skip
+    given = Records(
+        "given",
+        (("point", np.arange(n, dtype=np.int32)),),
+        lambda state, rows: (state["point"][rows] - target[rows], (eye[rows],)),
+        np.full((n, 3), 1 / sigma),
+        np.ones(n, bool),
+    )
     limit = None if implausible is None else np.full(3, implausible)
     return [replace(points, implausible=limit)], [distances, given], start
 

@@ -27,8 +27,9 @@ def trilateration(n: int):
         J = (d / length[:, None])[:, None, :]
         return (length - wanted[rows])[:, None], (J, -J)
 
-    records = Records("distance", (("point", a), ("point", b)), evaluate, np.full((len(a), 1), 100.0),
-                      np.ones(len(a), bool))  # fmt: skip
+    records = Records(
+        "distance", (("point", a), ("point", b)), evaluate, np.full((len(a), 1), 100.0), np.ones(len(a), bool)
+    )
     ids = [f"p{k}" for k in range(len(xyz))]
     unknowns = Unknowns("point", np.ones((len(xyz), 3), bool), ("X", "Y", "Z"), ids, add_step, position=xyz)
     return [unknowns], [records], {"point": xyz}

@@ -115,15 +115,16 @@ def test_records_of_one_residual_are_those_of_scipys_huber_loss() -> None:
         loss = np.arange(len(z)) < int(records[0].active.sum())
         far = loss & (z > 1)
         safe = np.where(far, root, 1.0)
-        return np.array([
-            np.where(far, 2 * root - 1, z), np.where(far, 1 / safe, 1.0), np.where(far, -0.5 / safe**3, 0.0)
-        ])  # fmt: skip
+        return np.array(
+            [np.where(far, 2 * root - 1, z), np.where(far, 1 / safe, 1.0), np.where(far, -0.5 / safe**3, 0.0)]
+        )
 
     def residual(x):
         return np.concatenate([v.ravel() for v in _whitened(unknowns, records, start, x)])
 
-    reference = least_squares(residual, x + 0.05, jac="cs", loss=scalar_rho, f_scale=K, xtol=1e-12, ftol=1e-14,
-                              gtol=1e-10, max_nfev=200)  # fmt: skip
+    reference = least_squares(
+        residual, x + 0.05, jac="cs", loss=scalar_rho, f_scale=K, xtol=1e-12, ftol=1e-14, gtol=1e-10, max_nfev=200
+    )
     assert result.cost == pytest.approx(2 * reference.cost, rel=1e-6)
 
 

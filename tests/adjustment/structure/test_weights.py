@@ -70,8 +70,12 @@ def test_a_point_that_takes_no_part_comes_back_with_its_records() -> None:
 
 def test_an_image_whose_observations_are_all_inactive_is_not_determined() -> None:
     unknowns, records, start = joined_problem(1, n_kept=14, n_points=40)
-    off = [replace(r, active=r.active & ~np.any([b == 13 for g, b in r.touches if g in "af"], axis=0))
-           if any(g in "af" for g, _ in r.touches) else r for r in records]  # fmt: skip
+    off = [
+        replace(r, active=r.active & ~np.any([b == 13 for g, b in r.touches if g in "af"], axis=0))
+        if any(g in "af" for g, _ in r.touches)
+        else r
+        for r in records
+    ]
     with pytest.raises(GeometryError, match="a a13"):
         adjust_large(unknowns, off, start)
 

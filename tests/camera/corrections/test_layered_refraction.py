@@ -14,9 +14,16 @@ from aatri.geometry.rotations import rotation_from_angles
 # U.S. Standard Atmosphere 1976, table I: geometric height m, pressure Pa, density kg/m^3
 @pytest.mark.parametrize(
     ("height_m", "pressure", "density"),
-    [(-1000, 1.1393e5, 1.3470), (0, 1.01325e5, 1.2250), (1000, 8.9876e4, 1.1117), (5000, 5.4048e4, 0.73643),
-     (11_000, 2.2699e4, 0.36480), (20_000, 5.5293e3, 0.088910), (30_000, 1.1970e3, 0.018410)],
-)  # fmt: skip
+    [
+        (-1000, 1.1393e5, 1.3470),
+        (0, 1.01325e5, 1.2250),
+        (1000, 8.9876e4, 1.1117),
+        (5000, 5.4048e4, 0.73643),
+        (11_000, 2.2699e4, 0.36480),
+        (20_000, 5.5293e3, 0.088910),
+        (30_000, 1.1970e3, 0.018410),
+    ],
+)
 def test_the_atmosphere_is_that_of_the_tables(height_m: float, pressure: float, density: float) -> None:
     p, rho = pressure_and_density(height_m)
     assert p == pytest.approx(pressure, rel=1e-4)

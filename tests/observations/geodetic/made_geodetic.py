@@ -14,12 +14,25 @@ def geodetic_block(type_: str, ends: tuple[str, str], above: tuple[float, float]
     names = [{"point": p, "image": i}[kind] for kind, p, i in zip(ends, "AB", "ab")]
 
     row = Geodetic.of(
-        type=[type_], start=[names[0]], end=[names[1]], via=["C" if type_ == "angle" else ""], start_kind=[ends[0]],
-        end_kind=[ends[1]], value=[0.5 if angular else 100.0], sigma=[0.01], set=["s" if type_ == "direction" else ""],
-        group=[group], start_height_m=[above[0]], end_height_m=[above[1]],
-    )  # fmt: skip
+        type=[type_],
+        start=[names[0]],
+        end=[names[1]],
+        via=["C" if type_ == "angle" else ""],
+        start_kind=[ends[0]],
+        end_kind=[ends[1]],
+        value=[0.5 if angular else 100.0],
+        sigma=[0.01],
+        set=["s" if type_ == "direction" else ""],
+        group=[group],
+        start_height_m=[above[0]],
+        end_height_m=[above[1]],
+    )
     return block_of(
-        name="one", files=[Path("one")], points=["A", "B", "C"], image_points={}, geodetic=row,
+        name="one",
+        files=[Path("one")],
+        points=["A", "B", "C"],
+        image_points={},
+        geodetic=row,
         cameras={"id": ["c"], "principal_distance_mm": [1.0]},
         images={"id": ["a", "b"], "camera": ["c", "c"], "sequence": [0.0, 1.0]},
-    )  # fmt: skip
+    )

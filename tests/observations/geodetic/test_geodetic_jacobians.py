@@ -44,10 +44,18 @@ def _observed(type_: str, level: Level, ends: tuple[str, str]) -> tuple[Observed
     block = geodetic_block(type_, ends, ABOVE)
     start = {POINT: np.zeros((3, 3)), POSE: Poses(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))}
     given = Given(block, None, np.zeros(3), start, level=level)
-    kinds = {"zenith": lambda g: zenith_angles(g, ZenithOptions(refraction=K)), "height_difference": height_differences,
-             "dX": coordinate_differences, "dY": coordinate_differences, "dZ": coordinate_differences,
-             "distance": lambda g: distances(g, DistanceOptions()), "direction": directions, "azimuth": directions,
-             "horizontal_distance": lambda g: distances(g, DistanceOptions()), "angle": directions}  # fmt: skip
+    kinds = {
+        "zenith": lambda g: zenith_angles(g, ZenithOptions(refraction=K)),
+        "height_difference": height_differences,
+        "dX": coordinate_differences,
+        "dY": coordinate_differences,
+        "dZ": coordinate_differences,
+        "distance": lambda g: distances(g, DistanceOptions()),
+        "direction": directions,
+        "azimuth": directions,
+        "horizontal_distance": lambda g: distances(g, DistanceOptions()),
+        "angle": directions,
+    }
     return kinds[type_](given)
 
 
@@ -74,8 +82,18 @@ def _formula(type_: str, curved: bool) -> Any:
     return lambda z: np.asarray(f(z))[None]
 
 
-TYPES = ("distance", "horizontal_distance", "direction", "azimuth", "angle", "zenith", "height_difference", "dX", "dY",
-         "dZ")  # fmt: skip
+TYPES = (
+    "distance",
+    "horizontal_distance",
+    "direction",
+    "azimuth",
+    "angle",
+    "zenith",
+    "height_difference",
+    "dX",
+    "dY",
+    "dZ",
+)
 
 
 @pytest.mark.parametrize("ends", [("point", "point"), ("point", "image"), ("image", "point"), ("image", "image")])
@@ -90,8 +108,13 @@ def test_values_and_derivatives(type_: str, curved: bool, ends: tuple[str, str])
     if type_ == "direction":
         state["orientation"] = np.array([[0.3]])
     v, J = o.records.evaluate(state, np.arange(1))
-    z = np.concatenate([(centres if ends[0] == "image" else points)[0], (centres if ends[1] == "image" else points)[1],
-                        *([points[2]] if type_ == "angle" else [])])  # fmt: skip
+    z = np.concatenate(
+        [
+            (centres if ends[0] == "image" else points)[0],
+            (centres if ends[1] == "image" else points)[1],
+            *([points[2]] if type_ == "angle" else []),
+        ]
+    )
     f = _formula(type_, curved)
     observed = 0.5 if o.unit == "rad" else 100.0
     turns = (v[0] - (f(z) - observed)) / np.pi if o.unit == "rad" else v[0] - (f(z) - observed)

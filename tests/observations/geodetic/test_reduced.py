@@ -79,8 +79,11 @@ def test_lines_in_the_map_are_differences_of_its_coordinates() -> None:
     assert by_start.shape == by_end.shape
 
 
-SURVEY = {"survey": {"distances": 10, "map_distances": 10, "ellipsoid_distances": 10}, "gnss": {"observed": False},
-          "noise": {"factor": 0.0, "image_um": 2.0, "control_m": (0.01, 0.01, 0.01)}}  # fmt: skip
+SURVEY = {
+    "survey": {"distances": 10, "map_distances": 10, "ellipsoid_distances": 10},
+    "gnss": {"observed": False},
+    "noise": {"factor": 0.0, "image_um": 2.0, "control_m": (0.01, 0.01, 0.01)},
+}
 
 
 def _network(block: Block, told: Told | None = None) -> Any:

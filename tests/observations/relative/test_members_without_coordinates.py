@@ -14,8 +14,17 @@ from aatri.artifacts.solution import Solution
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.hand_block import Hand, Heard, ground_rows, hand, read, start
 
-FEWEST = {"plane": 4, "vertical_plane": 3, "line": 3, "plumb_line": 2, "horizontal_line": 2, "horizontal_plane": 2,
-          "equal_height": 2, "sphere": 5, "cylinder": 6}  # fmt: skip
+FEWEST = {
+    "plane": 4,
+    "vertical_plane": 3,
+    "line": 3,
+    "plumb_line": 2,
+    "horizontal_line": 2,
+    "horizontal_plane": 2,
+    "equal_height": 2,
+    "sphere": 5,
+    "cylinder": 6,
+}
 """Members that give some redundancy."""
 
 LOST = (23, 28, 29)

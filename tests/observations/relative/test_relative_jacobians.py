@@ -25,13 +25,24 @@ NAMES = "PQRSTU"
 
 def _block(type_: str, parts: list[str], value: float = np.nan, axis: str = "", sigma: float = 0.01) -> Block:
     n = len(parts)
-    control = RelativeControl(type=np.array([type_]), value=np.array([value]), sigma=np.array([sigma]),
-                              axis=np.array([axis]), file=np.zeros(1, np.int32), line=np.ones(1, np.int32))  # fmt: skip
-    members = RelativeControlMembers(condition=np.zeros(n, np.int32), part=np.array(parts),
-                                     id=np.array(list(NAMES[:n])))  # fmt: skip
+    control = RelativeControl(
+        type=np.array([type_]),
+        value=np.array([value]),
+        sigma=np.array([sigma]),
+        axis=np.array([axis]),
+        file=np.zeros(1, np.int32),
+        line=np.ones(1, np.int32),
+    )
+    members = RelativeControlMembers(
+        condition=np.zeros(n, np.int32), part=np.array(parts), id=np.array(list(NAMES[:n]))
+    )
     block = geodetic_block("distance", ("point", "point"), (0.0, 0.0))
-    return replace(block, points=replace(block.points, id=np.array(list(NAMES))), relative_control=control,
-                   relative_control_members=members)  # fmt: skip
+    return replace(
+        block,
+        points=replace(block.points, id=np.array(list(NAMES))),
+        relative_control=control,
+        relative_control_members=members,
+    )
 
 
 def _observed(block: Block, xyz: np.ndarray) -> Observed:
@@ -70,8 +81,9 @@ def _across(x: Any, d: Any) -> Any:
     return x - d * (x @ d)
 
 
-@pytest.mark.parametrize("type_", ["plane", "vertical_plane", "line", "plumb_line", "horizontal_line", "sphere",
-                                   "cylinder"])  # fmt: skip
+@pytest.mark.parametrize(
+    "type_", ["plane", "vertical_plane", "line", "plumb_line", "horizontal_line", "sphere", "cylinder"]
+)
 def test_distances_from_shapes_and_their_derivatives(type_: str) -> None:
     rng = np.random.default_rng(3)
     xyz = rng.normal(0, 5, (6, 3)) * [3, 2, 1]
@@ -99,8 +111,18 @@ def test_distances_from_shapes_and_their_derivatives(type_: str) -> None:
     np.testing.assert_allclose(o.records.evaluate(moved, np.arange(6))[0] - v, expected, atol=1e-9)
     np.testing.assert_allclose(J[1], _own_jacobian(o, state), atol=1e-8)
     assert v.shape == (6, 2 if "line" in type_ else 1)
-    assert len(t) == {"plane": 3, "vertical_plane": 2, "line": 4, "plumb_line": 2, "horizontal_line": 3, "sphere": 4,
-                      "cylinder": 5}[type_]  # fmt: skip
+    assert (
+        len(t)
+        == {
+            "plane": 3,
+            "vertical_plane": 2,
+            "line": 4,
+            "plumb_line": 2,
+            "horizontal_line": 3,
+            "sphere": 4,
+            "cylinder": 5,
+        }[type_]
+    )
 
 
 @pytest.mark.parametrize("type_", ["plane", "sphere", "line", "cylinder"])
@@ -125,8 +147,7 @@ def test_equations_of_shapes_by_complex_step(type_: str) -> None:
         offset = np.array([a @ x, b @ x]) - t[2:4]
         return offset if type_ == "line" else np.array([_norm(offset) - t[4]])
 
-    shape = {"plane": PLANE_SHAPE, "sphere": SPHERE, "line": LINE,
-             "cylinder": CYLINDER}[type_]  # fmt: skip
+    shape = {"plane": PLANE_SHAPE, "sphere": SPHERE, "line": LINE, "cylinder": CYLINDER}[type_]
     v, by_x, by_t = shape.equation(x[None], t[None])
     z = np.concatenate([x, t])
     np.testing.assert_allclose(v[0], f(z), atol=1e-12)
@@ -135,16 +156,24 @@ def test_equations_of_shapes_by_complex_step(type_: str) -> None:
         assert np.linalg.norm(v[0] + t[2:]) == pytest.approx(_norm(_across(x, np.array([*t[:2], 1.0]))))
 
 
-@pytest.mark.parametrize("type_", ["angle", "parallel", "perpendicular", "equal_distance", "distance",
-                                   "coordinate_difference"])  # fmt: skip
+@pytest.mark.parametrize(
+    "type_", ["angle", "parallel", "perpendicular", "equal_distance", "distance", "coordinate_difference"]
+)
 def test_conditions_between_lines_by_complex_step(type_: str) -> None:
     rng = np.random.default_rng(9)
     xyz = rng.normal(0, 5, (6, 3))
     if type_ == "parallel":
         xyz[3] = xyz[2] - (xyz[1] - xyz[0]) + rng.normal(0, 0.5, 3)  # opposite, about
     parts = {"angle": ["at", "between", "between"], "distance": ["points"] * 2, "coordinate_difference": ["points"] * 2}
-    o = _observed(_block(type_, parts.get(type_, ["pairs"] * 4), 0.7 if type_ in parts else np.nan,
-                         "Y" if type_ == "coordinate_difference" else ""), xyz)  # fmt: skip
+    o = _observed(
+        _block(
+            type_,
+            parts.get(type_, ["pairs"] * 4),
+            0.7 if type_ in parts else np.nan,
+            "Y" if type_ == "coordinate_difference" else "",
+        ),
+        xyz,
+    )
     k = int(np.argmin(np.abs(xyz[1] - xyz[0])))
 
     def f(z: Any) -> Any:
