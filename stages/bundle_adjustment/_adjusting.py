@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.bundle.exchanged_images import without_exchanged_images
-from aatri.adjustment.settings import Settings
+from aatri.adjustment.settings import SolverSettings
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
 from aatri.orientation.bundle.adjust import adjust_bundle
@@ -74,7 +74,7 @@ def _settings(options: BundleOptions, how: How) -> BundleSettings:
     searched = options.blunders.method != "none"
     covariances = searched or options.standard_deviations or options.reliability
     covariances = covariances or options.variance_components is not None
-    solution = Settings(
+    solution = SolverSettings(
         max_iterations=options.max_iterations,
         tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
         ordering=options.ordering,

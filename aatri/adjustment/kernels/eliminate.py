@@ -184,27 +184,9 @@ def _eliminator(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
 
     @njit(_ELIMINATE, **OPTIONS)
     def eliminate(
-        p0,
-        p1,
-        base,
-        ray_start,
-        v,
-        A,
-        B,
-        loc,
-        part_size,
-        part_start,
-        D0,
-        h0,
-        free,
-        damping,
-        F,
-        g,
-        diagonal,
-        Ls,
-        ys,
+        p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys,
         lowest,
-    ):
+    ):  # fmt: skip
         m = of_m if of_m else B.shape[1]
         parts = 1 if single else loc.shape[1]
         widest = of_k if of_k else A.shape[2]

@@ -145,31 +145,8 @@ def test_linear_interior_orientation_is_exact() -> None:
 def test_brown21_by_hand() -> None:
     # x = 30, y = -20, f = 150 of the notes' formula, every classical coefficient 10^-(degree)
     scale = scale_of_format((115.0, 115.0), 150.0)
-    a = np.array(
-        [
-            1e-3,
-            2e-3,
-            3e-5,
-            4e-5,
-            5e-7,
-            6e-7,
-            7e-9,
-            8e-5,
-            9e-5,
-            1e-7,
-            2e-7,
-            3e-9,
-            4e-5,
-            5e-9,
-            6e-9,
-            7e-8,
-            8e-12,
-            9e-16,
-            0.01,
-            0.02,
-            0.03,
-        ]
-    )
+    a = np.array([1e-3, 2e-3, 3e-5, 4e-5, 5e-7, 6e-7, 7e-9, 8e-5, 9e-5, 1e-7, 2e-7, 3e-9,
+                  4e-5, 5e-9, 6e-9, 7e-8, 8e-12, 9e-16, 0.01, 0.02, 0.03])  # fmt: skip
     x, y, f = 30.0, -20.0, 150.0
     r2 = 1300.0
     plate = a[12] * (900 - 400) + a[13] * 360000 + a[14] * (810000 - 160000)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.covariance.score import score
-from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
 from aatri.adjustment.statistics.small_scales import small_class_scale
