@@ -180,9 +180,9 @@ def run_pipeline(
 
     request = Request(str(pipeline), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
     opened = open_request(request, quiet=quiet)
-    how = runner.How(command="aatri.run", source=opened.source, request=opened.request.plain())
+    settings = runner.RunSettings(command="aatri.run", source=opened.source, request=opened.request.plain())
     with Narrator(quiet) as narrator:
-        records = runner.run_pipeline(opened.spec, opened.nodes, narrator, how)
+        records = runner.run_pipeline(opened.spec, opened.nodes, narrator, settings)
     write_report(opened.spec.run)
     failed = failure_of(judge(opened.spec, records))
     if failed is not None:

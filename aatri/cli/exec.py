@@ -35,7 +35,7 @@ def exec_(
     from aatri.cli.arguments.planning import Request, open_request, open_run
     from aatri.cli.terminal.narrator import Narrator
     from aatri.pipeline.plan.plan import Selection, select
-    from aatri.pipeline.run.runner import How
+    from aatri.pipeline.run.runner import RunSettings
     from aatri.pipeline.run.single import make_stage
     from aatri.pipeline.run.workers import share_cores
 
@@ -44,10 +44,12 @@ def exec_(
     given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     opened = open_run(run, local_plugins=local_plugins) if run.is_dir() else open_request(given)
     select(opened.nodes, only=[stage])
-    how = How(Selection(forced=frozenset({stage} if force else ())), lock=not no_lock, command=f"aatri exec {stage}",
-              source=opened.source, request=opened.request.plain())  # fmt: skip
+    settings = RunSettings(
+        Selection(forced=frozenset({stage} if force else ())), lock=not no_lock, command=f"aatri exec {stage}",
+        source=opened.source, request=opened.request.plain(),
+    )  # fmt: skip
     with Narrator(quiet=False) as narrator:
-        record, made = make_stage(opened.spec, opened.nodes, stage, narrator, how)
+        record, made = make_stage(opened.spec, opened.nodes, stage, narrator, settings)
     if not made:
         narrate(f"{stage} is up to date")
     say(f"{stage} {record['key']} {record['output']['content_digest']}")

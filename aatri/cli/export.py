@@ -10,7 +10,7 @@ import typer
 
 from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.arguments.completion import complete_run_stage
-from aatri.cli.arguments.locate import Run, find_run, split_stage
+from aatri.cli.arguments.locate import LocatedRun, find_run, split_stage
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ArtifactError, ResourceError, SpecError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from aatri.artifacts.block import Block
 
 
-class Form(StrEnum):
+class ExportForm(StrEnum):
     """Forms that artifacts can be exported to."""
 
     tables = "tables"
@@ -37,16 +37,19 @@ def export(
         ),
     ],
     form: Annotated[
-        Form,
+        ExportForm,
         typer.Argument(
-            parser=one_of(Form), autocompletion=complete(Form), metavar="FORM", help=f"One of {listed(Form)}."
+            parser=one_of(ExportForm),
+            autocompletion=complete(ExportForm),
+            metavar="FORM",
+            help=f"One of {listed(ExportForm)}.",
         ),
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
     overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
 ) -> None:
     """Export results as tables or WuCAPS files, a Solution for COLMAP or BAL, a pipeline for SLURM."""
-    if form is Form.slurm:
+    if form is ExportForm.slurm:
         _write_script(Path(what), folder, overwrite=overwrite)
         return
     path, stage = split_stage(what)
@@ -57,9 +60,9 @@ def export(
     if folder.is_dir() and any(folder.iterdir()) and not overwrite:
         raise SpecError("the folder is not empty", where=str(folder), remedy="another folder, or --overwrite")
     _refuse_links(folder)
-    if form is Form.tables:
+    if form is ExportForm.tables:
         _write(run, name, folder)
-    elif form is Form.wucaps:
+    elif form is ExportForm.wucaps:
         _write_wucaps(run, name, folder)
     else:
         _write_model(run, name, form, folder)
@@ -91,7 +94,7 @@ def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
     say(str(path))
 
 
-def _write(run: Run, name: str, folder: Path) -> None:
+def _write(run: LocatedRun, name: str, folder: Path) -> None:
     kind = _record(run, name)["output"]["kind"]
     if kind == "Block":
         from aatri.formats.tables.writer import write_block
@@ -115,7 +118,7 @@ def _write(run: Run, name: str, folder: Path) -> None:
                         where=str(run.folder))  # fmt: skip
 
 
-def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
+def _write_model(run: LocatedRun, name: str, form: ExportForm, folder: Path) -> None:
     """A Solution as another program reads it, with the image points it was made from."""
     from aatri.artifacts.image_points import ImagePoints
     from aatri.artifacts.solution import Solution
@@ -129,7 +132,7 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
     inputs = {port: source["stage"] for port, source in record["inputs"].items()}
     solution, block = store.load(run.folder, name, Solution), _block(run, inputs["block"])
     points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
-    if form is Form.colmap:
+    if form is ExportForm.colmap:
         from aatri.formats.colmap.writer import write_colmap_model
 
         write_colmap_model(solution, block, folder, image_points=points)
@@ -140,7 +143,7 @@ def _write_model(run: Run, name: str, form: Form, folder: Path) -> None:
     write_crs(block, folder)
 
 
-def _write_wucaps(run: Run, name: str, folder: Path) -> None:
+def _write_wucaps(run: LocatedRun, name: str, folder: Path) -> None:
     """A Block as measured, or that of a Solution with the image points it was made from."""
     from aatri.artifacts.image_points import ImagePoints
     from aatri.formats.wucaps.writer import write_wucaps
@@ -156,14 +159,14 @@ def _write_wucaps(run: Run, name: str, folder: Path) -> None:
         narrate(f"{note.level}: {note}")
 
 
-def _block(run: Run, name: str) -> Block:
+def _block(run: LocatedRun, name: str) -> Block:
     from aatri.artifacts.block import Block
     from aatri.pipeline.store import run_folder as store
 
     return store.load(run.folder, name, Block)
 
 
-def _record(run: Run, name: str) -> dict[str, Any]:
+def _record(run: LocatedRun, name: str) -> dict[str, Any]:
     from aatri.pipeline.store import run_folder as store
 
     record = store.current_record(run.folder, name)
@@ -172,7 +175,7 @@ def _record(run: Run, name: str) -> dict[str, Any]:
     return record
 
 
-def _last_solution(run: Run) -> str:
+def _last_solution(run: LocatedRun) -> str:
     from aatri.pipeline.store import run_folder as store
 
     for entry in reversed(run.stages):

@@ -15,7 +15,7 @@ from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
 
-class Source(StrEnum):
+class BlockSource(StrEnum):
     """Where the block comes from."""
 
     simulate = "simulate"
@@ -28,27 +28,27 @@ class Source(StrEnum):
 
 
 _HEAD = {
-    Source.tables: """\
+    BlockSource.tables: """\
 # A block given as tables: fill in block.yaml, images.csv ... in the folder `block` beside this file.
 # Film with measured fiducials takes interior_orientation/affine, digital images interior_orientation/calibrated.
 """,
-    Source.unordered: """\
+    BlockSource.unordered: """\
 # Digital images of any arrangement, given as tables without strips or order: fill in block.yaml, images.csv ... in the
 # folder `block` beside this file. Refraction and earth curvature are corrected in near-vertical images only.
 # Without control and positions give the bundle `with: {datum: free}`.
 """,
-    Source.wucaps: """\
+    BlockSource.wucaps: """\
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
 # this file. Refraction and earth curvature are off: such image coordinates usually are corrected already.
 """,
-    Source.dbat: """\
+    BlockSource.dbat: """\
 # A PhotoModeler export and its control points, as DBAT takes them: put export.txt and control.txt beside this file.
 # It has start values of all photos, so that interior orientation and bundle are enough.
 """,
-    Source.bal: """\
+    BlockSource.bal: """\
 # A problem of Bundle Adjustment in the Large: put the unpacked file problem.txt beside this file. It has no datum.
 """,
-    Source.colmap: """\
+    BlockSource.colmap: """\
 # A sparse model of COLMAP: put cameras, images and points3D (.txt or .bin) into the folder `sparse` beside this file.
 # It has no datum; with `control: ground_points.csv` at the block, leave out `datum` of the bundle.
 """,
@@ -77,14 +77,14 @@ stages:
 """
 _MINIMAL = ", with: {datum: minimal}"
 _WITH_START = {
-    Source.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", ""),
-    Source.bal: ("{use: block/bal, with: {path: problem.txt}}", _MINIMAL),
-    Source.colmap: ("{use: block/colmap, with: {path: sparse}}", _MINIMAL),
+    BlockSource.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", ""),
+    BlockSource.bal: ("{use: block/bal, with: {path: problem.txt}}", _MINIMAL),
+    BlockSource.colmap: ("{use: block/colmap, with: {path: sparse}}", _MINIMAL),
 }
 """Blocks with start values of all images: how they are read, and the datum."""
 _LINES = {
-    Source.tables: {"block": "{use: block/tables, with: {path: block}}"},
-    Source.wucaps: {
+    BlockSource.tables: {"block": "{use: block/tables, with: {path: block}}"},
+    BlockSource.wucaps: {
         "block": "{use: block/wucaps, with: {path: block}}",
         "interior": "{use: interior_orientation/calibrated, from: {block}}",
         "refined": "{use: image_refinement/systematic, from: {block, image_points: interior}, "
@@ -97,14 +97,14 @@ _LINES = {
 def new(
     folder: Annotated[Path, typer.Argument(help="Folder to write to.")] = Path(),
     block: Annotated[
-        Source,
+        BlockSource,
         typer.Option(
-            parser=one_of(Source),
-            autocompletion=complete(Source),
+            parser=one_of(BlockSource),
+            autocompletion=complete(BlockSource),
             metavar="NAME",
-            help=f"Where the block comes from: {listed(Source)}.",
+            help=f"Where the block comes from: {listed(BlockSource)}.",
         ),
-    ] = Source.simulate,
+    ] = BlockSource.simulate,
     plugin: Annotated[
         str | None, typer.Option(metavar="ROLE/NAME", help="Write a stage of your own and its test instead.")
     ] = None,
@@ -118,7 +118,7 @@ def new(
         return
     path = folder / "pipeline.yaml"
     files = {path: _text(block)}
-    if block in (Source.tables, Source.unordered):
+    if block in (BlockSource.tables, BlockSource.unordered):
         from aatri.cli.new_block import block_templates
 
         files |= block_templates(folder / "block")
@@ -141,11 +141,11 @@ def _write(files: Mapping[Path, str]) -> None:
         say(str(path))
 
 
-def _text(block: Source) -> str:
+def _text(block: BlockSource) -> str:
     demo = demo_path().read_text(encoding="utf-8")
-    if block is Source.simulate:
+    if block is BlockSource.simulate:
         return demo
-    if block is Source.unordered:
+    if block is BlockSource.unordered:
         return _HEAD[block] + _UNORDERED
     if block in _WITH_START:
         read, datum = _WITH_START[block]

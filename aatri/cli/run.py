@@ -146,16 +146,16 @@ def _carry_out(
     """Run; whatever ends it, write the report and say how to go on."""
     from aatri.cli.terminal.narrator import Narrator
     from aatri.errors import AatriError, ResourceError, SpecError
-    from aatri.pipeline.run.runner import How, run_pipeline
+    from aatri.pipeline.run.runner import RunSettings, run_pipeline
 
     folder, events = opened.spec.run, opened.spec.run / "events.jsonl"
     before = events.stat().st_size if events.exists() else 0
     compiled = opened.compilation.wait if opened.compilation else None
-    full = How(selection, command=_command(), source=opened.source, request=opened.request.plain(), compiled=compiled,
-               **how)  # fmt: skip
+    settings = RunSettings(selection, command=_command(), source=opened.source, request=opened.request.plain(),
+                           compiled=compiled, **how)  # fmt: skip
     try:
         with Narrator(quiet, opened.compilation) as narrator:
-            records = run_pipeline(opened.spec, opened.nodes, narrator, full)
+            records = run_pipeline(opened.spec, opened.nodes, narrator, settings)
     except BaseException as error:
         began = events.exists() and events.stat().st_size != before
         if isinstance(error, AatriError) and began and not isinstance(error, SpecError | ResourceError):

@@ -23,10 +23,10 @@ def number(value: Any) -> str:
     return str(value)
 
 
-def metres(value: float | None) -> str:
+def metres(value: float | None, missing: str = DASH) -> str:
     """A length in metres: to 0.1 mm, and to two digits where that is too coarse."""
     if value is None or value != value:
-        return DASH
+        return missing
     return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"
 
 

@@ -247,7 +247,7 @@ def test_the_export_writes_the_points(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(run_folder, "load", lambda _run, _name, kind: made[kind])
     monkeypatch.setattr(export, "_record", lambda _run, _name: record)
     run = type("Run", (), {"folder": tmp_path})()
-    export._write_model(run, "bundle", export.Form("ply"), tmp_path / "out")
+    export._write_model(run, "bundle", export.ExportForm("ply"), tmp_path / "out")
     head, _, rows = (tmp_path / "out" / "points.ply").read_text().partition("end_header\n")
     xyz_m = np.array([[float(word) for word in row.split()] for row in rows.splitlines()])
     assert f"element vertex {len(xyz_m)}\n" in head
@@ -260,7 +260,7 @@ def test_the_section_has_its_table(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for path in new:
         _module(path, files[path], tmp_path, monkeypatch)
     patched = _module(changed, files[changed], tmp_path, monkeypatch, "section_of_docs")
-    made = patched.Section(stage=None, seconds="")
+    made = patched.PageSection(stage=None, seconds="")
     patched.show(made, made_block(columns=5), None)
     (strips,) = (table for table in made.tables if table.caption.startswith("Strips"))
     assert [tuple(row) for row in strips.rows] == [("1", "5"), ("2", "5")]

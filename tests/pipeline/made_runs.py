@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from aatri.pipeline.methods.catalogue import Catalogue
-from aatri.pipeline.plan.graph import Node, wire
+from aatri.pipeline.plan.graph import StageNode, wire
 from aatri.pipeline.plan.plan import Plan, plan, select
 from aatri.pipeline.plan.view import StoreView
-from aatri.pipeline.run.runner import How, run_pipeline
-from aatri.pipeline.run.task import Source
+from aatri.pipeline.run.runner import RunSettings, run_pipeline
+from aatri.pipeline.run.task import StageSource
 from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
 from aatri.pipeline.spec.spec import Spec, load_spec
 from tests.made_up_stages import made_up_registry
 
-SOURCE = Source("tests.made_up_stages:made_up_registry")
+SOURCE = StageSource("tests.made_up_stages:made_up_registry")
 
 
 class Quiet:
@@ -46,7 +48,7 @@ class Quiet:
 
 def opened(
     path: Path, *, sets: tuple[str, ...] = (), uses: tuple[str, ...] = (), variant: str = ""
-) -> tuple[Spec, tuple[Node, ...]]:
+) -> tuple[Spec, tuple[StageNode, ...]]:
     """The pipeline of a file, wired."""
     catalogue = Catalogue(registry=made_up_registry())
     spec = load_spec(path)
@@ -70,7 +72,7 @@ def run(
     given = dict(how or {})
     selection = select(nodes, **given.pop("select", {}))
     listener = Quiet()
-    records = run_pipeline(spec, nodes, listener, How(selection, source=SOURCE, **given))
+    records = run_pipeline(spec, nodes, listener, RunSettings(selection, source=SOURCE, **given))
     return listener.begun, {record["stage"]: record for record in records}
 
 
@@ -86,3 +88,12 @@ def bare_record() -> dict[str, Any]:
 def digests(records: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Content digests by stage."""
     return {stage: record["output"]["content_digest"] for stage, record in records.items()}
+
+
+def read_events(run: Path) -> list[dict[str, Any]]:
+    """The events of a run, without a last line that was not finished."""
+    events = []
+    for line in (run / "events.jsonl").read_text(encoding="utf-8", errors="replace").splitlines():
+        with contextlib.suppress(ValueError):
+            events.append(json.loads(line))
+    return events

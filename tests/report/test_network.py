@@ -9,7 +9,7 @@ import pytest
 
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
 from aatri.report.sections import network
-from aatri.report.sections.parts import Section
+from aatri.report.sections.parts import PageSection
 from aatri.report.sections.shapes import shapes_table
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -67,7 +67,7 @@ def test_lines_are_drawn_once_and_rejected_ones_as_such(adjusted) -> None:
 
 def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:
     block, solution = adjusted
-    made = Section(None, "")  # type: ignore[arg-type]
+    made = PageSection(None, "")  # type: ignore[arg-type]
     network.show(made, block, solution)
     points, observations = made.tables
     assert [row[0] for row in points.rows] == ["A", "B", "C", "P", "Q"]
@@ -83,7 +83,7 @@ def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:
 def test_a_block_without_such_observations_has_no_network() -> None:
     from tests.made_solutions import made_block, made_solution
 
-    made = Section(None, "")  # type: ignore[arg-type]
+    made = PageSection(None, "")  # type: ignore[arg-type]
     block = made_block()
     network.show(made, block, made_solution(block))
     assert not made.tables

@@ -10,7 +10,7 @@ from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
-from aatri.report.sections.parts import Section, Surroundings
+from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.reliability import reliability_tables
 from aatri.report.sections.solution import show
 from aatri.report.sections.suspects import suspects_tables
@@ -65,7 +65,7 @@ def test_all_control_and_check_points_are_there_the_largest_first():
 
 def test_every_image_has_its_orientation_in_the_table():
     block = made_block()
-    made = Section(None, "")
+    made = PageSection(None, "")
     show(made, made_solution(block), Surroundings(block, None, None))
     table = next(t for t in made.tables if t.caption.startswith("Orientations"))
     assert [row[0] for row in table.rows] == block.images.id.tolist()

@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from aatri.errors import ArtifactError, SpecError
-
-if TYPE_CHECKING:
-    from aatri.pipeline.spec.spec import Spec
 
 DEFAULT = Path("pipeline.yaml")
 
 
 @dataclass(frozen=True)
-class Run:
+class LocatedRun:
     """A run folder and the stages in order, each with `stage`, `use`, `from`; what else is in `overview`."""
 
     folder: Path
@@ -40,7 +37,7 @@ class Run:
         return self.stages[names.index(name)]
 
 
-def find_run(given: Path | None) -> Run:
+def find_run(given: Path | None) -> LocatedRun:
     """The run of a folder or pipeline file; by default of ./pipeline.yaml.
 
     Raises
@@ -50,22 +47,46 @@ def find_run(given: Path | None) -> Run:
     ArtifactError
         If the folder is not one of a run.
     """
-    from aatri.pipeline.store import run_folder as store
+    from aatri.pipeline.spec.spec import load_spec
+    from aatri.pipeline.store.run_folder import read_overview
 
+    path = run_or_pipeline(given)
+    if path.is_dir():
+        overview = overview_of(path)
+        return LocatedRun(path, tuple(overview["stages"]), overview)
+    spec = load_spec(path)
+    stages = tuple({"stage": s.name, "use": s.use, "from": dict(s.inputs)} for s in spec.stages.values())
+    return LocatedRun(spec.run, stages, read_overview(spec.run) or {})
+
+
+def run_or_pipeline(given: Path | None) -> Path:
+    """The folder of a run or the pipeline file that is meant.
+
+    Raises
+    ------
+    SpecError
+        If none is given and there is no ./pipeline.yaml.
+    """
     if given is None and not DEFAULT.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
-    path = in_folder(given or DEFAULT)
-    if path.is_dir():
-        overview = store.read_overview(path)
-        if overview is None:
-            raise ArtifactError(
-                "not the folder of a run: no run.json in it", where=str(path), remedy="see `run:` in pipeline.yaml"
-            )
-        return Run(path, tuple(overview["stages"]), overview)
-    from aatri.pipeline.spec.spec import load_spec
+    return in_folder(given or DEFAULT)
 
-    spec = load_spec(path)
-    return Run(spec.run, _stages(spec), store.read_overview(spec.run) or {})
+
+def overview_of(folder: Path) -> dict[str, Any]:
+    """The run.json of a run.
+
+    Raises
+    ------
+    ArtifactError
+        If it is not the folder of a run.
+    """
+    from aatri.pipeline.store.run_folder import read_overview
+
+    overview = read_overview(folder)
+    if overview is None:
+        raise ArtifactError("not the folder of a run: no run.json in it", where=str(folder),
+                            remedy="see `run:` in pipeline.yaml")  # fmt: skip
+    return overview
 
 
 def in_folder(path: Path) -> Path:
@@ -83,7 +104,3 @@ def split_stage(text: str | None) -> tuple[Path | None, str | None]:
     if not colon or Path(text).exists():
         return Path(text), None
     return (Path(path) if path else None), stage or None
-
-
-def _stages(spec: Spec) -> tuple[dict[str, Any], ...]:
-    return tuple({"stage": s.name, "use": s.use, "from": dict(s.inputs)} for s in spec.stages.values())

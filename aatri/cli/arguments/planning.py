@@ -9,20 +9,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.arguments.locate import in_folder
+from aatri.cli.arguments.locate import DEFAULT, overview_of, run_or_pipeline
 from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.compile_kernels import Compilation
-    from aatri.pipeline.plan.graph import Node
+    from aatri.pipeline.plan.graph import StageNode
     from aatri.pipeline.plan.plan import Plan, Selection
     from aatri.pipeline.plan.view import StoreView
-    from aatri.pipeline.run.task import Source
+    from aatri.pipeline.run.task import StageSource
     from aatri.pipeline.spec.spec import Spec
-
-DEFAULT = Path("pipeline.yaml")
 
 
 @dataclass(frozen=True)
@@ -48,8 +46,8 @@ class Opened:
 
     request: Request
     spec: Spec
-    nodes: tuple[Node, ...]
-    source: Source
+    nodes: tuple[StageNode, ...]
+    source: StageSource
     compilation: Compilation | None = None
 
     def view(self, *, verify: bool = False) -> StoreView:
@@ -80,7 +78,7 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
     """
     from aatri.cli.arguments.plugins_option import local_stages
     from aatri.pipeline.methods.compile_kernels import without_compiler
-    from aatri.pipeline.run.task import Source
+    from aatri.pipeline.run.task import StageSource
     from aatri.pipeline.spec.overrides import with_variant
     from aatri.pipeline.spec.spec import load_spec
 
@@ -106,10 +104,10 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
             wait_for(compilation, narrate, terminal=is_terminal())
     for note in notes:
         narrate(f"note: {note}")
-    return Opened(request, spec, nodes, Source(local=local, runs_code=request.local_plugins), compilation)
+    return Opened(request, spec, nodes, StageSource(local=local, runs_code=request.local_plugins), compilation)
 
 
-def wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[Node, ...], list[str]]:
+def wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[StageNode, ...], list[str]]:
     """The pipeline with what a request changes in it, wired; this imports the stages that the cache does not know."""
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.plan.graph import wire
@@ -152,19 +150,12 @@ def open_run(
     and `use` are added to what was asked for then.
     """
     from aatri.pipeline.store.known_runs import is_of_this_run
-    from aatri.pipeline.store.run_folder import read_overview
 
-    path = in_folder(given or DEFAULT)
-    if given is None and not path.is_file():
-        raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
+    path = run_or_pipeline(given)
     if not path.is_dir():
         request = Request(str(path), set_=set_, use=use, local_plugins=local_plugins)
         return open_request(request, quiet=quiet, background=background)
-    overview = read_overview(path)
-    if overview is None:
-        raise ArtifactError("not the folder of a run: no run.json in it", where=str(path),
-                            remedy="see `run:` in pipeline.yaml")  # fmt: skip
-    kept = overview.get("request")
+    kept = overview_of(path).get("request")
     if not kept:
         raise ArtifactError("made by an older aatri; its pipeline is not known", where=str(path),
                             remedy="give the pipeline file")  # fmt: skip

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
+from aatri.report.numbers import metres
 
 _HIGHLIGHTS = ("images", "models", "strips", "points", "sigma0", "sigma0_um", "check_points", "check_rmse_x_m",
                "check_rmse_y_m", "check_rmse_z_m", "image_points", "suspects")  # fmt: skip
 _MOST = 4
+MISSING = "-"
 
 _ACCURACY = {
     "control": "RMS of the differences at control points",
@@ -28,7 +30,7 @@ def highlights(metrics: Mapping[str, Any]) -> str:
 def number(value: Any) -> str:
     """A figure as text; `-` if it was not determined."""
     if value is None:
-        return "-"
+        return MISSING
     return f"{value:.4g}" if isinstance(value, float) else f"{value}"
 
 
@@ -54,15 +56,8 @@ def _say_accuracy(record: Mapping[str, Any]) -> None:
         values = [metrics.get(f"{group}_rmse_{axis}_m") for axis in "xyz"]
         if any(value is not None for value in values):
             count = metrics.get(f"{group}_points")
-            rows.append([meaning + (f" ({count})" if count else ""), *(_metres(value) for value in values)])
+            rows.append([meaning + (f" ({count})" if count else ""), *(metres(value, MISSING) for value in values)])
     if rows:
         say()
         solution = record["inputs"].get("solution", {}).get("stage", "")
         say_table((f"{record['stage']}: of {solution}", "X m", "Y m", "Z m"), rows, ("X m", "Y m", "Z m"))
-
-
-def _metres(value: float | None) -> str:
-    """To 0.1 mm, and to two digits where that is too coarse: close range."""
-    if value is None:
-        return "-"
-    return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"

@@ -78,7 +78,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Found:
+class Declaration:
     """A role (`ROLE`) or variant (`ROLE/VARIANT`); a role is `declared` if its folder says so, else only used."""
 
     name: str
@@ -86,14 +86,14 @@ class Found:
     declared: bool = True
 
 
-def built_in() -> Iterator[Found]:
+def built_in() -> Iterator[Declaration]:
     """The stages that come with aatri."""
     package = importlib.import_module(GROUP)
     for folder in package.__path__:
         yield from _in_folder(Path(folder), GROUP, BUILT_IN)
 
 
-def in_project(folder: Path) -> Iterator[Found]:
+def in_project(folder: Path) -> Iterator[Declaration]:
     """The stages in a project's own folder.
 
     Raises
@@ -107,7 +107,7 @@ def in_project(folder: Path) -> Iterator[Found]:
     yield from _in_folder(folder, _PROJECT_PACKAGE, PROJECT)
 
 
-def installed() -> Iterator[Found]:
+def installed() -> Iterator[Declaration]:
     """The stages of installed packages.
 
     Raises
@@ -124,7 +124,7 @@ def installed() -> Iterator[Found]:
                               remedy=_NAME_RULE)  # fmt: skip
         attribute = point.attr or ("ROLE" if len(parts) == 1 else parts[1])
         file = file_of_module(point.module)
-        yield Found(point.name, Origin(INSTALLED, point.module, attribute, file, distribution))
+        yield Declaration(point.name, Origin(INSTALLED, point.module, attribute, file, distribution))
 
 
 def project_package(folder: Path) -> str:
@@ -158,7 +158,7 @@ def file_of_module(module: str) -> Path | None:
     return file
 
 
-def _in_folder(folder: Path, package: str, source: str) -> Iterator[Found]:
+def _in_folder(folder: Path, package: str, source: str) -> Iterator[Declaration]:
     for role in sorted(p for p in folder.iterdir() if p.is_dir() and p.name[0] not in "_."):
         files = sorted(p for p in role.glob("*.py") if p.name[0] not in "_.")
         init = role / "__init__.py"
@@ -169,7 +169,7 @@ def _in_folder(folder: Path, package: str, source: str) -> Iterator[Found]:
                 raise PluginError("no role or variant can have this name", where=str(path),
                                   remedy=f"{_NAME_RULE}; a helper begins with _")  # fmt: skip
         declared = init.is_file() and bool(_DECLARES_ROLE.search(init.read_text(encoding="utf-8", errors="replace")))
-        yield Found(role.name, Origin(source, f"{package}.{role.name}", "ROLE", init), declared)
+        yield Declaration(role.name, Origin(source, f"{package}.{role.name}", "ROLE", init), declared)
         for path in files:
             origin = Origin(source, f"{package}.{role.name}.{path.stem}", path.stem, path)
-            yield Found(f"{role.name}/{path.stem}", origin)
+            yield Declaration(f"{role.name}/{path.stem}", origin)

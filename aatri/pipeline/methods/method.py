@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Need:
+class MethodPort:
     """A port as a variant asks for it: the kind of artifact and its schema version."""
 
     name: str
@@ -26,7 +26,7 @@ class Method:
 
     name: str
     version: int
-    ports: tuple[Need, ...]
+    ports: tuple[MethodPort, ...]
     kind: str
     schema: int
     wants_rng: bool
@@ -39,11 +39,11 @@ class Method:
 
 def method_of(card: StageCard, role: Role) -> Method:
     """The method of a card."""
-    needs = tuple(Need(p.name, p.kind.kind, p.kind.schema_version, p.optional) for p in card.ports)
+    needs = tuple(MethodPort(p.name, p.kind.kind, p.kind.schema_version, p.optional) for p in card.ports)
     ports = {name: kind.kind for name, kind in role.ports.items()}
     return Method(card.name, card.version, needs, card.kind.kind, card.kind.schema_version, card.wants_rng, ports)
 
 
 def from_plain(value: Mapping[str, Any]) -> Method:
     """The method that `Method.plain` gave."""
-    return Method(**{**value, "ports": tuple(Need(**need) for need in value["ports"])})
+    return Method(**{**value, "ports": tuple(MethodPort(**need) for need in value["ports"])})

@@ -21,7 +21,7 @@ from typing import Any
 from aatri.errors import AatriError, PluginError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.pipeline.methods import discovery
-from aatri.pipeline.methods.discovery import Found, Origin
+from aatri.pipeline.methods.discovery import Declaration, Origin
 from aatri.plugin import Role, StageCard, card_of
 
 _NO_MEMORY = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
@@ -94,7 +94,7 @@ def find_stages(local: Path | None = None) -> Registry:
     found = [*discovery.built_in(), *discovery.installed()]
     if local is not None:
         found += discovery.in_project(local)
-    kept: dict[str, Found] = {}
+    kept: dict[str, Declaration] = {}
     for one in sorted(found, key=lambda f: not f.declared):
         if not one.declared and one.name in kept:
             continue  # a folder with variants of a role that is declared elsewhere
@@ -130,7 +130,7 @@ def contract(name: str, role: Role) -> str:
     return f"{name}({ports}) -> {role.kind.kind}"
 
 
-def _role_loader(found: Found, names: Iterable[str]) -> Callable[[], Role]:
+def _role_loader(found: Declaration, names: Iterable[str]) -> Callable[[], Role]:
     def load() -> Role:
         declared = getattr(_imported(found.origin), found.origin.attribute, None)
         if not isinstance(declared, Role):
@@ -145,7 +145,7 @@ def _role_loader(found: Found, names: Iterable[str]) -> Callable[[], Role]:
     return load
 
 
-def _variant_loader(found: Found) -> Callable[[], Callable[..., Any]]:
+def _variant_loader(found: Declaration) -> Callable[[], Callable[..., Any]]:
     def load() -> Callable[..., Any]:
         wanted = found.origin.attribute
         module = _imported(found.origin)

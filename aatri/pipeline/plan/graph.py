@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Node:
+class StageNode:
     """A stage ready to run.
 
     Attributes
@@ -66,7 +66,7 @@ class _Role:
     kind: str
 
 
-def wire(spec: Spec, source: Catalogue | Registry) -> tuple[Node, ...]:
+def wire(spec: Spec, source: Catalogue | Registry) -> tuple[StageNode, ...]:
     """The stages in the order of execution; among those ready at once, in the order of the file.
 
     Raises
@@ -94,7 +94,7 @@ def wire(spec: Spec, source: Catalogue | Registry) -> tuple[Node, ...]:
     return tuple(nodes[name] for name in order)
 
 
-def upstream(nodes: tuple[Node, ...], name: str) -> frozenset[str]:
+def upstream(nodes: tuple[StageNode, ...], name: str) -> frozenset[str]:
     """The stages that a stage uses, directly or not."""
     sources = {node.name: set(node.inputs.values()) for node in nodes}
     reached: set[str] = set()
@@ -106,7 +106,7 @@ def upstream(nodes: tuple[Node, ...], name: str) -> frozenset[str]:
     return frozenset(reached)
 
 
-def downstream(nodes: tuple[Node, ...], name: str) -> tuple[str, ...]:
+def downstream(nodes: tuple[StageNode, ...], name: str) -> tuple[str, ...]:
     """The stages that use a stage, directly or not, in order."""
     reached = {name}
     for node in nodes:
@@ -115,11 +115,11 @@ def downstream(nodes: tuple[Node, ...], name: str) -> tuple[str, ...]:
     return tuple(node.name for node in nodes if node.name in reached and node.name != name)
 
 
-def _node(stage: StageSpec, prepared: Prepared) -> Node:
+def _node(stage: StageSpec, prepared: Prepared) -> StageNode:
     wanted = {port.name for port in prepared.method.ports}
     used = {port: source for port, source in stage.inputs.items() if port in wanted}
     unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
-    return Node(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
+    return StageNode(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
                 prepared.code.digest, prepared.uses, prepared.code.modules, prepared.needs)  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 
 KEY_SCHEMA = 3
 """Grows with what a key is made of, and with the form of the files: results of another form are made again."""
@@ -27,12 +27,12 @@ NO_FILE = "no file"
 """Stands for that of a link to nothing, a pipe or a device in a folder."""
 
 
-def key_parts(node: Node, inputs: Mapping[str, str | None], files: Mapping[str, str], seed: int) -> dict[str, Any]:
+def key_parts(node: StageNode, inputs: Mapping[str, str | None], files: Mapping[str, str], seed: int) -> dict[str, Any]:
     """All that the result of a stage depends on.
 
     Parameters
     ----------
-    node : Node
+    node : StageNode
     inputs : mapping
         Content digest of the artifact at each port; None where it is not known yet.
     files : mapping
@@ -94,7 +94,7 @@ def _files_in(folder: Path) -> list[Path]:
     return [p for p in folder.rglob("*") if not p.is_dir() and not p.name.startswith((".", "~$"))]
 
 
-def _without_paths(node: Node) -> dict[str, Any]:
+def _without_paths(node: StageNode) -> dict[str, Any]:
     """The options, with the paths of input files left out: their content counts, not where they lie."""
     options = copy.deepcopy(dict(node.options))
     for dotted in node.files:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
-from aatri.pipeline.plan.graph import Node, downstream, upstream
+from aatri.pipeline.plan.graph import StageNode, downstream, upstream
 from aatri.pipeline.plan.keys import key_of, key_parts
 from aatri.pipeline.plan.reasons import Reason, Why, differences
 
@@ -60,7 +60,7 @@ class View(Protocol):
     def interrupted_key(self, stage: str) -> str | None:
         """The key of an attempt that did not come to its end."""
 
-    def files(self, node: Node) -> Mapping[str, str]:
+    def files(self, node: StageNode) -> Mapping[str, str]:
         """Content digests of the files that options name."""
 
 
@@ -120,7 +120,7 @@ class Selection:
 
 
 def select(
-    nodes: tuple[Node, ...],
+    nodes: tuple[StageNode, ...],
     *,
     start: str | None = None,
     until: str | None = None,
@@ -131,7 +131,7 @@ def select(
 
     Parameters
     ----------
-    nodes : tuple of Node
+    nodes : tuple of StageNode
     start : str, optional
         This stage and what depends on it.
     until : str, optional
@@ -163,7 +163,7 @@ def select(
     return Selection(frozenset(chosen), forced)
 
 
-def plan(nodes: tuple[Node, ...], view: View, seed: int, selection: Selection = Selection()) -> Plan:
+def plan(nodes: tuple[StageNode, ...], view: View, seed: int, selection: Selection = Selection()) -> Plan:
     """Decide on every stage, in order."""
     digests: dict[str, str | None] = {}
     decisions = []
@@ -175,13 +175,13 @@ def plan(nodes: tuple[Node, ...], view: View, seed: int, selection: Selection = 
 
 
 def decide(
-    node: Node, digests: Mapping[str, str | None], view: View, seed: int, selection: Selection = Selection()
+    node: StageNode, digests: Mapping[str, str | None], view: View, seed: int, selection: Selection = Selection()
 ) -> Decision:  # fmt: skip
     """Decide on one stage.
 
     Parameters
     ----------
-    node : Node
+    node : StageNode
     digests : mapping
         Stage -> content digest of its result; None where it is still to be made.
     view : View

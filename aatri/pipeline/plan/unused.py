@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from aatri.errors import AatriError, GeometryError, InputError
-from aatri.pipeline.plan.graph import Node, downstream
+from aatri.pipeline.plan.graph import StageNode, downstream
 from aatri.tables.offers import Offer, covers, offer_from_plain
 
 MILD = ("check", "grouping", "reduction")
@@ -31,13 +31,13 @@ class Unused:
 
 
 def unused(
-    nodes: tuple[Node, ...], records: Iterable[Mapping[str, Any]], ignore: tuple[str, ...], of: str = ""
+    nodes: tuple[StageNode, ...], records: Iterable[Mapping[str, Any]], ignore: tuple[str, ...], of: str = ""
 ) -> Unused:
     """Compare what results offer with what the stages of the pipeline use.
 
     Parameters
     ----------
-    nodes : tuple of Node
+    nodes : tuple of StageNode
         The whole pipeline.
     records : iterable of dict
         Records of results.
@@ -75,7 +75,7 @@ def unused(
     return Unused(tuple(errors), tuple(warnings))
 
 
-def _missing(takers: list[Node], source: str, offered: set[str]) -> list[GeometryError]:
+def _missing(takers: list[StageNode], source: str, offered: set[str]) -> list[GeometryError]:
     """What stages need of a result that does not offer it."""
     return [
         GeometryError(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.keys import file_digests
 from aatri.pipeline.plan.plan import Integrity
 from aatri.pipeline.store import run_folder as store
@@ -77,7 +77,7 @@ class StoreView:
             return under_way.get("key") if under_way is not None else None
         return None
 
-    def files(self, node: Node) -> dict[str, str]:
+    def files(self, node: StageNode) -> dict[str, str]:
         """Content digests of the files that options name."""
         found: dict[str, str] = {}
         for option, path in node.files.items():

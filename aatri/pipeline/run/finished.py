@@ -6,7 +6,7 @@ import errno
 from collections.abc import Callable
 from typing import Any
 
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.plan import Plan, Selection, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
@@ -21,7 +21,7 @@ def cannot_be_written(error: BaseException) -> bool:
 
 
 def finished(
-    spec: Spec, nodes: tuple[Node, ...], warned: Callable[[str, str], None], selection: Selection, view: StoreView,
+    spec: Spec, nodes: tuple[StageNode, ...], warned: Callable[[str, str], None], selection: Selection, view: StoreView,
     planned: Plan | None = None,
 ) -> list[dict[str, Any]] | None:  # fmt: skip
     """The records of a run in which there is nothing to do; None if there is something."""

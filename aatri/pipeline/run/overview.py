@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.plan import Plan, Selection
 from aatri.pipeline.plan.unused import Unused
 from aatri.pipeline.spec.gates import judge
@@ -22,7 +22,7 @@ from aatri.pipeline.store.records import SCHEMA
 DONE, GATE_FAILED = "done", "gate_failed"
 
 
-def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any]) -> dict[str, Any]:
+def overview_of(spec: Spec, nodes: tuple[StageNode, ...], request: Mapping[str, Any]) -> dict[str, Any]:
     """What run.json says of a pipeline."""
     stages = [
         {"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes
@@ -31,7 +31,7 @@ def overview_of(spec: Spec, nodes: tuple[Node, ...], request: Mapping[str, Any])
 
 
 def is_settled(
-    spec: Spec, nodes: tuple[Node, ...], planned: Plan, found: Unused, selection: Selection
+    spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, found: Unused, selection: Selection
 ) -> bool:  # fmt: skip
     """Whether the run folder shows just the results that the plan finds fresh, and the verdicts of their gates."""
     if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):

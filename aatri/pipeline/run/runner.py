@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from aatri.errors import AatriError, ArtifactError, ResourceError, raise_all
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.plan import Decision, Plan, Selection, State, decide, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.finished import cannot_be_written, finished
 from aatri.pipeline.run.overview import DONE, GATE_FAILED, overview_of, plain_warnings
-from aatri.pipeline.run.task import Outcome, Source, task_of
-from aatri.pipeline.run.workers import Pool, pool
+from aatri.pipeline.run.task import StageSource, TaskOutcome, task_of
+from aatri.pipeline.run.workers import WorkerPool, pool
 from aatri.pipeline.spec.gates import Verdict, judge
 from aatri.pipeline.spec.spec import Spec
 from aatri.pipeline.store import inside
@@ -59,7 +59,7 @@ class Listener(Protocol):
 
 
 @dataclass(frozen=True)
-class How:
+class RunSettings:
     """How to run: what the command line says beside the pipeline itself.
 
     `compiled` comes back when some modules have been compiled.
@@ -71,13 +71,13 @@ class How:
     verify: bool = False
     lock: bool = True
     command: str = "aatri run"
-    source: Source = field(default_factory=Source)
+    source: StageSource = field(default_factory=StageSource)
     request: Mapping[str, Any] = field(default_factory=dict)
     compiled: Callable[[Iterable[str]], object] | None = None
 
 
 def run_pipeline(
-    spec: Spec, nodes: tuple[Node, ...], listener: Listener, how: How | None = None
+    spec: Spec, nodes: tuple[StageNode, ...], listener: Listener, settings: RunSettings | None = None
 ) -> list[dict[str, Any]]:
     """Bring all selected stages up to date; returns the records of the stages that are, in order.
 
@@ -88,37 +88,37 @@ def run_pipeline(
     AatriError
         The errors of the stages that failed. What was made before stays.
     """
-    how = how or How()
+    settings = settings or RunSettings()
     try:
-        return _run(spec, nodes, listener, how)
+        return _run(spec, nodes, listener, settings)
     except ResourceError as error:
         if not cannot_be_written(error):
             raise
-        view = StoreView(spec.run, verify=how.verify)
-        if (done := finished(spec, nodes, listener.warned, how.selection, view)) is None:
+        view = StoreView(spec.run, verify=settings.verify)
+        if (done := finished(spec, nodes, listener.warned, settings.selection, view)) is None:
             raise
         return done
 
 
-def _run(spec: Spec, nodes: tuple[Node, ...], listener: Listener, how: How) -> list[dict[str, Any]]:
+def _run(spec: Spec, nodes: tuple[StageNode, ...], listener: Listener, settings: RunSettings) -> list[dict[str, Any]]:
     """Bring all selected stages up to date, as the one writer of the folder."""
     store.claim(spec.run, spec.variant)
-    remember(spec.run, str(how.request.get("pipeline", "")))
-    with locked(spec.run, how.command, enabled=how.lock):
-        view = StoreView(spec.run, verify=how.verify)
-        planned = plan(nodes, view, spec.seed, how.selection)
+    remember(spec.run, str(settings.request.get("pipeline", "")))
+    with locked(spec.run, settings.command, enabled=settings.lock):
+        view = StoreView(spec.run, verify=settings.verify)
+        planned = plan(nodes, view, spec.seed, settings.selection)
         check_inputs(nodes, planned)
         view.save()
-        if (done := finished(spec, nodes, listener.warned, how.selection, view, planned)) is not None:
+        if (done := finished(spec, nodes, listener.warned, settings.selection, view, planned)) is not None:
             return done
-        run = _Run(spec, nodes, planned, view, listener, how)
+        run = _Run(spec, nodes, planned, view, listener, settings)
         try:
             return run.carry_out()
         finally:
             view.save()
 
 
-def check_inputs(nodes: tuple[Node, ...], planned: Plan) -> None:
+def check_inputs(nodes: tuple[StageNode, ...], planned: Plan) -> None:
     """See that every input of a selected stage is there or will be made.
 
     Raises
@@ -142,11 +142,17 @@ class _Run:
     """One run under way."""
 
     def __init__(
-        self, spec: Spec, nodes: tuple[Node, ...], planned: Plan, view: StoreView, listener: Listener, how: How
+        self,
+        spec: Spec,
+        nodes: tuple[StageNode, ...],
+        planned: Plan,
+        view: StoreView,
+        listener: Listener,
+        settings: RunSettings,
     ) -> None:
         self.spec, self.nodes, self.planned = spec, nodes, planned
-        self.view, self.listener, self.how = view, listener, how
-        self.overview = {**overview_of(spec, nodes, how.request), "started": now()}
+        self.view, self.listener, self.settings = view, listener, settings
+        self.overview = {**overview_of(spec, nodes, settings.request), "started": now()}
         self.records: dict[str, Mapping[str, Any]] = {}
         self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
         self.problems: list[AatriError] = []
@@ -162,8 +168,8 @@ class _Run:
         status = "interrupted"
         try:
             self._show_what_is_fresh()
-            self.events.add("started", command=self.how.command, stale=[d.stage for d in self.planned.stale])
-            with pool(self.how.jobs, self._tell) as workers:
+            self.events.add("started", command=self.settings.command, stale=[d.stage for d in self.planned.stale])
+            with pool(self.settings.jobs, self._tell) as workers:
                 self._work(workers)
             status = "failed" if self.problems else self._judge()
         except AatriError:
@@ -177,7 +183,7 @@ class _Run:
 
     def _judge(self) -> str:
         """Judge the gates; returns the status of the run."""
-        self.verdicts = judge(self.spec, self.records.values(), self.how.selection.stages)
+        self.verdicts = judge(self.spec, self.records.values(), self.settings.selection.stages)
         for verdict in self.verdicts:
             self.events.add("gate", **verdict.plain())
         return DONE if all(verdict.passed for verdict in self.verdicts) else GATE_FAILED
@@ -225,22 +231,22 @@ class _Run:
             self.problems += found.errors
             self.events.add("not used", stage=stage, errors=[str(error) for error in found.errors])
 
-    def _work(self, workers: Pool) -> None:
+    def _work(self, workers: WorkerPool) -> None:
         selected = {d.stage for d in self.planned.decisions if d.selected}
         waiting = [n for n in self.nodes if n.name in selected and n.name not in self.records]
-        under_way: dict[Future[Outcome], Node] = {}
+        under_way: dict[Future[TaskOutcome], StageNode] = {}
         while waiting or under_way:
-            node = self._next(waiting) if len(under_way) < self.how.jobs and self._goes_on() else None
+            node = self._next(waiting) if len(under_way) < self.settings.jobs and self._goes_on() else None
             if node is not None:
                 waiting.remove(node)
                 digests = {name: str(r["output"]["content_digest"]) for name, r in self.records.items()}
-                decision = decide(node, digests, self.view, self.spec.seed, self.how.selection)
+                decision = decide(node, digests, self.view, self.spec.seed, self.settings.selection)
                 if decision.record is not None:
                     self._settle(node.name, decision.record)
                     self.events.add("fresh", stage=node.name, key=decision.key)
                     continue
                 under_way[self._start(node, decision, workers)] = node
-                if self.how.jobs > 1:
+                if self.settings.jobs > 1:
                     continue
             if not under_way:
                 return
@@ -250,9 +256,9 @@ class _Run:
             workers.forget({self.records[s]["output"]["content_digest"] for s in wanted})
 
     def _goes_on(self) -> bool:
-        return self.how.keep_going or not self.problems
+        return self.settings.keep_going or not self.problems
 
-    def _next(self, waiting: list[Node]) -> Node | None:
+    def _next(self, waiting: list[StageNode]) -> StageNode | None:
         """The first stage whose inputs are there; those below a failed one are given up."""
         for node in list(waiting):
             if self.lost & set(node.inputs.values()):
@@ -262,15 +268,15 @@ class _Run:
                 return node
         return None
 
-    def _start(self, node: Node, decision: Decision, workers: Pool) -> Future[Outcome]:
+    def _start(self, node: StageNode, decision: Decision, workers: WorkerPool) -> Future[TaskOutcome]:
         self.listener.started(node.name, node.method.name, self.numbers[node.name], len(self.nodes))
         self.events.add("stage started", stage=node.name, key=decision.key,
                         reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
-        if self.how.compiled is not None:
-            self.how.compiled(node.modules)
-        return workers.submit(task_of(self.spec, node, decision, self.records, self.how.source))
+        if self.settings.compiled is not None:
+            self.settings.compiled(node.modules)
+        return workers.submit(task_of(self.spec, node, decision, self.records, self.settings.source))
 
-    def _end(self, node: Node, outcome: Outcome) -> None:
+    def _end(self, node: StageNode, outcome: TaskOutcome) -> None:
         if outcome.record is not None:
             self._settle(node.name, outcome.record)
             self.events.add("stage done", stage=node.name, key=outcome.record["key"],

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError, raise_all
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.plan import Selection, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import overview_of
-from aatri.pipeline.run.runner import How, Listener, check_inputs
+from aatri.pipeline.run.runner import Listener, RunSettings, check_inputs
 from aatri.pipeline.run.task import task_of
 from aatri.pipeline.run.workers import pool
 from aatri.pipeline.spec.spec import Spec
@@ -24,7 +24,7 @@ from aatri.pipeline.store.lock import locked
 
 
 def make_stage(
-    spec: Spec, nodes: tuple[Node, ...], name: str, listener: Listener, how: How
+    spec: Spec, nodes: tuple[StageNode, ...], name: str, listener: Listener, settings: RunSettings
 ) -> tuple[dict[str, Any], bool]:
     """Bring one stage up to date.
 
@@ -42,9 +42,9 @@ def make_stage(
     """
     node = next(node for node in nodes if node.name == name)
     store.claim(spec.run, spec.variant)
-    with locked(spec.run, how.command, stage=name, enabled=how.lock):
-        view = StoreView(spec.run, verify=how.verify)
-        planned = plan(nodes, view, spec.seed, Selection(frozenset({name}), how.selection.forced))
+    with locked(spec.run, settings.command, stage=name, enabled=settings.lock):
+        view = StoreView(spec.run, verify=settings.verify)
+        planned = plan(nodes, view, spec.seed, Selection(frozenset({name}), settings.selection.forced))
         check_inputs(nodes, planned)
         decision = planned.of(name)
         taken = [d.record for d in planned.decisions if d.record is not None and d.stage in node.inputs.values()]
@@ -52,7 +52,7 @@ def make_stage(
         store.prepare(spec.run)
         if not _has_overview(spec):
             with on_disk(spec.run):
-                overview = overview_of(spec, nodes, how.request)
+                overview = overview_of(spec, nodes, settings.request)
                 store.write_json({**overview, "status": "stage by stage"}, spec.run, "run.json")
         if decision.record is not None:
             if not store.is_current(spec.run, decision.record):
@@ -62,7 +62,7 @@ def make_stage(
         above = {d.stage: d.record for d in planned.decisions if d.record is not None}
         listener.started(name, node.method.name, 1, 1)
         with pool(1, lambda stage, event, *about: getattr(listener, event)(stage, *about)) as workers:
-            outcome = workers.submit(task_of(spec, node, decision, above, how.source)).result()
+            outcome = workers.submit(task_of(spec, node, decision, above, settings.source)).result()
         if outcome.record is None:
             listener.failed(name, spec.run / "failed" / name)
             outcome.raise_error()
@@ -82,7 +82,7 @@ def _has_overview(spec: Spec) -> bool:
 
 
 def _compare_with_use(
-    spec: Spec, nodes: tuple[Node, ...], records: Iterable[Mapping[str, Any]], of: str, listener: Listener
+    spec: Spec, nodes: tuple[StageNode, ...], records: Iterable[Mapping[str, Any]], of: str, listener: Listener
 ) -> None:
     """Refuse to go on from results that offer what no stage of the pipeline uses."""
     found = unused(nodes, records, spec.ignore, of)

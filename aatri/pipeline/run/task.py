@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from aatri import errors
 from aatri.errors import AatriError, Errors, raise_all
-from aatri.pipeline.plan.graph import Node
+from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.plan import Decision
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ STAGES = "aatri.pipeline.methods.registry:find_stages"
 
 
 @dataclass(frozen=True)
-class Source:
+class StageSource:
     """Where stages come from: the function that finds them, as `module:function`, and a project's own folder.
 
     `runs_code` says that options may name Python of the project.
@@ -57,11 +57,11 @@ class Task:
     key: str
     parts: Mapping[str, Any]
     seed: int
-    source: Source = Source()
+    source: StageSource = StageSource()
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TaskOutcome:
     """What came of a task: the record of the result, or what went wrong as (class, what, where, remedy)."""
 
     record: dict[str, Any] | None = None
@@ -75,7 +75,7 @@ class Outcome:
 
 
 def task_of(
-    spec: Spec, node: Node, decision: Decision, records: Mapping[str, Mapping[str, Any]], source: Source
+    spec: Spec, node: StageNode, decision: Decision, records: Mapping[str, Mapping[str, Any]], source: StageSource
 ) -> Task:
     """The task of a stage that is to run, with the records of the stages above it."""
     inputs = {port: records[stage] for port, stage in node.inputs.items()}
@@ -83,7 +83,7 @@ def task_of(
                 inputs, decision.key or "", decision.parts, spec.seed, source)  # fmt: skip
 
 
-def failed(error: AatriError) -> Outcome:
+def failed(error: AatriError) -> TaskOutcome:
     """The outcome of a task that failed."""
     single = error.errors if isinstance(error, Errors) else (error,)
-    return Outcome(None, tuple((type(e).__name__, e.what, e.where, e.remedy) for e in single))
+    return TaskOutcome(None, tuple((type(e).__name__, e.what, e.where, e.remedy) for e in single))

@@ -22,7 +22,7 @@ import numpy as np
 
 from aatri.errors import AatriError, PluginError, ResourceError, lacks_memory
 from aatri.pipeline.run.context import LoggedContext, Tell, drop_checkpoints
-from aatri.pipeline.run.task import Outcome, Task, failed
+from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.durable import on_disk, write_json
@@ -34,7 +34,7 @@ from aatri.tables.schema import Artifact
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
-def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -> Outcome:
+def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -> TaskOutcome:
     """Make a stage.
 
     Parameters
@@ -73,11 +73,11 @@ def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -
     except AatriError as problem:
         error = problem
     else:
-        return Outcome(full)
+        return TaskOutcome(full)
     return _failed(task, error, started)
 
 
-def _failed(task: Task, error: AatriError, started: str) -> Outcome:
+def _failed(task: Task, error: AatriError, started: str) -> TaskOutcome:
     """Keep log and diagnostics apart; on a full disk not even that may be possible."""
     try:
         folder = store.fail(task.run, task.stage, _diagnostics(error, task, started))

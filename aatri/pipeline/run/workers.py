@@ -20,7 +20,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aatri.errors import ResourceError
-from aatri.pipeline.run.task import Outcome, Task, failed
+from aatri.pipeline.run.task import Task, TaskOutcome, failed
 
 if TYPE_CHECKING:
     from aatri.pipeline.run.context import Tell
@@ -40,10 +40,10 @@ _queue: Any = None
 """In a worker process: leads to the process that started it."""
 
 
-class Pool(Protocol):
+class WorkerPool(Protocol):
     """Carries out tasks."""
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[TaskOutcome]:
         """Begin a task."""
 
     def forget(self, needed: set[str]) -> None:
@@ -85,7 +85,7 @@ def _memory_limit() -> float:
 
 
 @contextlib.contextmanager
-def pool(jobs: int, tell: Tell) -> Iterator[Pool]:
+def pool(jobs: int, tell: Tell) -> Iterator[WorkerPool]:
     """A pool for so many stages at once; `tell` takes stage, event and what belongs to it."""
     share_cores(jobs)
     _take_buffers()
@@ -103,14 +103,14 @@ class _Here:
         self._tell = tell
         self._memory: dict[str, Artifact] = {}
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[TaskOutcome]:
         from aatri.pipeline.run.worker import perform
         from aatri.tables.hdf5 import size_of
 
         if sum(map(size_of, self._memory.values())) > MOST_KEPT_BYTES:
             self.forget({str(record["output"]["content_digest"]) for record in task.inputs.values()})
         _give_back()
-        future: Future[Outcome] = Future()
+        future: Future[TaskOutcome] = Future()
         future.set_result(perform(task, lambda *event: self._tell(task.stage, *event), self._memory))
         return future
 
@@ -149,10 +149,10 @@ class _Processes:
         self._listening.join()
         self._events.close()
 
-    def submit(self, task: Task) -> Future[Outcome]:
-        outcome: Future[Outcome] = Future()
+    def submit(self, task: Task) -> Future[TaskOutcome]:
+        outcome: Future[TaskOutcome] = Future()
 
-        def pass_on(done: Future[Outcome]) -> None:
+        def pass_on(done: Future[TaskOutcome]) -> None:
             try:
                 outcome.set_result(done.result())
             except BrokenProcessPool:
@@ -190,7 +190,7 @@ def _begin(queue: Any, parent: int) -> None:
                 os._exit(1)
 
 
-def _perform(task: Task) -> Outcome:
+def _perform(task: Task) -> TaskOutcome:
     from aatri.pipeline.run.worker import perform
 
     return perform(task, lambda *event: _queue.put((task.stage, *event)))

@@ -45,14 +45,14 @@ def with_set(spec: Spec, texts: Sequence[str]) -> Spec:
     return dataclasses.replace(spec, stages=stages, written_at=written_at, gates=gates)
 
 
-class Options(Protocol):
+class KnownOptions(Protocol):
     """Knows the options of variants."""
 
     def option_names(self, use: str) -> Collection[str]:
         """Names of the options of a variant at the top level."""
 
 
-def with_use(spec: Spec, texts: Sequence[str], known: Options) -> tuple[Spec, list[str]]:
+def with_use(spec: Spec, texts: Sequence[str], known: KnownOptions) -> tuple[Spec, list[str]]:
     """The spec with other variants, and notes that name the options which the new variants do not have.
 
     Raises

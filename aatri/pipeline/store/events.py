@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,19 +41,6 @@ class Events:
         finally:
             with on_disk(self._path):
                 os.close(self._handle)
-
-
-def read_events(run: Path) -> Iterator[dict[str, Any]]:
-    """The events of a run, without lines that were not finished."""
-    try:
-        text = inside.read(run, "events.jsonl").decode("utf-8", errors="replace")
-    except FileNotFoundError:
-        return
-    for line in text.splitlines():
-        try:
-            yield json.loads(line)
-        except (ValueError, RecursionError):
-            continue
 
 
 def _last_byte(handle: int, size: int) -> bytes:

@@ -7,11 +7,11 @@ import numpy as np
 from aatri.artifacts.block import Block
 from aatri.report.numbers import DASH, number
 from aatri.report.sections.frames import frame_tables
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows, axes, rejects_table
 
 
-def show(made: Section, block: Block, _around: Surroundings) -> None:
+def show(made: PageSection, block: Block, _around: Surroundings) -> None:
     """Add frames, cameras and rejects."""
     cameras = block.cameras
     columns: Columns = {

@@ -11,11 +11,11 @@ from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
 from aatri.report.drawing.svg import Picture
 from aatri.report.numbers import metres
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 
 
-def show(made: Section, evaluation: Evaluation, around: Surroundings) -> None:
+def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> None:
     """Add verdict, points and pictures."""
     made.notes.append(evaluation.verdict)
     made.tables.extend(point_tables(evaluation))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.artifacts.image_points import ImagePoints
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows
 
 
-def show(made: Section, artifact: ImagePoints, _around: Surroundings) -> None:
+def show(made: PageSection, artifact: ImagePoints, _around: Surroundings) -> None:
     """Add corrections, and the fit of the fiducial marks."""
     corrections, residuals = artifact.corrections, artifact.fiducial_residuals
     columns: Columns = {"correction": corrections.name, "largest um": 1e3 * corrections.largest_mm}

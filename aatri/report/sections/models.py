@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from aatri.artifacts.models import Models
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows
 from aatri.report.sections.uncontrolled import uncontrolled_counts, uncontrolled_table
 
 
-def show(made: Section, models: Models, _around: Surroundings) -> None:
+def show(made: PageSection, models: Models, _around: Surroundings) -> None:
     """Add neighbours without a model, and what is uncontrolled."""
     unformed = models.unformed
     columns: Columns = {

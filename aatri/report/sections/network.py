@@ -9,12 +9,12 @@ from aatri.artifacts.solution import Solution
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
 from aatri.report.numbers import digits, metres
 from aatri.report.sections.observations import of_the_network
-from aatri.report.sections.parts import Section, present
+from aatri.report.sections.parts import PageSection, present
 from aatri.report.sections.shapes import shapes_table
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 
 
-def show(made: Section, block: Block | None, solution: Solution) -> None:
+def show(made: PageSection, block: Block | None, solution: Solution) -> None:
     """Add what there is of a network or of relative control."""
     if block is None or not (len(block.geodetic) or len(block.relative_control)):
         return

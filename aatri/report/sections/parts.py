@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """What the page tells of one stage."""
 
     stage: StageView

@@ -15,10 +15,10 @@ from aatri.errors import AatriError
 from aatri.report.numbers import seconds
 from aatri.report.run_view import RunView, StageView
 from aatri.report.sections import block, evaluation, image_points, models, solution, strips, tables
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
 
-_SHOW: dict[type, Callable[[Section, Any, Surroundings], None]] = {
+_SHOW: dict[type, Callable[[PageSection, Any, Surroundings], None]] = {
     Block: block.show,
     ImagePoints: image_points.show,
     Models: models.show,
@@ -28,10 +28,10 @@ _SHOW: dict[type, Callable[[Section, Any, Surroundings], None]] = {
 }
 
 
-def section(run: RunView, stage: StageView, around: Surroundings) -> Section:
+def section(run: RunView, stage: StageView, around: Surroundings) -> PageSection:
     """The section of a stage, also of one that failed or whose artifact cannot be read."""
     record = stage.record or {}
-    made = Section(stage, seconds(record.get("seconds")))
+    made = PageSection(stage, seconds(record.get("seconds")))
     single, by_axis = tables.without_axis(stage.metrics), tables.by_axis("Metrics by axis", stage.metrics)
     made.tables.extend(present(tables.pairs("Metrics", single), by_axis))
     options = (stage.failure or record).get("options", {})

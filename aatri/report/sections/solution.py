@@ -18,11 +18,11 @@ from aatri.report.drawing.residual_plots import (
 from aatri.report.drawing.svg import Picture
 from aatri.report.numbers import DASH, digits, metres, number
 from aatri.report.sections import calibration, network, observations, reliability
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, residual_classes
 
 
-def show(made: Section, solution: Solution, around: Surroundings) -> None:
+def show(made: PageSection, solution: Solution, around: Surroundings) -> None:
     """Add what was adjusted, the most asked for first."""
     made.tables.extend(
         present(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from aatri.artifacts.strips import Strips
-from aatri.report.sections.parts import Section, Surroundings, present
+from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows
 from aatri.report.sections.uncontrolled import uncontrolled_counts, uncontrolled_table
 
 
-def show(made: Section, strips: Strips, _around: Surroundings) -> None:
+def show(made: PageSection, strips: Strips, _around: Surroundings) -> None:
     """Add gaps, and what is uncontrolled."""
     gaps = strips.gaps
     columns: Columns = {"strip": gaps.strip, "before the gap": gaps.left, "after": gaps.right, "why": gaps.reason}

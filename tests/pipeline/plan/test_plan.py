@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aatri.errors import SpecError
-from aatri.pipeline.methods.method import Method, Need
-from aatri.pipeline.plan.graph import Node, downstream, upstream
+from aatri.pipeline.methods.method import Method, MethodPort
+from aatri.pipeline.plan.graph import StageNode, downstream, upstream
 from aatri.pipeline.plan.keys import file_digests, key_of, key_parts
 from aatri.pipeline.plan.plan import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.reasons import Reason, Why, differences
@@ -49,7 +49,7 @@ class Shelf:
     def interrupted_key(self, stage: str) -> str | None:
         return None
 
-    def files(self, node: Node) -> Mapping[str, str]:
+    def files(self, node: StageNode) -> Mapping[str, str]:
         return {name: self.contents.get(path, "absent") for name, path in node.files.items()}
 
 
@@ -59,7 +59,7 @@ def content(parts: Mapping[str, Any]) -> str:
     return key_of({**parts, "options": options, "key_schema": 0})
 
 
-def run(nodes: tuple[Node, ...], shelf: Shelf, selection: Selection = Selection()) -> list[str]:  # noqa: B008
+def run(nodes: tuple[StageNode, ...], shelf: Shelf, selection: Selection = Selection()) -> list[str]:  # noqa: B008
     """Carry out the plan as the runner does; the stages that were made."""
     digests: dict[str, str | None] = {}
     made = []
@@ -79,35 +79,35 @@ def run(nodes: tuple[Node, ...], shelf: Shelf, selection: Selection = Selection(
     return made
 
 
-def chain(links: Mapping[str, tuple[str, ...]]) -> tuple[Node, ...]:
+def chain(links: Mapping[str, tuple[str, ...]]) -> tuple[StageNode, ...]:
     """Nodes that use others, as in `{"a": (), "b": ("a",)}`; every one reads a file named like it."""
     nodes = []
     for name, sources in links.items():
-        needs = tuple(Need(f"from_{source}", "Numbers", 1, False) for source in sources)
+        needs = tuple(MethodPort(f"from_{source}", "Numbers", 1, False) for source in sources)
         method = Method("made/up", 1, needs, "Numbers", 1, False, {})
         inputs = {f"from_{source}": source for source in sources}
         options = {"level": 0, "idle": 0, "file": name}
-        nodes.append(Node(name, method, inputs, {}, options, options, {"file": name}, "code"))
+        nodes.append(StageNode(name, method, inputs, {}, options, options, {"file": name}, "code"))
     return tuple(nodes)
 
 
 DIAMOND = chain({"a": (), "b": ("a",), "c": ("a",), "d": ("b", "c"), "e": ()})
 
 
-def changed(nodes: tuple[Node, ...], name: str, **changes: Any) -> tuple[Node, ...]:
+def changed(nodes: tuple[StageNode, ...], name: str, **changes: Any) -> tuple[StageNode, ...]:
     return tuple(replace(node, **changes) if node.name == name else node for node in nodes)
 
 
-def with_option(nodes: tuple[Node, ...], name: str, option: str, value: int) -> tuple[Node, ...]:
+def with_option(nodes: tuple[StageNode, ...], name: str, option: str, value: int) -> tuple[StageNode, ...]:
     node = next(node for node in nodes if node.name == name)
     return changed(nodes, name, options={**node.options, option: value})
 
 
-def states(nodes: tuple[Node, ...], shelf: Shelf) -> dict[str, str]:
+def states(nodes: tuple[StageNode, ...], shelf: Shelf) -> dict[str, str]:
     return {d.stage: d.state.value for d in plan(nodes, shelf, 1).decisions}
 
 
-def reasons(nodes: tuple[Node, ...], shelf: Shelf, stage: str) -> list[Why]:
+def reasons(nodes: tuple[StageNode, ...], shelf: Shelf, stage: str) -> list[Why]:
     return [reason.why for reason in plan(nodes, shelf, 1).of(stage).reasons]
 
 
@@ -209,13 +209,13 @@ def test_selections_follow_the_data() -> None:
 
 
 @st.composite
-def graphs(draw: st.DrawFn) -> tuple[Node, ...]:
+def graphs(draw: st.DrawFn) -> tuple[StageNode, ...]:
     names = [f"s{k}" for k in range(draw(st.integers(2, 9)))]
     picks = {n: draw(st.sets(st.sampled_from(names[:k]), max_size=3)) if k else set() for k, n in enumerate(names)}
     return chain({name: tuple(sorted(sources)) for name, sources in picks.items()})
 
 
-def check_random_edits(nodes: tuple[Node, ...], seed: int) -> None:
+def check_random_edits(nodes: tuple[StageNode, ...], seed: int) -> None:
     """Five edits; each reruns exactly the stages that depend on it."""
     chance, shelf = random.Random(seed), Shelf()
     run(nodes, shelf)
@@ -243,7 +243,7 @@ def check_random_edits(nodes: tuple[Node, ...], seed: int) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(graphs(), st.integers(0, 10**9))
-def test_random_edits_rerun_exactly_the_stages_that_depend_on_them(nodes: tuple[Node, ...], seed: int) -> None:
+def test_random_edits_rerun_exactly_the_stages_that_depend_on_them(nodes: tuple[StageNode, ...], seed: int) -> None:
     check_random_edits(nodes, seed)
 
 

@@ -14,15 +14,14 @@ from aatri.errors import AatriError, ArtifactError, ConvergenceError, Errors, Re
 from aatri.pipeline.plan.plan import State
 from aatri.pipeline.plan.reasons import Why
 from aatri.pipeline.run import worker, workers
-from aatri.pipeline.run.runner import How
+from aatri.pipeline.run.runner import RunSettings
 from aatri.pipeline.run.single import make_stage
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.accept import accept
-from aatri.pipeline.store.events import read_events
 from aatri.pipeline.store.gc import garbage, remove
 from aatri.pipeline.store.lock import locked
 from tests.made_up_stages import write_pipeline
-from tests.pipeline.made_runs import SOURCE, Quiet, digests, opened, planned, run
+from tests.pipeline.made_runs import SOURCE, Quiet, digests, opened, planned, read_events, run
 
 LINES = (
     "  a: {use: source/fixed, with: {file: data.txt}}\n"
@@ -266,7 +265,7 @@ def test_a_second_writer_leaves_at_once_and_a_killed_one_frees_the_lock(path: Pa
 
 def test_single_stages_run_side_by_side_but_not_beside_a_run(path: Path) -> None:
     spec, nodes = opened(path)
-    how = How(source=SOURCE)
+    how = RunSettings(source=SOURCE)
     for name in ("a", "r", "s"):
         assert make_stage(spec, nodes, name, Quiet(), how)[1]
     assert not make_stage(spec, nodes, "s", Quiet(), how)[1]

@@ -10,10 +10,9 @@ import pytest
 
 from aatri.errors import AatriError, ArtifactError, Errors, GateError, SpecError
 from aatri.pipeline.spec.gates import Verdict, failure_of, judge, verdicts_in
-from aatri.pipeline.store.events import read_events
 from aatri.pipeline.store.records import read_overview
 from tests.made_up_stages import write_pipeline
-from tests.pipeline.made_runs import opened, run
+from tests.pipeline.made_runs import opened, read_events, run
 
 LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from aatri.pipeline.run.context import FileCheckpoint
-from aatri.pipeline.store.events import Events, read_events
+from aatri.pipeline.store.events import Events
 from tests.made_up_stages import write_pipeline
-from tests.pipeline.made_runs import run
+from tests.pipeline.made_runs import read_events, run
 
 LINES = "  a: {use: source/fixed, with: {file: data.txt}}\n  s: {use: sum/add, from: {numbers: a}}\n"
 

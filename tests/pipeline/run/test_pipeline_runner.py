@@ -13,8 +13,8 @@ from aatri.errors import AatriError, ArtifactError, ConvergenceError, PluginErro
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.plan.plan import Plan
-from aatri.pipeline.run.runner import How, run_pipeline
-from aatri.pipeline.run.task import Source
+from aatri.pipeline.run.runner import RunSettings, run_pipeline
+from aatri.pipeline.run.task import StageSource
 from aatri.pipeline.spec.overrides import with_set, with_use
 from aatri.pipeline.spec.spec import load_spec
 from aatri.pipeline.store import inside, objects
@@ -48,7 +48,7 @@ class Quiet:
         self.events.append(f"failed {stage}")
 
 
-HOW = How(source=Source("tests.made_up_stages:made_up_registry"))
+HOW = RunSettings(source=StageSource("tests.made_up_stages:made_up_registry"))
 LINES = "  a: {use: source/fixed}\n  r: {use: source/random}\n  s: {use: sum/add, from: {numbers: a, more: r}}\n"
 
 
