@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from aatri.adjustment.adjusted import Adjusted
 from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
@@ -120,16 +121,14 @@ def _significant(
     adjusted: Adjusted, result: BundleResult, candidates: Candidates, alarm: float
 ) -> Iterator[_Significant]:
     """Score tests of all units, those that are beyond the limit."""
-    from scipy.stats import chi2  # slow to import
-
     alarm /= max(candidates.tests, len(candidates.units)) * len(candidates.causes)
     records, row = result.in_problem(candidates.place)
-    least_gain = LEAST_LEFT * float(chi2.isf(alarm, candidates.H.shape[2])) if candidates.tests else 0.0
+    least_gain = LEAST_LEFT * float(chdtri(candidates.H.shape[2], alarm)) if candidates.tests else 0.0
     scores = score(adjusted, records, row[candidates.rows], candidates.H, candidates.unit, least_gain)
     for cause in candidates.causes:
         gain, rank = scores.gains(cause.columns)
         gain /= _variance(adjusted, gain, rank)
-        for unit in np.flatnonzero((rank > 0) & (gain > chi2.isf(alarm, np.maximum(rank, 1)))).tolist():
+        for unit in np.flatnonzero((rank > 0) & (gain > chdtri(np.maximum(rank, 1), alarm))).tolist():
             yield _Significant(candidates, unit, cause, scores.joint(unit, cause.columns), float(gain[unit]), alarm)
 
 
@@ -155,8 +154,6 @@ def _confirmed(
     given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant, single: float, known: Sequence[Key]
 ) -> Group | None:
     """The group, if it does harm and is significant by the residuals of its kind, and beyond single observations."""
-    from scipy.stats import chi2  # slow to import
-
     group = _group(given, adjusted, result, t)
     if group.key in known:
         return None
@@ -165,7 +162,7 @@ def _confirmed(
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)
-    if chi2.logsf(t.gain / scale**2, t.joint.rank) >= np.log(t.alarm):
+    if t.gain / scale**2 <= chdtri(t.joint.rank, t.alarm):
         return None
     if single and not _beyond_single_ones(t.joint, before, after, single):
         return None
