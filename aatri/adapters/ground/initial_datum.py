@@ -12,15 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.initial_observed import Ground, Lengths
+from aatri.adapters.ground.initial_observed import Ground
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.geometry.vectors import finite_rows
+from aatri.observations.geodetic.sights import Sights
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import HELD
 from aatri.orientation.bodies.datum import Datum, FreeBody
-from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
+from aatri.orientation.bodies.given_relations import GivenAttitudes, Lengths
 from aatri.orientation.graph.component import Component
 
 PRECISION = 3.0
@@ -91,7 +92,7 @@ def datum_of(block: Block, ground: Ground, body: FreeBody, known: Known, *, atti
     image = p.image[position]
     n = len(control) + len(position)
     ends = _ends(known, c.point[control], len(body.xyz), n)
-    distances = tuple(_distances(*of, *place) for of, place in zip(known.lengths, ends.place))
+    distances = tuple(part.take(rows).between(*place) for (part, rows), place in zip(known.lengths, ends.place))
     x = np.concatenate([body.xyz[c.point[control]], poses.position_m[image], ends.where(body)])
     more = len(x) - n
     return Datum(
@@ -141,16 +142,13 @@ def held_datum(block: Block, ground: Ground, body: FreeBody, known: Known) -> tu
         attitudes = GivenAttitudes(
             f"{HELD} direction", -np.ones(1, dtype=int), np.array(["held"]), R, R, eye, HELD_SIGMA**2 * eye
         )
-    distances = tuple(replace(d, start=d.start + 1, end=d.end + 1) for d in made.distances)
+    distances = tuple(d.between(d.sights.station + 1, d.sights.target + 1) for d in made.distances)
     x = np.concatenate([spot, made.x])
     if not distances:
         base = np.linalg.norm(body.poses.position_m - spot, axis=1)
         farthest = int(np.nanargmax(base))
         x = np.concatenate([spot, body.poses.position_m[farthest : farthest + 1]])
-        ends, one, none = (np.array([0]), np.array([1])), np.ones(1), np.zeros(1)
-        distances = (
-            GivenDistances(f"{HELD} base", *HELD_ROW, *ends, base[farthest] * one, HELD_SIGMA * one, none > 0, none),
-        )
+        distances = (_held_base(float(base[farthest])),)
     n = len(x)
     held = Datum(
         name=("held", *made.name),
@@ -168,6 +166,14 @@ def held_datum(block: Block, ground: Ground, body: FreeBody, known: Known) -> tu
         kinds=(f"{HELD} place", POSITION),
     )
     return held, known
+
+
+def _held_base(length: float) -> Lengths:
+    """A distance from the first row of a datum to the second."""
+    row, name = HELD_ROW
+    zero, one, no, none = np.zeros(1), np.ones(1), np.zeros(1, dtype=bool), np.array([""])
+    sights = Sights(row, row + 1, row + 2, no, no, zero, zero, length * one, HELD_SIGMA * one, name, none, none, none)
+    return Lengths(f"{HELD} base", sights, no)
 
 
 @dataclass(frozen=True)
@@ -218,12 +224,6 @@ def _ends(known: Known, control_point: Int, n_points: int, first: int) -> Ends:
     place[place < 0] = first + at
     pieces = np.split(place, np.cumsum([len(end) for s in sights for end in (s.station, s.target)])[:-1])
     return Ends(further // 2, further % 2 == 1, tuple(zip(pieces[::2], pieces[1::2])) if sights else ())
-
-
-def _distances(part: Lengths, rows: Int, start: Int, end: Int) -> GivenDistances:
-    s = part.sights.take(rows)
-    rise = s.target_height_m - s.station_height_m
-    return GivenDistances(part.kind, s.row, s.names, start, end, s.value, s.sigma, part.plan[rows], rise)
 
 
 def _centres(body: FreeBody, n: int) -> Float:

@@ -9,7 +9,7 @@ import numpy as np
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
 from aatri.adapters.ground.direct import boresight_sigma
 from aatri.adapters.strips import strips as pieces
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.rotations import exp_rotation
@@ -17,40 +17,19 @@ from aatri.notes import Note
 from aatri.observations.attitudes import attitudes_of
 from aatri.observations.control import Control, control_of
 from aatri.observations.geodetic.distances import HORIZONTAL, KIND
-from aatri.observations.geodetic.sights import Sights, sights_of
+from aatri.observations.geodetic.sights import sights_of
 from aatri.observations.observed import Given
 from aatri.observations.poses import POSE, Poses
 from aatri.observations.positions import Positions, positions_of
 from aatri.observations.relative.distances import KIND as RELATIVE
 from aatri.observations.relative.distances import relative_sights
+from aatri.orientation.bodies.given_relations import Lengths
 
 USES = (
     "geodetic:distance", "geodetic:distance_to_image", "geodetic:horizontal_distance",
     "geodetic:horizontal_distance_to_image", "geodetic.heights", "relative_control:distance",
     "exterior.angles_rad", "cameras.boresight_rad", "cameras.mount_deg",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Lengths:
-    """Distances of one kind.
-
-    Attributes
-    ----------
-    kind : str
-    sights : Sights
-    plan : (n,) bool
-        Horizontal ones.
-    """
-
-    kind: str
-    sights: Sights
-    plan: Bool
-
-    @property
-    def levelled(self) -> Bool:
-        """Distances that mean something only where it is known what is up."""
-        return np.asarray(self.plan | (self.sights.target_height_m != self.sights.station_height_m))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.ground.initial_datum import Known
-from aatri.adapters.ground.initial_observed import Ground, Lengths
+from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.solution import suspect_rows
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
@@ -16,13 +16,11 @@ from aatri.artifacts.suspects import Suspects
 from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
 from aatri.observations.control import observed_control
-from aatri.observations.geodetic.lengths import horizontal, slope
-from aatri.observations.geodetic.sights import observed_sights
-from aatri.observations.level import PLANE
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import observed_positions
 from aatri.orientation.bodies.absolute import OrientedComponent
+from aatri.orientation.bodies.given_relations import Lengths
 from aatri.orientation.graph.component import Component
 
 STAGE = "initial_orientation"
@@ -46,8 +44,7 @@ def observations_of(block: Block, ground: Ground, known: Known) -> Iterator[Obse
     yield from observed_control(control, ground.origin_m, block.points.id[control.point])
     yield from observed_positions(positions, ground.origin_m, block.images.id[positions.image])
     for part, rows in known.lengths:
-        for some, measured in ((~part.plan, slope), (part.plan, horizontal)):
-            yield from observed_sights(part.kind, part.sights.take(rows[some[rows]]), PLANE, measured, "m")
+        yield from part.take(rows).observed()
 
 
 def residuals_at(component: Component, o: Observed) -> Float:

@@ -176,7 +176,7 @@ def _analysed(
     `others` are the distances and attitudes that count; None: all.
     """
     names = [datum.name[k] for k in np.flatnonzero(use)]
-    lines = [datum.x[d.end] - datum.x[d.start] for d in datum.distances]
+    lines = [datum.x[d.sights.target] - datum.x[d.sights.station] for d in datum.distances]
     length = np.linalg.norm(np.concatenate([np.zeros((0, 3)), *lines]), axis=1)
     turned = 0 if datum.attitudes is None else len(datum.attitudes.row)
     if others is not None:

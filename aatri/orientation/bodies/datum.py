@@ -11,7 +11,7 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import Poses
 from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
+from aatri.orientation.bodies.given_relations import GivenAttitudes, Lengths
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Datum:
         The first rows are control points, the others positions; default: all are control points.
     n_given : int, optional
         The rows beyond are points that only distances reach; default: there are none.
-    distances : tuple of GivenDistances
+    distances : tuple of Lengths
         Between rows.
     attitudes : GivenAttitudes, optional
         Of images of the component, as the one strip there is.
@@ -97,7 +97,7 @@ class Datum:
     given: Bool
     n_control: int | None = None
     n_given: int | None = None
-    distances: tuple[GivenDistances, ...] = ()
+    distances: tuple[Lengths, ...] = ()
     attitudes: GivenAttitudes | None = None
     row: Int | None = None
     id: Text | None = None

@@ -90,9 +90,9 @@ def distance_scale(datum: Datum, x: Float, rotation: Float) -> float | None:
     """Median of given distances over their length in the component; None without distances."""
     ratios = []
     for d in datum.distances:
-        line = (x[d.end] - x[d.start]) @ rotation.T
+        line = (x[d.sights.target] - x[d.sights.station]) @ rotation.T
         line[d.plan, 2] = 0.0
-        ratios.append(d.value_m / np.maximum(np.linalg.norm(line, axis=1), 1e-300))
+        ratios.append(d.sights.value / np.maximum(np.linalg.norm(line, axis=1), 1e-300))
     return float(np.median(np.concatenate(ratios))) if ratios else None
 
 

@@ -14,7 +14,8 @@ Source: Kraus, Photogrammetry; docs/formulas.md 5.4 and 5.6; Sola 2018 for J.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,43 +32,40 @@ from aatri.observations.ties import BODY
 
 
 @dataclass(frozen=True)
-class GivenDistances:
-    """Distances between ground points.
+class Lengths:
+    """Distances of one kind.
 
     Attributes
     ----------
     kind : str
-    row : (n,) int
-        In its table of the Block.
-    names : (n,) str
-    start, end : (n,) int
-        Numbers of the points among those of the ties.
-    value_m, sigma_m : (n,) float64, m
-        Sigma 0: exact.
+    sights : Sights
     plan : (n,) bool
-        Horizontal distances.
-    rise_m : (n,) float64, m
-        Height of the target above its point less that of the instrument above its own.
+        Horizontal ones.
     """
 
     kind: str
-    row: Int
-    names: Text
-    start: Int
-    end: Int
-    value_m: Float
-    sigma_m: Float
+    sights: Sights
     plan: Bool
-    rise_m: Float
 
-    def observed(self) -> tuple[Observed, ...]:
-        """As observations of ground points."""
-        n, no = len(self.start), np.zeros(len(self.start), dtype=bool)
-        none: Text = np.full(n, "")
-        sights = Sights(self.row, self.start.astype(np.int32), self.end.astype(np.int32), no, no, np.zeros(n),
-                        self.rise_m, self.value_m, self.sigma_m, self.names, none, none, none)  # fmt: skip
-        return tuple(o for some, measured in ((~self.plan, slope), (self.plan, horizontal))
-                     for o in observed_sights(self.kind, sights.take(some), PLANE, measured, "m"))  # fmt: skip
+    @property
+    def levelled(self) -> Bool:
+        """Distances that mean something only where it is known what is up."""
+        return np.asarray(self.plan | (self.sights.target_height_m != self.sights.station_height_m))
+
+    def take(self, rows: Int) -> Lengths:
+        """The chosen ones."""
+        return Lengths(self.kind, self.sights.take(rows), self.plan[rows])
+
+    def between(self, start: Int, end: Int) -> Lengths:
+        """The same between ground points of other numbers."""
+        no = np.zeros(len(start), dtype=bool)
+        ends = replace(self.sights, station=start.astype(np.int32), target=end.astype(np.int32))
+        return replace(self, sights=replace(ends, station_is_image=no, target_is_image=no))
+
+    def observed(self) -> Iterator[Observed]:
+        """As observations of points and images."""
+        for some, measured in ((~self.plan, slope), (self.plan, horizontal)):
+            yield from observed_sights(self.kind, self.sights.take(some), PLANE, measured, "m")
 
 
 @dataclass(frozen=True)

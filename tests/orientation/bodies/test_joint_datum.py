@@ -13,9 +13,10 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import angle_axes
 from aatri.geometry.similarity import Similarity, inverse, transform
 from aatri.observations import ties
+from aatri.observations.geodetic.sights import Sights
 from aatri.orientation.bodies.absolute import OrientedComponent, orient_component
 from aatri.orientation.bodies.datum import Datum
-from aatri.orientation.bodies.given_relations import GivenAttitudes, GivenDistances
+from aatri.orientation.bodies.given_relations import GivenAttitudes, Lengths
 
 TRUE = Similarity(np.array([500.0, 400.0, 100.0]), 220.0, Rotation.from_rotvec([0.02, -0.03, 2.0]).as_matrix())
 BACK = inverse(TRUE)
@@ -27,7 +28,7 @@ ENDS = np.array([[200.0, 300, 12], [1500, 900, 25], [1800, 200, 8]])
 SIGMA_X, SIGMA_GIVEN, SIGMA_D = 0.02, 0.05, 0.01
 OF_POINTS = np.eye(3)[None] * (SIGMA_X / 220) ** 2
 NAMES = np.array(list("abcde"))
-START, END = np.array([0, 6, 7, 1, 2]), np.array([6, 7, 8, 8, 7])
+START, END = np.array([[0, 6, 7, 1, 2], [6, 7, 8, 8, 7]], dtype=np.int32)
 
 
 def datum_with(rng: np.random.Generator, *, given: int = 6, distances: bool = True, wrong_m: float = 0.0) -> Datum:
@@ -37,9 +38,9 @@ def datum_with(rng: np.random.Generator, *, given: int = 6, distances: bool = Tr
     x = transform(BACK, places + rng.normal(0, SIGMA_X, places.shape))
     value = np.linalg.norm(places[END] - places[START], axis=1) + rng.normal(0, SIGMA_D, len(START))
     value[1] += wrong_m
-    length = GivenDistances(
-        "distance", np.arange(5), NAMES, START, END, value, np.full(5, SIGMA_D), np.zeros(5, dtype=bool), np.zeros(5)
-    )
+    no, zero, none = np.zeros(5, dtype=bool), np.zeros(5), np.full(5, "")
+    sights = Sights(np.arange(5), START, END, no, no, zero, zero, value, np.full(5, SIGMA_D), NAMES, none, none, none)
+    length = Lengths("distance", sights, no)
     known = np.zeros((n, 3), dtype=bool)
     known[:given] = True
     return Datum(
@@ -56,7 +57,7 @@ def oriented(datum: Datum) -> OrientedComponent:
 
 def by_scipy(datum: Datum, start: Similarity, tau_m: float) -> Similarity:
     """The same least squares, ground points as unknowns, by another program."""
-    n, d = len(datum.x), datum.distances[0]
+    n, d = len(datum.x), datum.distances[0].sights
     sigma_x = np.hypot(start.scale * SIGMA_X / 220, tau_m)
 
     def similarity(p: np.ndarray) -> Similarity:
@@ -66,7 +67,7 @@ def by_scipy(datum: Datum, start: Similarity, tau_m: float) -> Similarity:
     def residuals(p: np.ndarray) -> np.ndarray:
         X = p[7:].reshape(n, 3)
         parts = [(X - transform(similarity(p), datum.x)) / sigma_x, ((X - datum.xyz_m) / SIGMA_GIVEN)[:6],
-                 (np.linalg.norm(X[d.end] - X[d.start], axis=1) - d.value_m) / SIGMA_D]  # fmt: skip
+                 (np.linalg.norm(X[d.target] - X[d.station], axis=1) - d.value) / SIGMA_D]  # fmt: skip
         return np.concatenate([part.ravel() for part in parts])
 
     p0 = np.concatenate([np.zeros(7), transform(start, datum.x).ravel()])
