@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of, room_left
-from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
@@ -15,6 +14,7 @@ from aatri.orientation.bundle.blunders.kinds import AllRecords
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.rule import Rule
 from aatri.orientation.bundle.blunders.tested import Tried
+from aatri.orientation.bundle.result import BundleResult
 
 DOUBT = 6.0
 """|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
@@ -62,8 +62,8 @@ class Hearings:
         at = picked & self.all.at_points
         points = np.unique(self.all.point[at])
         points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
-        state, suspected = tried.result.adjusted.state, np.ones(len(points), dtype=bool)
-        out = self.heard(state, points, suspected, use, tried.test, tried.tails, move=False) & use
+        suspected = np.ones(len(points), dtype=bool)
+        out = self.heard(tried.result, points, suspected, use, tried.test, tried.tails, move=False) & use
         heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
         blamed = picked & ~(heard & self.all.at_points)
         kept = self.within_room(out | blamed, use, tried.test)
@@ -80,16 +80,19 @@ class Hearings:
         return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
 
     def heard(
-        self, state: State, points: Int, suspected: Bool, active: Bool, test: Float, tails: Float, *, move: bool
-    ) -> Bool:
+        self, result: BundleResult, points: Int, suspected: Bool, active: Bool, test: Float, tails: Float, *,
+        move: bool, xyz_m: Float | None = None,
+    ) -> Bool:  # fmt: skip
         """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
+        state = result.adjusted.state if xyz_m is None else {**result.adjusted.state, POINT: xyz_m}
         known = np.isin(points, with_start(state[POINT], points))
         points, suspected = points[known], suspected[known]
         wrong = np.zeros(len(active), dtype=bool)
         if not len(points):
             return wrong
         self.hearings[points] += 1
-        native = self.all.split(self.all.native if move else active)
+        seen = (self.all.image < 0) | result.image_adjusted[self.all.image]  # what the other images see is no witness
+        native = self.all.split((self.all.native if move else active) & seen)
         limits = tuple(self.rule.limit * of_kind for of_kind in self.all.split(tails))
         found: AtPoints = explained(self.all.observed, native, state, points, suspected, limits)
         rows = self.all.first[found.members.place] + found.members.row

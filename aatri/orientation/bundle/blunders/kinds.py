@@ -11,7 +11,7 @@ import numpy as np
 from aatri.adjustment.statistics.room import redundancy_in_records
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Key, keys_of
@@ -38,6 +38,8 @@ class AllRecords:
         Records that touch one point, so that the others of the point can judge them.
     point : (n,) int64
         That point; -1 none.
+    image : (n,) int64
+        The image that a record touches; -1 none.
     coordinates : (n,) bool
         Records of that point alone: given coordinates.
     """
@@ -47,25 +49,28 @@ class AllRecords:
     native: Bool
     at_points: Bool
     point: Int
+    image: Int
     coordinates: Bool
 
     @classmethod
     def of(cls, given: BundleInput) -> AllRecords:
         """The records of a block."""
         observed = tuple(o.again() for o in given.observed)
-        native, point, alone = [], [], []
+        native, point, image, alone = [], [], [], []
         for o in observed:
             own = not (o.components or o.exact)
             touched = [block for group, block in o.records.touches if group == POINT]
+            poses = [block.astype(np.int64) for group, block in o.records.touches if group == POSE]
             native.append(o.records.active & own)
             one = len(touched) == 1 and own
             alone.append(np.full(len(o), one and len(o.records.touches) == 1))
+            image.append(poses[0] if poses else np.full(len(o), -1, dtype=np.int64))
             point.append(touched[0].astype(np.int64) if one else np.full(len(o), -1, dtype=np.int64))
         nothing = np.zeros(0, dtype=np.int64)
         points = np.concatenate([nothing, *point])
         first = np.cumsum([0, *(len(o) for o in observed)])
         return cls(observed, first, np.concatenate([nothing == 1, *native]), points >= 0, points,
-                   np.concatenate([nothing == 1, *alone]))  # fmt: skip
+                   np.concatenate([nothing, *image]), np.concatenate([nothing == 1, *alone]))  # fmt: skip
 
     @property
     def parts(self) -> list[slice]:

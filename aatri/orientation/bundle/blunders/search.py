@@ -224,9 +224,8 @@ class _Search(Hearings):
         xyz = result.adjusted.state[POINT].copy()
         xyz[points] = np.nan
         xyz = intersected(replace(rays, active=result.image_adjusted[rays.image]), result.adjusted.state[POSE], xyz)
-        state = {**result.adjusted.state, POINT: xyz}
-        nothing = np.zeros(len(points), dtype=bool)
-        wrong = self.heard(state, points, nothing, use, tried.test, HARMLESS * tried.tails, move=True)
+        nothing, tails = np.zeros(len(points), dtype=bool), HARMLESS * tried.tails
+        wrong = self.heard(result, points, nothing, use, tried.test, tails, move=True, xyz_m=xyz)
         seen = with_start(xyz, points)
         return out & self.of_points(seen) & ~wrong
 
@@ -298,7 +297,7 @@ class _Search(Hearings):
         self.given = from_result(self.given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        out = self.heard(state, points, np.zeros(len(points), dtype=bool), active, test, tails, move=True)
+        out = self.heard(result, points, np.zeros(len(points), dtype=bool), active, test, tails, move=True)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)
