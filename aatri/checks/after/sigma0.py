@@ -7,6 +7,8 @@ Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from aatri.adjustment.statistics.global_test import global_test, sigma0_note
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
@@ -19,8 +21,14 @@ REFUSED = (
 )
 
 
-def sigma0(result: BundleResult, max_sigma0: float) -> list[Finding]:
-    """sigma0 with its interval; an error where it is beyond `max_sigma0`."""
+def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[Finding]:
+    """sigma0 with its interval; an error where it is beyond `max_sigma0`.
+
+    Parameters
+    ----------
+    scale : float
+        sigma0 that is explained already, by standard deviations that are told to be wrong: no second warning.
+    """
     if result.adjusted.down_weighted:
         return []
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
@@ -30,5 +38,7 @@ def sigma0(result: BundleResult, max_sigma0: float) -> list[Finding]:
         return [Finding("sigma0", "error", f"{text}observations do not fit it", REFUSED, statistic=test.sigma0,
                         error=ConvergenceError)]  # fmt: skip
     note = sigma0_note(test)
+    if scale != 1.0 and global_test(test.sigma0 / scale, counted).verdict in ("fits", "outside"):
+        note = replace(note, level="note")
     remedy = REMEDY if note.level == "warning" else ""
     return [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]

@@ -60,8 +60,9 @@ class Round:
         Numbers to exchange.
     renumbered : tuple of OtherNumber
         Image points that fit another ground point.
-    rescaled : bool
-        The weights are not those of the standard deviations given, and that is told.
+    scale : float
+        Where the weights are not those of the standard deviations given, and that is told: sigma0 as the search found
+        it; else 1.
     """
 
     given: BundleInput
@@ -71,7 +72,7 @@ class Round:
     above: tuple[Key, ...] = ()
     swapped: tuple[tuple[Key, Key], ...] = ()
     renumbered: tuple[OtherNumber, ...] = ()
-    rescaled: bool = False
+    scale: float = 1.0
 
 
 def with_readmission(given: BundleInput, adjust: Adjust) -> Round:

@@ -241,9 +241,11 @@ class Scaling:
 
     def of_result(self, observed: tuple[Observed, ...], final: Float) -> tuple[Observed, ...]:
         """Observations as given with the standard deviations of the result: those of priors keep their ratio, too."""
-        changed = self.last is not None and bool((final != 1.0).any())
-        priors = 1.0 / float(self.factor[self.last.main]) if changed and self.last is not None else 1.0
-        return self.classes.with_factors(observed, final, priors)
+        return self.classes.with_factors(observed, final, 1.0 / self.main_factor(final))
+
+    def main_factor(self, final: Float) -> float:
+        """Factor of the class that sigma0 is measured by, where the weights are not those given; else 1."""
+        return 1.0 if self.last is None or (final == 1.0).all() else float(self.factor[self.last.main])
 
     def _total(self) -> ClassScales:
         assert self.last is not None

@@ -109,11 +109,12 @@ class _Search(Hearings):
             start = None if start is None else self._with_fitting_sigmas(start)
         harmful = start is None or (self._harmful(start, active) and not start.small)
         if self.rule.method == "robust_snooping" and harmful:
-            active, start = self._from_robust(active, start), None
-        elif start is not None:
-            start = replace(start, tails=self._tails(start.result))
-        elif failure is not None:
+            active = self._from_robust(active, start)
+            start = self._with_fitting_sigmas(self._solve(None, active))
+        elif start is None and failure is not None:
             raise failure
+        assert start is not None
+        start = replace(start, tails=self._tails(start.result))
         tried, use, swapped = self._searched(start, active)
         turn = tried_in_turn(tried, self.undecided & ~use, self.all, self.adjust)
         tried, use = turn.tried, turn.tried.active
@@ -134,7 +135,7 @@ class _Search(Hearings):
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return Round(*self._with_final_sigmas(tried), notes, self.all.keys(undecided), self.all.keys(above),
-                     tuple((a, b) for a, b in pairs), renumbered, bool((self._final != 1.0).any()))  # fmt: skip
+                     tuple((a, b) for a, b in pairs), renumbered, self.scaling.main_factor(self._final))  # fmt: skip
 
     @property
     def _final(self) -> Float:
@@ -177,7 +178,7 @@ class _Search(Hearings):
         given = replace(start, observed=self.all.without(observed, tried.active))
         return given, self.adjust(given, How())
 
-    def _searched(self, start: Tried | None, active: Bool) -> tuple[Tried, Bool, tuple[Swap, ...]]:
+    def _searched(self, start: Tried, active: Bool) -> tuple[Tried, Bool, tuple[Swap, ...]]:
         """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
         first = start
 
