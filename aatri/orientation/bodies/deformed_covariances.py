@@ -184,9 +184,10 @@ def _sums(whitener: Float, point: Int, n_points: int) -> Float:
 
 
 def _inverses(weights: Float) -> Float:
-    """Inverses of the weights of points; the identity where there are none."""
+    """Inverses of the weights of points; 1 for coordinates without any, as of height control whose ties are rejected."""
     full = weights.copy()
-    full[~weights.any(axis=(1, 2))] = np.eye(3)
+    diagonal = np.einsum("nii->ni", full)  # a view
+    diagonal[diagonal == 0.0] = 1.0
     return np.asarray(np.linalg.inv(full))
 
 

@@ -9,7 +9,7 @@ from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.deformation_components import deformation_components
-from aatri.orientation.bodies.deformed_covariances import covariance_notes, deformed_covariances
+from aatri.orientation.bodies.deformed_covariances import _inverses, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials
 from aatri.orientation.bodies.summed_deformation import covariances
 
@@ -124,3 +124,9 @@ def test_how_far_joints_err_is_told():
     (note,) = covariance_notes(deformed)
     assert "joints, in plan" in note.text
     assert 2e-5 < deformed.sigma["joints, in height"] < 8e-5
+
+
+def test_height_control_whose_ties_are_all_rejected_has_a_weight_in_height_alone():
+    weights = np.stack([np.diag([0.0, 0.0, 4.0]), np.zeros((3, 3)), np.diag([1.0, 2.0, 4.0])])
+    np.testing.assert_allclose(_inverses(weights)[[0, 2], 2, 2], 0.25)
+    assert np.isfinite(_inverses(weights)).all()
