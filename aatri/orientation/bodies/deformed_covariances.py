@@ -184,7 +184,7 @@ def _sums(whitener: Float, point: Int, n_points: int) -> Float:
 
 
 def _inverses(weights: Float) -> Float:
-    """Inverses of the weights of points; 1 for coordinates without any, as of height control whose ties are rejected."""
+    """Inverses of the weights of points; 1 where a coordinate has none, as height control whose ties are rejected."""
     full = weights.copy()
     diagonal = np.einsum("nii->ni", full)  # a view
     diagonal[diagonal == 0.0] = 1.0
