@@ -129,12 +129,14 @@ def suspect_rows(
     row, size, sigma, test : (n,) or one for all
     """
     n = len(image)
-    columns = {"size": size, "sigma": sigma, "test": test}
-    texts = {"kind": kind, "stage": stage, "unit": unit, "verdict": verdict}
+
+    def numbers(values: npt.ArrayLike) -> Float:
+        return np.broadcast_to(np.asarray(values, dtype=np.float64), n)
+
     return Suspects(
-        image=image, point=point, row=np.broadcast_to(np.asarray(row, dtype=np.int32), n),
-        **{name: np.full(n, text) for name, text in texts.items()},
-        **{name: np.broadcast_to(np.asarray(value, dtype=np.float64), n) for name, value in columns.items()},
+        kind=np.full(n, kind), row=np.broadcast_to(np.asarray(row, dtype=np.int32), n), image=image, point=point,
+        stage=np.full(n, stage), size=numbers(size), unit=np.full(n, unit), sigma=numbers(sigma), test=numbers(test),
+        verdict=np.full(n, verdict),
     )  # fmt: skip
 
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.interior.film_checks import check_film, film_suspects
-from aatri.adapters.interior.film_marks import film_images, film_marks, film_residuals, with_film_transformations
-from aatri.adapters.interior.photo_coordinates import calibrated_transformations, image_points_of
+from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks, film_residuals
+from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of
+from aatri.adapters.solution import stacked
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -45,7 +46,8 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
                             limit=options.test_limit)  # fmt: skip
     usable, told = check_film(block, marks, fit, options.max_sigma0)
     fit = replace(fit, determined=usable)
-    others = calibrated_transformations(block, np.flatnonzero(block.images.active & ~film))
+    calibrated = calibrated_interior(block, np.flatnonzero(block.images.active & ~film))
+    interior = stacked([calibrated, film_interior(marks, fit)])
     undeformed = None
     if film.any():
         undeformed = np.full((len(block.images), 2, 3), np.nan)
@@ -54,7 +56,7 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         )
     made, also = image_points_of(
         block,
-        with_film_transformations(others, marks, fit),
+        interior.take(np.argsort(interior.image, kind="stable")),
         fiducial_residuals=film_residuals(block, marks, fit),
         suspects=film_suspects(block, marks, fit),
         film_deformation=undeformed,

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.interior.photo_coordinates import calibrated_transformations, image_points_of
+from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals, ImagePoints
 from aatri.artifacts.suspects import Suspects
@@ -24,9 +24,9 @@ from aatri.plugin import SILENT, Context, stage
 @stage(version=1, uses=("image_points.xy",))
 def calibrated(block: Block, *, context: Context = SILENT) -> ImagePoints:
     """Photo coordinates from pixels or given photo coordinates, reduced to the principal point."""
-    transformations = calibrated_transformations(block, np.flatnonzero(block.images.active))
+    interior = calibrated_interior(block, np.flatnonzero(block.images.active))
     made, notes = image_points_of(
-        block, transformations, fiducial_residuals=FiducialResiduals.empty(), suspects=Suspects.empty()
+        block, interior, fiducial_residuals=FiducialResiduals.empty(), suspects=Suspects.empty()
     )
     tell(notes, context)
     return made

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.imported import read_at
-from aatri.adapters.interior.photo_coordinates import Transformations
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import FiducialResiduals
+from aatri.artifacts.image_points import FiducialResiduals, Interior
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
 from aatri.orientation.interior.fiducial_fit import FiducialFit
@@ -97,18 +96,21 @@ def nominal_matrix(block: Block, camera: int) -> Float:
     return centred[:, :2]
 
 
-def with_film_transformations(others: Transformations, marks: FilmMarks, fit: FiducialFit) -> Transformations:
-    """The transformations of all images: those of the film images put in their rows."""
-    good, rows = fit.determined, marks.image[fit.determined]
-    model = others.model.copy()
-    model[marks.image] = fit.model
-    matrix, covariance = others.matrix.copy(), others.covariance.copy()
-    terms, scale, shear = others.terms.copy(), others.film_scale.copy(), others.film_shear_rad.copy()
-    sigma0, redundancy = others.sigma0.copy(), others.redundancy.copy()
-    matrix[rows], covariance[rows], terms[rows] = fit.matrix[good], fit.covariance[good], fit.terms[good]
-    scale[rows], shear[rows] = scales_and_shear(fit.photo_from_nominal[good])
-    sigma0[rows], redundancy[rows] = fit.sigma0[good], fit.redundancy[good].astype(np.int32)
-    return Transformations(model, matrix, terms, covariance, sigma0, redundancy, scale, shear)
+def film_interior(marks: FilmMarks, fit: FiducialFit) -> Interior:
+    """Interior orientation of the film images that have one."""
+    good = fit.determined
+    scale, shear = scales_and_shear(fit.photo_from_nominal[good])
+    return Interior(
+        image=marks.image[good].astype(np.int32),
+        model=np.full(int(good.sum()), fit.model),
+        matrix=fit.matrix[good],
+        terms=fit.terms[good],
+        covariance=fit.covariance[good],
+        sigma0=fit.sigma0[good],
+        redundancy=fit.redundancy[good].astype(np.int32),
+        film_scale=scale,
+        film_shear_rad=shear,
+    )
 
 
 def film_residuals(block: Block, marks: FilmMarks, fit: FiducialFit) -> FiducialResiduals:

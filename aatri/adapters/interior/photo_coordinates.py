@@ -1,15 +1,14 @@
-"""From transformations of the images to the artifact ImagePoints: what all interior orientations share."""
+"""From interior orientations of the images to the artifact ImagePoints: what all variants share."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.adapters.solution import stacked, suspect_rows
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
     Corrections,
@@ -37,36 +36,9 @@ FORMAT_TOLERANCE = 0.01
 """A point this share of the format beyond its edge still counts as inside."""
 
 
-@dataclass(frozen=True)
-class Transformations:
-    """Photo from measured, one row per image of the Block; NaN in `matrix` where not determined.
-
-    Attributes
-    ----------
-    model : (n,) str
-    matrix : (n, 2, 3) float64, 1 and mm
-    terms : (n, 2) float64
-        See `geometry.plane_transformations`.
-    covariance : (n, 8, 8) float64, mm and 1
-    sigma0 : (n,) float64
-    redundancy : (n,) int32
-    film_scale : (n, 2) float64
-    film_shear_rad : (n,) float64, rad
-    """
-
-    model: Text
-    matrix: Float
-    terms: Float
-    covariance: Float
-    sigma0: Float
-    redundancy: Int
-    film_scale: Float
-    film_shear_rad: Float
-
-
 def image_points_of(
     block: Block,
-    transformations: Transformations,
+    interior: Interior,
     *,
     fiducial_residuals: FiducialResiduals,
     suspects: Suspects,
@@ -85,9 +57,10 @@ def image_points_of(
         If more than 5 % of the image points lie outside the format.
     """
     measured = block.image_points
-    matrix = transformations.matrix[measured.image]
-    camera = block.images.camera[measured.image]
-    photo = _transformed(transformations, measured.image, measured.xy)
+    camera, row = block.images.camera[measured.image], np.full(len(block.images), -1)
+    row[interior.image] = np.arange(len(interior))
+    photo = _transformed(interior, row[measured.image], measured.xy)
+    matrix = np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row[measured.image]]
     active = measured.active & np.isfinite(photo).all(axis=1)
     outside = active & ~_inside_format(block, photo, camera)
     _refuse_mostly_outside(block, active, outside)
@@ -99,7 +72,6 @@ def image_points_of(
         undeformed = np.einsum("nij,nj->ni", rigid[:, :, :2], measured.xy) + rigid[:, :, 2]
         corrections["film_deformation"] = _largest(np.nan_to_num(photo - undeformed), active)
     corrections["principal_point"] = _largest(principal_point, active)
-    oriented = np.flatnonzero(np.isfinite(transformations.matrix).all(axis=(1, 2))).astype(np.int32)
     made = ImagePoints(
         images=ImageIds(id=block.images.id),
         points=PointIds(id=block.points.id),
@@ -110,17 +82,7 @@ def image_points_of(
             sigma_mm=_sigma_along_photo_axes(matrix, measured.sigma_mm),
             active=active,
         ),
-        interior=Interior(
-            image=oriented,
-            model=transformations.model[oriented],
-            matrix=transformations.matrix[oriented],
-            terms=transformations.terms[oriented],
-            covariance=transformations.covariance[oriented],
-            sigma0=transformations.sigma0[oriented],
-            redundancy=transformations.redundancy[oriented],
-            film_scale=transformations.film_scale[oriented],
-            film_shear_rad=transformations.film_shear_rad[oriented],
-        ),
+        interior=interior,
         fiducial_residuals=fiducial_residuals,
         corrections=Corrections(name=np.array(list(corrections)), largest_mm=np.array(list(corrections.values()))),
         suspects=stacked([suspects, _outside_suspects(block, photo, camera, outside)]),
@@ -128,20 +90,21 @@ def image_points_of(
     return made, tuple(_notes(block, outside))
 
 
-def calibrated_transformations(block: Block, images: Int) -> Transformations:
-    """Transformations of the given images by the calibrated pixel size, or none where photo coordinates are given.
+def calibrated_interior(block: Block, images: Int) -> Interior:
+    """Interior orientation of the given images by the calibrated pixel size, or none where photo coordinates are given.
 
     Raises
     ------
     InputError
         If a camera's coordinates cannot be transformed without fiducial marks.
     """
-    n = len(block.images)
-    matrix = np.full((n, 2, 3), np.nan)
-    for camera in np.unique(block.images.camera[images]):
-        rows = images[block.images.camera[images] == camera]
-        matrix[rows] = _calibrated_matrix(block, int(camera))
-    return Transformations(
+    camera, n = block.images.camera[images], len(images)
+    matrix = np.zeros((n, 2, 3))
+    for one in np.unique(camera):
+        matrix[camera == one] = _calibrated_matrix(block, int(one))
+    known = np.isfinite(matrix).all(axis=(1, 2))
+    return Interior(
+        image=images.astype(np.int32),
         model=np.full(n, "calibrated"),
         matrix=matrix,
         terms=np.zeros((n, 2)),
@@ -150,16 +113,17 @@ def calibrated_transformations(block: Block, images: Int) -> Transformations:
         redundancy=np.zeros(n, dtype=np.int32),
         film_scale=np.full((n, 2), np.nan),
         film_shear_rad=np.full(n, np.nan),
-    )
+    ).take(known)
 
 
-def _transformed(transformations: Transformations, image: Int, uv: Float) -> Float:
-    """Photo coordinates of measured points, each by the transformation of its image."""
-    xy = np.empty((len(uv), 2))
-    models, of_image = np.unique(transformations.model, return_inverse=True)
+def _transformed(interior: Interior, row: Int, uv: Float) -> Float:
+    """Photo coordinates of measured points, each by the interior orientation of its image; NaN of row -1."""
+    xy = np.full((len(uv), 2), np.nan)
+    models, code = np.unique(interior.model, return_inverse=True)
+    of_point = np.append(code, -1)[row]
     for k, model in enumerate(models):
-        rows = np.flatnonzero(of_image[image] == k)
-        matrix, terms = transformations.matrix[image[rows]], transformations.terms[image[rows]]
+        rows = np.flatnonzero(of_point == k)
+        matrix, terms = interior.matrix[row[rows]], interior.terms[row[rows]]
         xy[rows] = transform_plane(str(model), matrix, terms, uv[rows, None])[:, 0]
     return xy
 
