@@ -64,20 +64,20 @@ class TangentFrame:
 
     def from_block(self, xyz: Float) -> Float:
         """Coordinates of the tangent frame, (n, 3) m; rows that are not finite stay NaN."""
-        found = np.full(xyz.shape, np.nan)
-        known = np.isfinite(xyz).all(axis=1)
-        given = xyz[known]
-        G = given if self.geocentric else ellipsoid.geocentric(self._to_geographic(given), self.body)
-        found[known] = (G - self.origin_m) @ self.axes
-        return found
+        converted = np.full(xyz.shape, np.nan)
+        finite = np.isfinite(xyz).all(axis=1)
+        coordinates = xyz[finite]
+        G = coordinates if self.geocentric else ellipsoid.geocentric(self._to_geographic(coordinates), self.body)
+        converted[finite] = (G - self.origin_m) @ self.axes
+        return converted
 
     def to_block(self, xyz_m: Float) -> Float:
         """Coordinates of the block, (n, 3) m: the inverse of `from_block`."""
-        found = np.full(xyz_m.shape, np.nan)
-        known = np.isfinite(xyz_m).all(axis=1)
-        G = xyz_m[known] @ self.axes.T + self.origin_m
-        found[known] = G if self.geocentric else self._from_geographic(ellipsoid.geographic(G, self.body))
-        return found
+        converted = np.full(xyz_m.shape, np.nan)
+        finite = np.isfinite(xyz_m).all(axis=1)
+        G = xyz_m[finite] @ self.axes.T + self.origin_m
+        converted[finite] = G if self.geocentric else self._from_geographic(ellipsoid.geographic(G, self.body))
+        return converted
 
     def derivatives_at(self, xyz_m: Float) -> Float:
         """D: derivatives of the coordinates of the block at places of the tangent frame, (n, 3, 3)."""
@@ -113,13 +113,13 @@ class TangentFrame:
 
     def _to_geographic(self, xyz: Float) -> Float:
         raised = xyz + np.array([0.0, 0.0, self.undulation_m])
-        found = np.stack(_transformer(self.source).transform(*raised.T), axis=1)
-        return np.where(np.isfinite(found), found, np.nan)
+        converted = np.stack(_transformer(self.source).transform(*raised.T), axis=1)
+        return np.where(np.isfinite(converted), converted, np.nan)
 
     def _from_geographic(self, degrees: Float) -> Float:
-        found = np.stack(_transformer(self.source).transform(*degrees.T, direction="INVERSE"), axis=1)
-        found = np.where(np.isfinite(found), found, np.nan)  # a place that the map does not have
-        return np.asarray(found - np.array([0.0, 0.0, self.undulation_m]))
+        converted = np.stack(_transformer(self.source).transform(*degrees.T, direction="INVERSE"), axis=1)
+        converted = np.where(np.isfinite(converted), converted, np.nan)  # a place that the map does not have
+        return np.asarray(converted - np.array([0.0, 0.0, self.undulation_m]))
 
 
 def _frame_of(north: Float, up: Float) -> Float:

@@ -88,8 +88,8 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
             remedy="give marks beside it, or their distances and a `line` of relative control",
         )
     chosen = np.sort(order[:count])
-    some = J[chosen]
-    return BodyDistances(pairs[chosen], length[chosen], some @ covariance_m2 @ some.T, plane_sigma)
+    chosen_rows = J[chosen]
+    return BodyDistances(pairs[chosen], length[chosen], chosen_rows @ covariance_m2 @ chosen_rows.T, plane_sigma)
 
 
 def _across(xyz_m: Float, covariance_m2: Float) -> float:

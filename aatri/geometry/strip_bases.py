@@ -117,18 +117,18 @@ class StripBasis:
         -------
         (n, 3, K) float64
         """
-        found = np.zeros((len(u), 3, self.size), dtype=np.result_type(u, v))
+        derivatives = np.zeros((len(u), 3, self.size), dtype=np.result_type(u, v))
         p = terms(u, v, self.full, int(self.degree.max(initial=0)))
         count = p.shape[1]
-        found[:, 2, self.size - count :] = p
+        derivatives[:, 2, self.size - count :] = p
         if self.form == "polynomial":
-            found[:, 0, :count] = found[:, 1, count : 2 * count] = p
-            return found
+            derivatives[:, 0, :count] = derivatives[:, 1, count : 2 * count] = p
+            return derivatives
         y = across_over_along * v
         for k, (real, imaginary) in enumerate(_powers(u, y, self.narrow)[: (self.size - count) // 2]):
-            found[:, 0, 2 * k], found[:, 0, 2 * k + 1] = real, -imaginary
-            found[:, 1, 2 * k], found[:, 1, 2 * k + 1] = imaginary, real
-        return found
+            derivatives[:, 0, 2 * k], derivatives[:, 0, 2 * k + 1] = real, -imaginary
+            derivatives[:, 1, 2 * k], derivatives[:, 1, 2 * k + 1] = imaginary, real
+        return derivatives
 
     def model(self, degree: int) -> str:
         """Name of what a part of a strip has got."""

@@ -14,7 +14,7 @@ Source: Baeumker and Heimes 2001 (OEEPE, integrated sensor orientation); docs/fo
 from __future__ import annotations
 
 from aatri.adapters.ground.direct import direct_solution
-from aatri.adapters.refinement.systematic import without_distortion
+from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

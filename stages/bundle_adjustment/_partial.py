@@ -10,7 +10,7 @@ import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input
 from aatri.adapters.bundle.bundle_solution import bundle_solution
-from aatri.adapters.refinement.systematic import without_distortion
+from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import SolverSettings
 from aatri.arrays import Bool, Float, Text

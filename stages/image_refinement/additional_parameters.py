@@ -13,7 +13,7 @@ Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aa
 from __future__ import annotations
 
 from aatri.adapters.cameras.calibration import calibrated_correction, calibration_of
-from aatri.adapters.refinement.corrected import largest_length, with_corrections
+from aatri.adapters.refinement.corrections import largest_length, with_corrections
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -45,17 +45,17 @@ def additional_parameters(
     """Image points corrected by the additional parameters of another block."""
     if "additional parameters" in image_points.corrections.name:
         raise SpecError("the additional parameters have been corrected already", remedy="correct them once")
-    found = calibration_of(calibration)
-    if found.set != "user":
-        parameters = parameter_set(found.set)
+    calibrated = calibration_of(calibration)
+    if calibrated.set != "user":
+        parameters = parameter_set(calibrated.set)
     elif options.user is None:
         raise SpecError("the calibration has a set of the user's own", remedy="user: my_parameters.py")
     else:
         parameters = user_set("\n".join(read_lines(options.user)), str(options.user))
-    parameters = with_interior(parameters) if found.interior else parameters
-    correction_mm = calibrated_correction(block, image_points, parameters, found)
+    parameters = with_interior(parameters) if calibrated.interior else parameters
+    correction_mm = calibrated_correction(block, image_points, parameters, calibrated)
     m = image_points.measurements
     largest = largest_length(correction_mm, m.active & finite_rows(correction_mm))
-    units = ", ".join(id for part in found.parts if part.per != "image" for id in part.ids[:4])
-    context.log(f"{found.set} of {units}: at most {1e3 * largest:.2f} um")
+    units = ", ".join(id for part in calibrated.parts if part.per != "image" for id in part.ids[:4])
+    context.log(f"{calibrated.set} of {units}: at most {1e3 * largest:.2f} um")
     return with_corrections(image_points, m.xy_mm + correction_mm, ["additional parameters"], [largest])

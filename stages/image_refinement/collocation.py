@@ -14,12 +14,17 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.refinement.collocation import compensated
+import numpy as np
+
+from aatri.adapters.cameras.sharing import units_of
+from aatri.adapters.refinement.corrections import with_corrections
 from aatri.adapters.solution import check_same_block
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.notes import tell
+from aatri.notes import Note, tell
+from aatri.orientation.refinement.collocation import collocate_groups
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -42,8 +47,36 @@ def collocation(
 ) -> ImagePoints:
     """Image points less the common part of their residuals in a solution."""
     check_same_block(block, solution.images.id, "solution")
-    made, notes = compensated(
-        block, image_points, solution, per=options.per, model=options.model, cells_per_side=options.cells_per_side
-    )
+    m = image_points.measurements
+    residual_mm, used = _image_residuals(solution, len(m))
+    rows = np.flatnonzero(np.isfinite(m.xy_mm).all(axis=1))
+    units = units_of(block, options.per)
+    correction, _, signals = collocate_groups(
+        units.of_image[m.image[rows]], m.xy_mm[rows], residual_mm[rows], used[rows],
+        model=options.model, cells_per_side=options.cells_per_side,
+    )  # fmt: skip
+    notes = []
+    if not used.any():
+        notes.append(Note("warning", "the solution has no residuals of image points: nothing is corrected"))
+    for unit, one in signals.items():
+        signal = "residuals without correlated part, nothing is corrected"
+        if one.function is not None:
+            signal = f"signal {1e3 * np.sqrt(one.function.variance_mm2):.2f} um"
+        notes.append(Note("note", f"{units.id[unit]}: {signal}"))
+    xy = m.xy_mm.copy()
+    xy[rows] += correction
+    largest = float(np.linalg.norm(correction, axis=1).max(initial=0.0))
+    before = sum(str(name).startswith("collocation") for name in image_points.corrections.name)
+    name = "collocation" if before == 0 else f"collocation {before + 1}"
     tell(notes, context)
-    return made
+    return with_corrections(image_points, xy, [name], [largest])
+
+
+def _image_residuals(solution: Solution, n: int) -> tuple[Float, Bool]:
+    """Residuals by row of the image points, and which of them are there and active."""
+    r = solution.residuals
+    rows_of_points = np.flatnonzero((r.kind == "image_point") & (r.row >= 0))
+    residual, used = np.zeros((n, 2)), np.zeros(n, dtype=bool)
+    residual[r.row[rows_of_points]] = r.residual[rows_of_points, :2]
+    used[r.row[rows_of_points]] = r.active[rows_of_points] & np.isfinite(r.residual[rows_of_points, :2]).all(axis=1)
+    return residual, used

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aatri.adapters.refinement.systematic import IN_ORDER, systematically_corrected
+from aatri.adapters.refinement.corrections import IN_ORDER, systematically_corrected
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

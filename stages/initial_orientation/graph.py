@@ -31,7 +31,7 @@ from aatri.adapters.ground.initial_solution import initial_solution
 from aatri.adapters.ground.initial_whole import by_all_kinds
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, strongest_pairs
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
-from aatri.adapters.refinement.systematic import without_distortion
+from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -146,5 +146,5 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         reporter=context,
     )  # fmt: skip
     context.progress(len(images), len(images), "models")
-    context.log(f"{int(made.found.formed.sum())} of {len(images)} pairs make a model")
+    context.log(f"{int(made.orientations.formed.sum())} of {len(images)} pairs make a model")
     return essential_models(block, image_points, pairs, made)

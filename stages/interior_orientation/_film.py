@@ -44,7 +44,7 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
     nominal = np.einsum("nii->ni", marks.nominal)
     fit = snooped_fiducials(model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal,
                             limit=options.test_limit)  # fmt: skip
-    usable, told = check_film(block, marks, fit, options.max_sigma0)
+    usable, of_marks = check_film(block, marks, fit, options.max_sigma0)
     fit = replace(fit, determined=usable)
     calibrated = calibrated_interior(block, np.flatnonzero(block.images.active & ~film))
     interior = stacked([calibrated, film_interior(marks, fit)])
@@ -54,12 +54,12 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         undeformed[marks.image[usable]] = without_deformation(
             model, fit.matrix[usable], fit.terms[usable], fit.photo_from_nominal[usable], nominal[usable]
         )
-    made, also = image_points_of(
+    made, of_points = image_points_of(
         block,
         interior.take(np.argsort(interior.image, kind="stable")),
         fiducial_residuals=film_residuals(block, marks, fit),
         suspects=film_suspects(block, marks, fit),
         film_deformation=undeformed,
     )
-    tell([*told, *also], context)
+    tell([*of_marks, *of_points], context)
     return made

@@ -11,7 +11,7 @@ import numpy as np
 from aatri.adapters.pairs.image_pairs import named_points, pairs_of, strip_pairs
 from aatri.adapters.pairs.models import models_of, with_elements
 from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
-from aatri.adapters.refinement.systematic import without_distortion
+from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
@@ -83,19 +83,19 @@ def oriented(
         min_points=options.min_points, reporter=context,
     )  # fmt: skip
     if options.orientation_points is None:
-        orients, found = np.ones(len(pairs.point), dtype=bool), orient(pairs.rays, pairs.start)
+        orients, orientations = np.ones(len(pairs.point), dtype=bool), orient(pairs.rays, pairs.start)
     else:
         orients = named_points(options.orientation_points, block.points.id)[pairs.point]
-        found = oriented_by(pairs, orients, limit_of(pairs.rays, options.snooping_limit), orient)
-    pairs = replace(pairs, rays=with_sigmas(pairs.rays, found.scale))
-    if options.equation != "rigorous" and found.formed.any():
-        with_equal_weights(pairs, found, options.equation, frame, orients)
+        orientations = oriented_by(pairs, orients, limit_of(pairs.rays, options.snooping_limit), orient)
+    pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
+    if options.equation != "rigorous" and orientations.formed.any():
+        with_equal_weights(pairs, orientations, options.equation, frame, orients)
         text = f"orientations by equal weights of the equation {options.equation}; points were rejected by the rigorous"
         tell([Note("note", f"{text} one")], context)
-    refuse_misfits(found, options.max_sigma0)
+    refuse_misfits(orientations, options.max_sigma0)
     if options.coordinates == "coefficients":
-        found.xyz[:] = classical_model_points(pairs, found)
-    models = with_elements(models_of(block, image_points, pairs, found), frame)
+        orientations.xyz[:] = classical_model_points(pairs, orientations)
+    models = with_elements(models_of(block, image_points, pairs, orientations), frame)
     context.progress(len(pairs.left), len(pairs.left), "models")
-    tell(notes_of_pairs(block, image_points, pairs, found, models), context)
+    tell(notes_of_pairs(block, image_points, pairs, orientations, models), context)
     return models

@@ -56,23 +56,23 @@ def connected(
     """Orient the consecutive images of every strip, each model connected with the one before."""
     image_points = checked_image_points(block, image_points, context)
     pairs = pairs_of_strips(block, image_points, context)
-    found = relative_orientations(
+    orientations = relative_orientations(
         pairs.rays, pairs.start, snooping_limit=options.snooping_limit, max_iterations=options.max_iterations,
         min_points=options.min_points, reporter=context,
     )  # fmt: skip
-    pairs = replace(pairs, rays=with_sigmas(pairs.rays, found.scale))
-    refuse_misfits(found, options.max_sigma0)
-    connections, loose = connected_pairs(pairs, found, limit_of(pairs.rays, options.snooping_limit))
+    pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
+    refuse_misfits(orientations, options.max_sigma0)
+    connections, loose = connected_pairs(pairs, orientations, limit_of(pairs.rays, options.snooping_limit))
     if options.coordinates == "coefficients":
-        found.xyz[:] = classical_model_points(pairs, found, connections)
+        orientations.xyz[:] = classical_model_points(pairs, orientations, connections)
     notes = []
     if loose:
         text = "models without connection to the one before: fewer than three points of both fit, their scale is open"
         notes.append(Note("warning", text, tuple(pair_names(block, pairs)[list(loose)].tolist())))
     wrong = sum(int((~c.orientation.connects).sum()) for c in connections)
     notes.append(Note("note", f"{len(connections)} connections; {wrong} connection points are rejected there"))
-    models = with_elements(models_of(block, image_points, pairs, found), "dependent")
-    models = with_connections(block, models, found, connections)
+    models = with_elements(models_of(block, image_points, pairs, orientations), "dependent")
+    models = with_connections(block, models, orientations, connections)
     context.progress(len(pairs.left), len(pairs.left), "models")
-    tell([*notes, *notes_of_pairs(block, image_points, pairs, found, models)], context)
+    tell([*notes, *notes_of_pairs(block, image_points, pairs, orientations, models)], context)
     return models

@@ -67,9 +67,9 @@ def essential(
         max_samples=options.max_samples,
         reporter=context,
     )
-    refuse_misfits(made.found, options.max_sigma0)
-    pairs = replace(pairs, rays=with_sigmas(pairs.rays, made.found.scale))
+    refuse_misfits(made.orientations, options.max_sigma0)
+    pairs = replace(pairs, rays=with_sigmas(pairs.rays, made.orientations.scale))
     models = with_elements(essential_models(block, image_points, pairs, made), "dependent")
     context.progress(len(pairs.left), len(pairs.left), "models")
-    tell(notes_of_pairs(block, image_points, pairs, made.found, models), context)
+    tell(notes_of_pairs(block, image_points, pairs, made.orientations, models), context)
     return models

@@ -83,13 +83,13 @@ def campaign(count: int, noise: float, outliers: float, seed: int = 1) -> dict[s
     rng = np.random.default_rng(seed)
     trials = [trial(rng, noise=noise, outliers=outliers) for _ in range(count)]
     made = essential_orientations(*rays_of(trials))
-    far, ratio = errors(trials, made.found)
+    far, ratio = errors(trials, made.orientations)
     good = (ratio < SIGMAS) if noise else (far < 1e-6)
     ambiguous = np.isfinite(made.second[:, 0, 0])
     return {
         "trials": count, "at the truth": int(good.sum()), "of these called ambiguous": int((good & ambiguous).sum()),
         "worst, rad": float(far[good].max(initial=0.0)), "samples, mean": float(made.samples.mean()),
-        "wrong and not told": int((~good & made.found.formed & ~ambiguous).sum()),
+        "wrong and not told": int((~good & made.orientations.formed & ~ambiguous).sum()),
     }  # fmt: skip
 
 

@@ -78,28 +78,28 @@ def declared_frame(block: Block) -> tuple[Frame, float]:
     frames = block.frames
     axes = ("x", "y", "z") if "x" in str(frames.axes[0]).split(",") else ("east", "north", "up")
     source = Frame(str(frames.id[0]), axes, str(frames.crs[0]), str(frames.vertical[0]))
-    given = float(np.nan_to_num(block.undulation_m))
+    undulation = float(np.nan_to_num(block.undulation_m))
     if not source.vertical:
         check_convertible(source)
-        return source, given
+        return source, undulation
     try:
         check_convertible(source)
         return source, 0.0
     except InputError as error:
-        if not given:
+        if not undulation:
             remedy = f"{error.remedy}; or give undulation, or write earth_curvature: correct"
             raise InputError(error.what, where=error.where, remedy=remedy) from error
         source = replace(source, vertical="")
         check_convertible(source)
-        return source, given
+        return source, undulation
 
 
 def _middle(block: Block) -> Float:
     """A round place in the middle of what the block knows, at height 0; of geocentric blocks as it is."""
     ground = block.ground_points.xyz_m
-    known = [ground[finite_rows(ground)], block.exterior.position_m[finite_rows(block.exterior.position_m)],
+    places = [ground[finite_rows(ground)], block.exterior.position_m[finite_rows(block.exterior.position_m)],
              np.nan_to_num(ground[np.isfinite(ground).any(axis=1)])]  # fmt: skip
-    xyz = next((rows for rows in known if len(rows)), None)
+    xyz = next((rows for rows in places if len(rows)), None)
     if xyz is None:
         raise InputError(
             "a tangent frame needs a place: the block has neither ground points nor positions",
@@ -114,8 +114,8 @@ def poses_into(frame: TangentFrame | None, position_m: Float, ground_from_image:
     """Poses of the block in the frame of the adjustment; NaN stays NaN."""
     if frame is None:
         return Poses(position_m, ground_from_image)
-    found = frame.from_block(position_m)
-    return Poses(found, _axes(frame, found) @ ground_from_image)
+    position = frame.from_block(position_m)
+    return Poses(position, _axes(frame, position) @ ground_from_image)
 
 
 def poses_out_of(frame: TangentFrame | None, poses: Poses) -> Poses:
@@ -152,7 +152,7 @@ def result_out_of(frame: TangentFrame | None, result: BundleResult) -> BundleRes
 
 
 def _axes(frame: TangentFrame, position_m: Float) -> Float:
-    known = finite_rows(position_m)
+    places = finite_rows(position_m)
     B = np.full((len(position_m), 3, 3), np.nan)
-    B[known] = frame.axes_at(position_m[known])
+    B[places] = frame.axes_at(position_m[places])
     return B

@@ -59,9 +59,9 @@ def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangent
     frame = frame_of(block)
     if frame is None:
         return InTangentFrame(block, initial, None, False)
-    given = block.ground_points
-    asked = (given.role != NO_ROLE) & np.isfinite(given.xyz_m)
-    partial = bool(((given.role == CONTROL).any(axis=1) & ~asked.all(axis=1)).any())
+    ground = block.ground_points
+    asked = (ground.role != NO_ROLE) & np.isfinite(ground.xyz_m)
+    partial = bool(((ground.role == CONTROL).any(axis=1) & ~asked.all(axis=1)).any())
     partial |= not positions_of(block).given.all()
     made = replace(
         block,
@@ -78,23 +78,23 @@ def _tangent_crs(crs: Text) -> Text:
 
 
 def _ground(block: Block, frame: TangentFrame, near: Solution | None) -> GroundPoints:
-    given = block.ground_points
-    guess = np.full(given.xyz_m.shape, np.nan) if near is None else near.points.xyz_m[given.point]
-    xyz, covariance = _placed(frame, given.xyz_m, given.covariance_m2, guess)
-    return replace(given, xyz_m=xyz, covariance_m2=covariance)
+    ground = block.ground_points
+    guess = np.full(ground.xyz_m.shape, np.nan) if near is None else near.points.xyz_m[ground.point]
+    xyz, covariance = _placed(frame, ground.xyz_m, ground.covariance_m2, guess)
+    return replace(ground, xyz_m=xyz, covariance_m2=covariance)
 
 
-def _placed(frame: TangentFrame, given_m: Float, covariance_m2: Float, guess_m: Float) -> tuple[Float, Float]:
+def _placed(frame: TangentFrame, observed_m: Float, covariance_m2: Float, guess_m: Float) -> tuple[Float, Float]:
     """Coordinates and covariances in the tangent frame; what a place lacks is its guess, or the mean of the others."""
-    missing = ~np.isfinite(given_m)
+    missing = ~np.isfinite(observed_m)
     count = (~missing).sum(axis=0)
-    mean = np.where(missing, 0.0, given_m).sum(axis=0) / np.maximum(count, 1)
-    found = frame.from_block(np.where(missing, np.where(np.isfinite(guess_m), guess_m, mean), given_m))
+    mean = np.where(missing, 0.0, observed_m).sum(axis=0) / np.maximum(count, 1)
+    placed = frame.from_block(np.where(missing, np.where(np.isfinite(guess_m), guess_m, mean), observed_m))
     whole = ~missing.any(axis=1)
-    inverse = np.linalg.inv(frame.derivatives_at(found[whole]))
+    inverse = np.linalg.inv(frame.derivatives_at(placed[whole]))
     covariance = covariance_m2.copy()
     covariance[whole] = inverse @ covariance[whole] @ inverse.swapaxes(1, 2)
-    return np.where(missing, np.nan, found), _exact_kept(covariance_m2, covariance)
+    return np.where(missing, np.nan, placed), _exact_kept(covariance_m2, covariance)
 
 
 def _exact_kept(before: Float, after: Float) -> Float:
@@ -107,12 +107,12 @@ def _exterior(block: Block, frame: TangentFrame, near: Solution | None) -> Exter
     e = block.exterior
     guess = np.full(e.position_m.shape, np.nan) if near is None else near.images.position_m[e.image]
     position, covariance = _placed(frame, e.position_m, e.position_covariance_m2, guess)
-    known = finite_rows(position)
+    placed_rows = finite_rows(position)
     angles = e.angles_rad
-    if block.rotation != "roll-pitch-heading" and known.any():
-        turned = frame.axes_at(position[known]) @ rotation_from_angles(angles[known], block.rotation)
+    if block.rotation != "roll-pitch-heading" and placed_rows.any():
+        turned = frame.axes_at(position[placed_rows]) @ rotation_from_angles(angles[placed_rows], block.rotation)
         angles = angles.copy()
-        angles[known] = angles_from_rotation(turned, block.rotation)
+        angles[placed_rows] = angles_from_rotation(turned, block.rotation)
     return replace(e, position_m=position, position_covariance_m2=covariance, angles_rad=angles)
 
 

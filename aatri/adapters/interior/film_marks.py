@@ -115,13 +115,13 @@ def film_interior(marks: FilmMarks, fit: FiducialFit) -> Interior:
 
 def film_residuals(block: Block, marks: FilmMarks, fit: FiducialFit) -> FiducialResiduals:
     """Residuals of the marks of images with redundancy: without it they are zero by construction and say nothing."""
-    told = marks.present & (fit.determined & (fit.redundancy > 0))[:, None]
-    rows = marks.row[told].astype(np.int32)
+    shown = marks.present & (fit.determined & (fit.redundancy > 0))[:, None]
+    rows = marks.row[shown].astype(np.int32)
     marked = block.fiducial_points
     return FiducialResiduals(
         row=rows,
         image=marked.image[rows],
         fiducial=block.fiducials.id[marked.fiducial[rows]],
-        residual_mm=fit.residual_mm[told],
-        active=fit.used[told],
+        residual_mm=fit.residual_mm[shown],
+        active=fit.used[shown],
     )

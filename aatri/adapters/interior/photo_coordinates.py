@@ -102,7 +102,7 @@ def calibrated_interior(block: Block, images: Int) -> Interior:
     matrix = np.zeros((n, 2, 3))
     for one in np.unique(camera):
         matrix[camera == one] = _calibrated_matrix(block, int(one))
-    known = np.isfinite(matrix).all(axis=(1, 2))
+    finite = np.isfinite(matrix).all(axis=(1, 2))
     return Interior(
         image=images.astype(np.int32),
         model=np.full(n, "calibrated"),
@@ -113,7 +113,7 @@ def calibrated_interior(block: Block, images: Int) -> Interior:
         redundancy=np.zeros(n, dtype=np.int32),
         film_scale=np.full((n, 2), np.nan),
         film_shear_rad=np.full(n, np.nan),
-    ).take(known)
+    ).take(finite)
 
 
 def _transformed(interior: Interior, row: Int, uv: Float) -> Float:

@@ -34,16 +34,16 @@ FEWEST = 8
 """Points of a pair of the graph that must fit."""
 
 
-def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, found: RelativeOrientations) -> Models:
+def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, orientations: RelativeOrientations) -> Models:
     """Models of oriented pairs, and the pairs that make none with the reason."""
-    formed, unformed = np.flatnonzero(found.formed), np.flatnonzero(~found.formed)
+    formed, unformed = np.flatnonzero(orientations.formed), np.flatnonzero(~orientations.formed)
     model_of = np.full(len(pairs.left), -1, dtype=np.int32)
     model_of[formed] = np.arange(len(formed))
     model = np.repeat(model_of, np.diff(pairs.start))
-    covariance, film = found.covariance, film_errors(block, image_points)
+    covariance, film = orientations.covariance, film_errors(block, image_points)
     if film is not None:
-        covariance = covariance + film_in_orientations(pairs, found, film.basis, film.covariance)
-    points, parallax = _model_points(pairs, model, found)
+        covariance = covariance + film_in_orientations(pairs, orientations, film.basis, film.covariance)
+    points, parallax = _model_points(pairs, model, orientations)
     made = Models(
         images=image_points.images,
         points=image_points.points,
@@ -51,21 +51,21 @@ def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, found:
             id=np.asarray(pair_names(block, pairs)[formed], dtype=np.str_),
             left=pairs.left[formed],
             right=pairs.right[formed],
-            left_from_right=found.left_from_right[formed],
-            base=found.base[formed],
+            left_from_right=orientations.left_from_right[formed],
+            base=orientations.base[formed],
             covariance=covariance[formed],
-            sigma0=found.sigma0[formed],
-            redundancy=found.redundancy[formed].astype(np.int32),
-            iterations=found.iterations[formed].astype(np.int32),
+            sigma0=orientations.sigma0[formed],
+            redundancy=orientations.redundancy[formed].astype(np.int32),
+            iterations=orientations.iterations[formed].astype(np.int32),
         ),
         model_points=points,
         unformed=Unformed(
             left=pairs.left[unformed],
             right=pairs.right[unformed],
             common_points=np.diff(pairs.start)[unformed].astype(np.int32),
-            reason=np.array([found.reasons[pair] for pair in unformed.tolist()], dtype=np.str_),
+            reason=np.array([orientations.reasons[pair] for pair in unformed.tolist()], dtype=np.str_),
         ),
-        suspects=stacked([image_points.suspects, _suspects(block, pairs, model, found)]),
+        suspects=stacked([image_points.suspects, _suspects(block, pairs, model, orientations)]),
     )
     mine, m = model >= 0, image_points.measurements
     in_models = np.concatenate([pairs.left_row[mine], pairs.right_row[mine]])
@@ -82,33 +82,33 @@ def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontroll
     return stacked([across, seen_by_one(block, models, np.flatnonzero(p.active & single))])
 
 
-def _model_points(pairs: ImagePairs, model: Int, found: RelativeOrientations) -> tuple[ModelPoints, Float]:
+def _model_points(pairs: ImagePairs, model: Int, orientations: RelativeOrientations) -> tuple[ModelPoints, Float]:
     """Points that have an intersection, and the redundancy numbers of their y-parallaxes; the others are suspects."""
-    rows = np.flatnonzero((model >= 0) & finite_rows(found.point_covariance))
-    error = np.abs(found.error_mm[rows])
+    rows = np.flatnonzero((model >= 0) & finite_rows(orientations.point_covariance))
+    error = np.abs(orientations.error_mm[rows])
     # The estimated error of a parallax is the parallax over its redundancy number.
     with np.errstate(divide="ignore", invalid="ignore"):
-        redundancy = np.where(error > 0, np.abs(found.parallax_mm[rows]) / error, 1.0)
-    redundancy = np.where(np.isnan(found.test[rows]), 0.0, redundancy)
+        redundancy = np.where(error > 0, np.abs(orientations.parallax_mm[rows]) / error, 1.0)
+    redundancy = np.where(np.isnan(orientations.test[rows]), 0.0, redundancy)
     points = ModelPoints(
         model=model[rows],
         point=pairs.point[rows],
-        xyz=found.xyz[rows],
-        covariance=found.point_covariance[rows],
-        parallax_mm=found.parallax_mm[rows],
-        active=found.active[rows],
+        xyz=orientations.xyz[rows],
+        covariance=orientations.point_covariance[rows],
+        parallax_mm=orientations.parallax_mm[rows],
+        active=orientations.active[rows],
     )
     return points, redundancy
 
 
-def _suspects(block: Block, pairs: ImagePairs, model: Int, found: RelativeOrientations) -> Suspects:
+def _suspects(block: Block, pairs: ImagePairs, model: Int, orientations: RelativeOrientations) -> Suspects:
     """Rejected points; the row is that of the right image's measurement, though the error may be in the left one."""
-    rows = np.flatnonzero((model >= 0) & ~found.active)
+    rows = np.flatnonzero((model >= 0) & ~orientations.active)
     return suspect_rows(
         "relative_orientation", "image_point", row=pairs.right_row[rows],
         image=block.images.id[np.repeat(pairs.right, np.diff(pairs.start))[rows]],
-        point=block.points.id[pairs.point[rows]], size=found.error_mm[rows], sigma=found.error_sigma_mm[rows],
-        test=found.test[rows],
+        point=block.points.id[pairs.point[rows]], size=orientations.error_mm[rows],
+        sigma=orientations.error_sigma_mm[rows], test=orientations.test[rows],
     )  # fmt: skip
 
 
@@ -130,10 +130,10 @@ def with_elements(models: Models, frame: str) -> Models:
 
 
 def with_connections(
-    block: Block, models: Models, found: RelativeOrientations, connections: Sequence[Connection]
+    block: Block, models: Models, orientations: RelativeOrientations, connections: Sequence[Connection]
 ) -> Models:
     """The models with the scales of their connections among the elements, and the connection points rejected."""
-    model_of = np.cumsum(found.formed) - 1
+    model_of = np.cumsum(orientations.formed) - 1
     assert models.elements is not None  # of with_elements
     e, each = models.elements, [c.orientation for c in connections]
     model = np.concatenate([e.model, [model_of[c.pair] for c in connections]]).astype(np.int32)
@@ -162,11 +162,11 @@ def _rejected_connection_points(block: Block, model: str, connection: Connection
 
 def essential_models(block: Block, image_points: ImagePoints, pairs: ImagePairs, made: EssentialOrientations) -> Models:
     """Models of oriented pairs; second orientations of ambiguous ones; pairs without base."""
-    formed = np.flatnonzero(made.found.formed)
+    formed = np.flatnonzero(made.orientations.formed)
     also = np.flatnonzero(finite_rows(made.second[formed]))
     turned = np.flatnonzero(finite_rows(made.turned))
     return replace(
-        models_of(block, image_points, pairs, made.found),
+        models_of(block, image_points, pairs, made.orientations),
         second_orientations=SecondOrientations(
             model=also.astype(np.int32),
             left_from_right=made.second[formed[also]][:, :, :3],

@@ -18,7 +18,7 @@ from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.orientations import RelativeOrientations
 
 
-def refuse_misfits(found: RelativeOrientations, max_sigma0: float) -> None:
+def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float) -> None:
     """Pairs whose sigma0 is beyond the limit make no model; where all together are, there is no result.
 
     Raises
@@ -26,22 +26,22 @@ def refuse_misfits(found: RelativeOrientations, max_sigma0: float) -> None:
     ConvergenceError
         If the pooled sigma0 is beyond the limit.
     """
-    formed = np.flatnonzero(found.formed)
+    formed = np.flatnonzero(orientations.formed)
     what = f"of {len(formed)} models together"
-    refuse_misfit(pooled_test(found.sigma0[formed], found.redundancy[formed]), max_sigma0, what)
-    for pair in formed[np.nan_to_num(found.sigma0[formed]) > max_sigma0].tolist():
-        found.formed[pair] = False
-        found.reasons[pair] = f"sigma0 {found.sigma0[pair]:.1f}, beyond max_sigma0 = {max_sigma0:g}"
+    refuse_misfit(pooled_test(orientations.sigma0[formed], orientations.redundancy[formed]), max_sigma0, what)
+    for pair in formed[np.nan_to_num(orientations.sigma0[formed]) > max_sigma0].tolist():
+        orientations.formed[pair] = False
+        orientations.reasons[pair] = f"sigma0 {orientations.sigma0[pair]:.1f}, beyond max_sigma0 = {max_sigma0:g}"
 
 
 def notes_of_pairs(
-    block: Block, image_points: ImagePoints, pairs: ImagePairs, found: RelativeOrientations, models: Models
+    block: Block, image_points: ImagePoints, pairs: ImagePairs, orientations: RelativeOrientations, models: Models
 ) -> tuple[Note, ...]:
     """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts, rejections."""
     rejected = rejection_notes(models.suspects, "relative_orientation")
     loose = notes_of(models.uncontrolled, "one model alone sees") if models.uncontrolled is not None else []
-    of_models = (*_of_models(models, found.scale), *_of_axes(models), *rejected, *loose)
-    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, found), *of_models)
+    of_models = (*_of_models(models, orientations.scale), *_of_axes(models), *rejected, *loose)
+    return (*_doubtful(block, image_points), *_of_pairs(block, pairs, orientations), *of_models)
 
 
 def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
@@ -51,12 +51,12 @@ def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
                    "strip's sequence right?")  # fmt: skip
 
 
-def _of_pairs(block: Block, pairs: ImagePairs, found: RelativeOrientations) -> Iterator[Note]:
+def _of_pairs(block: Block, pairs: ImagePairs, orientations: RelativeOrientations) -> Iterator[Note]:
     names = pair_names(block, pairs)
-    for pair in sorted(found.reasons.keys() | found.warnings.keys()):
-        if pair in found.reasons:
-            yield Note("warning", f"no model {names[pair]}: {found.reasons[pair]}")
-        for text in found.warnings.get(pair, ()):
+    for pair in sorted(orientations.reasons.keys() | orientations.warnings.keys()):
+        if pair in orientations.reasons:
+            yield Note("warning", f"no model {names[pair]}: {orientations.reasons[pair]}")
+        for text in orientations.warnings.get(pair, ()):
             yield Note("warning", f"model {names[pair]}: {text}")
 
 

@@ -57,12 +57,14 @@ def earth_correction(
         every = closed(slice(None), stations.height_m[image], stations.terrain_m)
         if np.isfinite(every).all():
             return every, ()
-    known, rays = above[image] > 0, stations.by_rays[image]
+    above_terrain, rays = above[image] > 0, stations.by_rays[image]
     correction = np.zeros_like(xy_mm)
-    correction[known & ~rays] = closed(known & ~rays, stations.height_m[image[known & ~rays]], stations.terrain_m)
+    correction[above_terrain & ~rays] = closed(
+        above_terrain & ~rays, stations.height_m[image[above_terrain & ~rays]], stations.terrain_m
+    )
     turned = np.isfinite(stations.level_from_image[image, 2, 2])
-    correction[known & rays & turned] = by_rays(np.flatnonzero(known & rays & turned))
-    without = known & rays & ~turned
+    correction[above_terrain & rays & turned] = by_rays(np.flatnonzero(above_terrain & rays & turned))
+    without = above_terrain & rays & ~turned
     if without.any():
         text = f"{what} is not corrected in images without orientation"
         notes.append(Note("warning", text, _ids(block, image[without])))

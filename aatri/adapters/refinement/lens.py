@@ -31,10 +31,10 @@ def lens_correction(block: Block, image: Int, xy_mm: Float) -> tuple[Float, tupl
     notes: list[Note] = []
     for k in np.unique(camera):
         distortion = distortion_of(block, int(k))
-        mine = camera == k
+        of_camera = camera == k
         try:
             notes += _checked_corners(block, int(k), distortion)
-            correction[mine] = corrected(distortion, xy_mm[mine]) - xy_mm[mine]
+            correction[of_camera] = corrected(distortion, xy_mm[of_camera]) - xy_mm[of_camera]
         except AatriError as error:
             raise type(error)(error.what, where=f"camera {block.cameras.id[k]}", remedy=error.remedy) from error
     return correction, tuple(notes)

@@ -158,7 +158,7 @@ def collocate_groups(
         Of the groups with active residuals, ascending.
     """
     correction, sigma = np.zeros_like(xy_mm), np.zeros(len(xy_mm))
-    found: dict[int, Collocation] = {}
+    of_group: dict[int, Collocation] = {}
     for number in np.unique(group):
         rows = np.flatnonzero(group == number)
         used = rows[active[rows]]
@@ -166,8 +166,8 @@ def collocate_groups(
             continue
         one = collocate(xy_mm[used], residual_mm[used], model=model, cells_per_side=cells_per_side)
         correction[rows], sigma[rows] = predict(one, xy_mm[rows])
-        found[int(number)] = one
-    return correction, sigma, found
+        of_group[int(number)] = one
+    return correction, sigma, of_group
 
 
 def _distances(a: Float, b: Float) -> Float:

@@ -41,9 +41,9 @@ def station_heights_m(image: Int, xy_mm: Float, plan_m: Float, height_m: Float, 
     """
     station = np.full(len(principal_distance_mm), np.nan)
     for k in np.unique(image):
-        mine, c = image == k, principal_distance_mm[k]
-        if np.sqrt((np.ptp(xy_mm[mine], axis=0) ** 2).sum()) >= LEAST_EXTENT * c:
-            station[k] = height_m[mine].mean() + c * _spread(plan_m[mine]) / _spread(xy_mm[mine])
+        in_image, c = image == k, principal_distance_mm[k]
+        if np.sqrt((np.ptp(xy_mm[in_image], axis=0) ** 2).sum()) >= LEAST_EXTENT * c:
+            station[k] = height_m[in_image].mean() + c * _spread(plan_m[in_image]) / _spread(xy_mm[in_image])
     return station
 
 

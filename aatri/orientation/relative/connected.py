@@ -117,13 +117,13 @@ def connected_orientation(
     """
     use = active[before.row].copy()
     while use.sum() >= FEWEST:
-        found = _adjusted(rays, active, R, base, before, use)
-        if found is None:
+        connected = _adjusted(rays, active, R, base, before, use)
+        if connected is None:
             return None
-        test = np.where(use, np.nan_to_num(found.test), 0.0)
+        test = np.where(use, np.nan_to_num(connected.test), 0.0)
         worst = int(test.argmax())
         if test[worst] <= limit or use.sum() <= FEWEST:
-            return found
+            return connected
         use[worst] = False
     return None
 

@@ -32,7 +32,7 @@ class Connection:
 
 
 def connected_pairs(
-    pairs: ImagePairs, found: RelativeOrientations, limit: float
+    pairs: ImagePairs, orientations: RelativeOrientations, limit: float
 ) -> tuple[tuple[Connection, ...], tuple[int, ...]]:
     """Connect pairs with those that end where they begin, and put the connected orientations in their place.
 
@@ -40,7 +40,7 @@ def connected_pairs(
     ----------
     pairs : ImagePairs
         Along strips: an image is the right one of one pair at most.
-    found : RelativeOrientations
+    orientations : RelativeOrientations
         Changed.
     limit : float
         A connection point with a larger test statistic is rejected.
@@ -55,9 +55,9 @@ def connected_pairs(
     connections, loose = list[Connection](), list[int]()
     for pair, left in enumerate(pairs.left.tolist()):
         before = ends_at.get(left)
-        if before is None or not (found.formed[pair] and found.formed[before]):
+        if before is None or not (orientations.formed[pair] and orientations.formed[before]):
             continue
-        connection = _connected(pairs, found, before, pair, limit)
+        connection = _connected(pairs, orientations, before, pair, limit)
         if connection is None:
             loose.append(pair)
         else:
@@ -66,35 +66,42 @@ def connected_pairs(
 
 
 def _connected(
-    pairs: ImagePairs, found: RelativeOrientations, before: int, pair: int, limit: float
+    pairs: ImagePairs, orientations: RelativeOrientations, before: int, pair: int, limit: float
 ) -> Connection | None:
     a, b = (slice(int(pairs.start[k]), int(pairs.start[k + 1])) for k in (before, pair))
     common, at_a, at_b = np.intersect1d(pairs.point[a], pairs.point[b], return_indices=True)
-    good = found.active[a][at_a] & found.active[b][at_b] & np.isfinite(found.point_covariance[a][at_a]).all(axis=(1, 2))
+    good = (
+        orientations.active[a][at_a]
+        & orientations.active[b][at_b]
+        & np.isfinite(orientations.point_covariance[a][at_a]).all(axis=(1, 2))
+    )
     common, at_a, at_b = common[good], at_a[good], at_b[good]
     rays = pairs.rays.take(np.arange(b.start, b.stop))
     one = connected_orientation(
-        rays, found.active[b], found.left_from_right[pair], found.base[pair],
-        Before(found.left_from_right[before], found.base[before], found.covariance[before], at_b,
-               found.xyz[a][at_a], found.point_covariance[a][at_a]),
+        rays, orientations.active[b], orientations.left_from_right[pair], orientations.base[pair],
+        Before(orientations.left_from_right[before], orientations.base[before], orientations.covariance[before], at_b,
+               orientations.xyz[a][at_a], orientations.point_covariance[a][at_a]),
         limit=limit,
     )  # fmt: skip
     if one is None:
         return None
-    found.left_from_right[pair], found.base[pair] = one.left_from_right, one.base
-    found.covariance[pair], found.sigma0[pair] = one.covariance, one.sigma0
-    found.redundancy[pair], found.iterations[pair] = one.redundancy, found.iterations[pair] + one.iterations
-    refresh_points(found, pairs, pair)
+    orientations.left_from_right[pair], orientations.base[pair] = one.left_from_right, one.base
+    orientations.covariance[pair], orientations.sigma0[pair] = one.covariance, one.sigma0
+    orientations.redundancy[pair], orientations.iterations[pair] = (
+        one.redundancy,
+        orientations.iterations[pair] + one.iterations,
+    )
+    refresh_points(orientations, pairs, pair)
     return Connection(pair, before, one, common)
 
 
 def classical_model_points(
-    pairs: ImagePairs, found: RelativeOrientations, connections: tuple[Connection, ...] = ()
+    pairs: ImagePairs, orientations: RelativeOrientations, connections: tuple[Connection, ...] = ()
 ) -> Float:
     """Model points by projection coefficients, (n, 3); connection points keep the height of the model before."""
-    xyz, connection_of = found.xyz.copy(), {c.pair: c for c in connections}
-    for pair in np.flatnonzero(found.formed).tolist():
-        rows, R, base = pairs.rows(pair), found.left_from_right[pair], found.base[pair]
+    xyz, connection_of = orientations.xyz.copy(), {c.pair: c for c in connections}
+    for pair in np.flatnonzero(orientations.formed).tolist():
+        rows, R, base = pairs.rows(pair), orientations.left_from_right[pair], orientations.base[pair]
         rays = pairs.rays.take(rows)
         xyz[rows] = classical_points(R, base, rays)
         connection = connection_of.get(pair)
@@ -103,7 +110,7 @@ def classical_model_points(
         one, before = connection.orientation, connection.before
         used = connection.point[one.connects]
         there = int(pairs.start[before]) + np.searchsorted(pairs.point[pairs.rows(before)], used)
-        seen = (xyz[there] - found.base[before]) @ found.left_from_right[before]
+        seen = (xyz[there] - orientations.base[before]) @ orientations.left_from_right[before]
         here = np.searchsorted(pairs.point[rows], used)
         xyz[rows[here]] = connection_points(R, base, rays.take(here), seen[:, 2] / one.scale)
     return xyz

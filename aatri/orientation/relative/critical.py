@@ -91,7 +91,7 @@ def judged(
     GeometryError
         If it is open.
     """
-    found = []
+    texts = []
     largest = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     if largest > OPEN_RAD:
         raise GeometryError(
@@ -100,13 +100,13 @@ def judged(
         )
     if largest > WEAK_RAD:
         why = critical_configuration(xyz[active], base)
-        found.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; {why}")
+        texts.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; {why}")
     if redundancy == 0:
-        found.append("exactly 5 points: no redundancy, nothing is checked")
+        texts.append("exactly 5 points: no redundancy, nothing is checked")
     elif redundancy == 1 and sigma0 > limit:
-        found.append(f"sigma0 is {sigma0:.1f} with one redundant point: there is a gross error, but which point "
+        texts.append(f"sigma0 is {sigma0:.1f} with one redundant point: there is a gross error, but which point "
                      "has it cannot be told")  # fmt: skip
     rejected, n = int((~active).sum()), len(active)
     if n >= 10 and rejected > MANY_REJECTED * n:
-        found.append(f"{rejected} of {n} points are rejected: mismatches, or standard deviations that are too small")
-    return tuple(found)
+        texts.append(f"{rejected} of {n} points are rejected: mismatches, or standard deviations that are too small")
+    return tuple(texts)

@@ -35,12 +35,12 @@ def degenerate_pairs(rays: RayPairs, start: Int, fewest: int) -> dict[int, str]:
     fewest : int
         Points of a pair.
     """
-    found = {}
+    reasons = {}
     for pair in np.flatnonzero(~plain_pairs(rays, start, fewest)).tolist():
         reason = _defect(rays.take(slice(int(start[pair]), int(start[pair + 1]))), fewest)
         if reason:
-            found[pair] = reason
-    return found
+            reasons[pair] = reason
+    return reasons
 
 
 def _defect(rays: RayPairs, fewest: int) -> str:

@@ -138,7 +138,7 @@ def adjusted_with_equal_weights(
 
 
 def with_equal_weights(
-    pairs: ImagePairs, found: RelativeOrientations, equation: str, frame: str, orients: Bool
+    pairs: ImagePairs, orientations: RelativeOrientations, equation: str, frame: str, orients: Bool
 ) -> None:
     """Put the orientations of a classical equation in the place of the rigorous ones.
 
@@ -149,22 +149,22 @@ def with_equal_weights(
     orients : (n,) bool
         Points that orient, if they are active.
     """
-    formed = np.flatnonzero(found.formed)
+    formed = np.flatnonzero(orientations.formed)
     of_row = np.repeat(np.arange(len(pairs.left)), np.diff(pairs.start))
-    rows = np.flatnonzero(found.active & orients & found.formed[of_row])
+    rows = np.flatnonzero(orientations.active & orients & orientations.formed[of_row])
     place = np.searchsorted(formed, of_row[rows])
     R, base, covariance, sigma0, iterations = adjusted_with_equal_weights(
-        equation, frame, found.left_from_right[formed], found.base[formed], pairs.rays.take(rows), place
+        equation, frame, orientations.left_from_right[formed], orientations.base[formed], pairs.rays.take(rows), place
     )
     for k, pair in enumerate(formed.tolist()):
         if not iterations[k]:
-            found.formed[pair] = False
-            found.reasons[pair] = f"the equation {equation} with equal weights does not converge"
+            orientations.formed[pair] = False
+            orientations.reasons[pair] = f"the equation {equation} with equal weights does not converge"
             continue
-        found.left_from_right[pair], found.base[pair] = R[k], base[k]
-        found.covariance[pair], found.sigma0[pair] = covariance[k], sigma0[k]
-        found.iterations[pair] += iterations[k]
-        refresh_points(found, pairs, pair)
+        orientations.left_from_right[pair], orientations.base[pair] = R[k], base[k]
+        orientations.covariance[pair], orientations.sigma0[pair] = covariance[k], sigma0[k]
+        orientations.iterations[pair] += iterations[k]
+        refresh_points(orientations, pairs, pair)
 
 
 def _times(matrices: Float, vectors: Float) -> Float:

@@ -28,12 +28,11 @@ from aatri.orientation.relative.kernels.snooping import SNOOPED
 from aatri.orientation.relative.loops import (
     ENOUGH,
     FEWEST,
-    PairSettings,
     Portion,
     from_parallel,
     oriented_from,
 )
-from aatri.orientation.relative.orientations import RelativeOrientations, rows_of_pairs
+from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations, rows_of_pairs
 from aatri.progress import SILENT, Reporter
 
 SAMPLES = 1_000
@@ -107,7 +106,7 @@ class EssentialOrientations:
 
     Attributes
     ----------
-    found : RelativeOrientations
+    orientations : RelativeOrientations
     second : (m, 3, 4) float64
         Rotation and base of another orientation that explains the points as well; NaN where there is none.
     turned : (m, 3, 3) float64
@@ -119,7 +118,7 @@ class EssentialOrientations:
         Five-point samples drawn.
     """
 
-    found: RelativeOrientations
+    orientations: RelativeOrientations
     second: Float
     turned: Float
     turned_sigma_rad: Float
@@ -160,20 +159,20 @@ def essential_orientations(
         starts = ((many, FEWEST), (parallel, ENOUGH), (five_or_six, FEWEST))
         return oriented_from(scaled, start, starts, settings, reporter)
 
-    found, m = with_image_scale(orient, rays), len(count)
+    orientations, m = with_image_scale(orient, rays), len(count)
     second, samples = last[0].second, last[0].samples
-    for pair in np.flatnonzero(np.isfinite(second[:, 0, 0]) & found.formed).tolist():
+    for pair in np.flatnonzero(np.isfinite(second[:, 0, 0]) & orientations.formed).tolist():
         text = "ambiguous: another orientation explains the points as well, as over a plane"
-        found.warnings[pair] = (*found.warnings.get(pair, ()), text)
-    second[~found.formed] = np.nan
+        orientations.warnings[pair] = (*orientations.warnings.get(pair, ()), text)
+    second[~orientations.formed] = np.nan
     turned = np.full((m, 3, 3), np.nan), np.full(m, np.nan), np.zeros(m, dtype=np.int64)
-    rest = np.flatnonzero(~found.formed)
-    unformed = with_sigmas(rays.take(rows_of_pairs(start, rest)), found.scale)
+    rest = np.flatnonzero(~orientations.formed)
+    unformed = with_sigmas(rays.take(rows_of_pairs(start, rest)), orientations.scale)
     first = np.concatenate([[0], np.cumsum(count[rest])])
     for k in degenerate_pairs(unformed, first, max(min_points, 5)):
         for column, value in zip(turned, _turned(unformed.take(slice(first[k], first[k + 1])))):
             column[rest[k]] = value
-    return EssentialOrientations(found, second, *turned, samples)
+    return EssentialOrientations(orientations, second, *turned, samples)
 
 
 def _turned(rays: RayPairs) -> tuple[Float | float, float, int]:

@@ -21,13 +21,15 @@ from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.orientations import RelativeOrientations
 
 
-def film_in_orientations(pairs: ImagePairs, found: RelativeOrientations, basis: Float, film_covariance: Float) -> Float:
+def film_in_orientations(
+    pairs: ImagePairs, orientations: RelativeOrientations, basis: Float, film_covariance: Float
+) -> Float:
     """What is to be added to the covariances of the orientations, zero where no film is open.
 
     Parameters
     ----------
     pairs : ImagePairs
-    found : RelativeOrientations
+    orientations : RelativeOrientations
     basis : (n, 2, s) float64
         K of every measurement.
     film_covariance : (n_images, s, s) float64
@@ -37,12 +39,12 @@ def film_in_orientations(pairs: ImagePairs, found: RelativeOrientations, basis: 
     -------
     (m, 5, 5) float64, rad^2
     """
-    added = np.zeros(found.covariance.shape)
+    added = np.zeros(orientations.covariance.shape)
     open_ = np.einsum("nii->ni", film_covariance).any(axis=1)
-    for k in np.flatnonzero(found.formed & (open_[pairs.left] | open_[pairs.right])).tolist():
+    for k in np.flatnonzero(orientations.formed & (open_[pairs.left] | open_[pairs.right])).tolist():
         rows = pairs.rows(k)
-        rows = rows[found.active[rows]]
-        R, b, rays = found.left_from_right[k], found.base[k], pairs.rays.take(rows)
+        rows = rows[orientations.active[rows]]
+        R, b, rays = orientations.left_from_right[k], orientations.base[k], pairs.rays.take(rows)
         _, J = sampson(R, b, tangents(b), rays)
         _, gradient = coplanarity(essential_matrix(R, b), rays.left, rays.right)
         sigma = np.concatenate([rays.left_sigma, rays.right_sigma], axis=1)

@@ -35,16 +35,16 @@ def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: R
         Orients all pairs.
     rays : RayPairs
     """
-    found, scale = orient(rays), 1.0
+    orientations, scale = orient(rays), 1.0
     for _ in range(ROUNDS):
-        asked, clear = _scale_of(found)
+        asked, clear = _scale_of(orientations)
         better = max(scale * asked, 1.0)
         settled = abs(better - scale) <= SETTLED * scale
         if settled or (scale == 1.0 and not clear):
             break
         scale = better
-        found = orient(with_sigmas(rays, scale))
-    return replace(found, sigma0=scale * found.sigma0, scale=scale)
+        orientations = orient(with_sigmas(rays, scale))
+    return replace(orientations, sigma0=scale * orientations.sigma0, scale=scale)
 
 
 def with_sigmas(rays: RayPairs, scale: float) -> RayPairs:
@@ -57,11 +57,11 @@ def limit_of(rays: RayPairs, limit: float | None) -> float:
     return limit_of_tests(len(rays.left)) if limit is None else limit
 
 
-def _scale_of(found: RelativeOrientations) -> tuple[float, bool]:
+def _scale_of(orientations: RelativeOrientations) -> tuple[float, bool]:
     """The scale of all y-parallaxes, of rejected points too, and whether it is clearly above 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        redundancy = np.minimum(np.abs(found.parallax_mm / found.error_mm), 1.0)
-    known = np.isfinite(redundancy) & np.isfinite(found.test)
+        redundancy = np.minimum(np.abs(orientations.parallax_mm / orientations.error_mm), 1.0)
+    known = np.isfinite(redundancy) & np.isfinite(orientations.test)
     r = np.where(known, redundancy, 0.0)
-    scales = class_scales(np.where(known, found.test, 0.0) * np.sqrt(r), r, np.where(known, 0, -1), 1)
+    scales = class_scales(np.where(known, orientations.test, 0.0) * np.sqrt(r), r, np.where(known, 0, -1), 1)
     return float(scales.scale[0]), bool(scales.differing[0] > 1.0)

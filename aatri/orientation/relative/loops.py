@@ -23,7 +23,7 @@ from aatri.orientation.relative.kernels.model_points import intersect
 from aatri.orientation.relative.kernels.sampson import OPEN
 from aatri.orientation.relative.kernels.snooping import snoop
 from aatri.orientation.relative.kernels.start import parallel_starts
-from aatri.orientation.relative.orientations import RelativeOrientations, rows_of_pairs
+from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations, rows_of_pairs
 from aatri.progress import Reporter
 
 AT_ONCE = 500_000
@@ -92,31 +92,12 @@ def from_parallel(portion: Portion) -> None:
 
 
 @dataclass(frozen=True)
-class PairSettings:
-    """How pairs are adjusted.
-
-    Attributes
-    ----------
-    limit : float
-        Largest test statistic of a point that is used.
-    max_iterations : int
-        Of one adjustment.
-    min_points : int
-        Used points of a model, five at least.
-    """
-
-    limit: float
-    max_iterations: int
-    min_points: int
-
-
-@dataclass(frozen=True)
 class AdjustedPairs:
     """Pairs adjusted from one start.
 
     Attributes
     ----------
-    found : RelativeOrientations
+    orientations : RelativeOrientations
         `formed` where the adjustment ended with points in front of both images.
     good : (m,) bool
         Enough points fit: another start cannot do much better.
@@ -124,7 +105,7 @@ class AdjustedPairs:
         Of the residuals.
     """
 
-    found: RelativeOrientations
+    orientations: RelativeOrientations
     good: Bool
     squares: Float
 
@@ -145,7 +126,7 @@ def oriented_from(
     m, count, fewest = len(start) - 1, np.diff(start), max(settings.min_points, 5)
     reasons = degenerate_pairs(rays, start, fewest)
     todo = np.array([pair not in reasons for pair in range(m)], dtype=bool)
-    found, squares = RelativeOrientations.empty(m, len(rays.left)), np.full(m, np.inf)
+    orientations, squares = RelativeOrientations.empty(m, len(rays.left)), np.full(m, np.inf)
     for begin, enough in starts:
         pairs = np.flatnonzero(todo)
         if not len(pairs):
@@ -153,27 +134,29 @@ def oriented_from(
         rows, own_start = rows_of_pairs(start, pairs), np.concatenate([[0], np.cumsum(count[pairs])])
         part = rays if len(pairs) == m else rays.take(rows)
         made = _adjusted_from(part, own_start, pairs, begin, enough, settings, reporter)
-        used, before = made.found.redundancy, found.redundancy[pairs]
+        used, before = made.orientations.redundancy, orientations.redundancy[pairs]
         better = (used > before) | (used == before) & (made.squares < squares[pairs])
-        better = made.found.formed & (better | ~found.formed[pairs])
+        better = made.orientations.formed & (better | ~orientations.formed[pairs])
         own = np.flatnonzero(better)
         if len(own) == m:
-            found = made.found
+            orientations = made.orientations
         else:
-            found.put(pairs[own], rows[np.repeat(better, count[pairs])], made.found, own, rows_of_pairs(own_start, own))
+            orientations.put(
+                pairs[own], rows[np.repeat(better, count[pairs])], made.orientations, own, rows_of_pairs(own_start, own)
+            )
         squares[pairs[own]] = made.squares[own]
-        reasons |= made.found.reasons
+        reasons |= made.orientations.reasons
         todo[pairs[made.good]] = False
-    used = np.where(found.formed, found.redundancy + 5, 0)
-    few = np.flatnonzero(found.formed & ((used < fewest) | (used < FEWEST * count)))
+    used = np.where(orientations.formed, orientations.redundancy + 5, 0)
+    few = np.flatnonzero(orientations.formed & ((used < fewest) | (used < FEWEST * count)))
     reasons |= {pair: f"only {used[pair]} of {count[pair]} points fit one orientation" for pair in few.tolist()}
-    found.put(few, rows_of_pairs(start, few), RelativeOrientations.empty(1, 1), 0, 0)
-    found.reasons.clear()
-    found.reasons.update({pair: text for pair, text in reasons.items() if not found.formed[pair]})
-    _judge(found, start, settings.limit)
-    for pair in np.flatnonzero(~found.formed).tolist():
-        found.reasons.setdefault(pair, "no relation between the images fits one orientation")
-    return found
+    orientations.put(few, rows_of_pairs(start, few), RelativeOrientations.empty(1, 1), 0, 0)
+    orientations.reasons.clear()
+    orientations.reasons.update({pair: text for pair, text in reasons.items() if not orientations.formed[pair]})
+    _judge(orientations, start, settings.limit)
+    for pair in np.flatnonzero(~orientations.formed).tolist():
+        orientations.reasons.setdefault(pair, "no relation between the images fits one orientation")
+    return orientations
 
 
 def _adjusted_from(
@@ -210,7 +193,7 @@ def _adjust_portion(
         in_threads(n, lambda a, b: loop(*items_between(start, a, b), start, *arguments), worth=WORTH_A_THREAD)
 
     chosen, settled = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
-    begin(Portion(pairs, count, rays, table, chosen, pose, active, made.found.reasons, all_pairs))
+    begin(Portion(pairs, count, rays, table, chosen, pose, active, made.orientations.reasons, all_pairs))
     for _ in range(FALLBACKS):  # points behind an image are taken out, and it is adjusted again
         all_pairs(snoop, table, chosen, limit, settings.max_iterations, pose, W, iterations, inside, active, work)
         all_pairs(intersect, chosen, pose, table, model)
@@ -231,17 +214,20 @@ def _adjust_portion(
     for pair in np.flatnonzero(near & (iterations <= 0) & ~settled).tolist():
         what = "its points do not determine an orientation" if iterations[pair] == OPEN else "it does not converge"
         why = critical_configuration(model[row == pair, :3], pose[pair, :, 3])
-        made.found.reasons[int(pairs[pair])] = f"{what}: {why}"
+        made.orientations.reasons[int(pairs[pair])] = f"{what}: {why}"
     work[~settled[row]] = np.nan
-    done, found = np.flatnonzero(settled), made.found
+    done, orientations = np.flatnonzero(settled), made.orientations
     of_done = mine.start + done
-    found.formed[of_done] = True
-    found.left_from_right[of_done], found.base[of_done] = pose[done, :, :3], pose[done, :, 3]
-    found.covariance[of_done], found.iterations[of_done] = W[done].swapaxes(1, 2) @ W[done], iterations[done]
-    found.redundancy[of_done] = redundancy = used[done] - 5
+    orientations.formed[of_done] = True
+    orientations.left_from_right[of_done], orientations.base[of_done] = pose[done, :, :3], pose[done, :, 3]
+    orientations.covariance[of_done], orientations.iterations[of_done] = (
+        W[done].swapaxes(1, 2) @ W[done],
+        iterations[done],
+    )
+    orientations.redundancy[of_done] = redundancy = used[done] - 5
     made.squares[of_done] = square = np.bincount(row[active], work[active, 0] ** 2, minlength=m)[done]
-    found.sigma0[of_done] = np.sqrt(square / np.where(redundancy > 0, redundancy, np.nan))
-    _fill_points(found, rows, settled[row], active, work, model)
+    orientations.sigma0[of_done] = np.sqrt(square / np.where(redundancy > 0, redundancy, np.nan))
+    _fill_points(orientations, rows, settled[row], active, work, model)
 
 
 def _fits(settled: Bool, row: Int, work: Float, active: Bool, limit: float, enough: float) -> Bool:
@@ -263,37 +249,37 @@ def _fits(settled: Bool, row: Int, work: Float, active: Bool, limit: float, enou
 
 
 def _fill_points(
-    found: RelativeOrientations, rows: slice, of_done: Bool, active: Bool, work: Float, model: Float
+    orientations: RelativeOrientations, rows: slice, of_done: Bool, active: Bool, work: Float, model: Float
 ) -> None:
     v, test, r, sigma = work[:, 0], work[:, 6], work[:, 7], work[:, 8]
     root = np.sqrt(r)
-    found.active[rows] = active & of_done
+    orientations.active[rows] = active & of_done
     for column, values in (
-        (found.parallax_mm, -v * sigma),
-        (found.error_mm, np.where(active, -v * sigma / r, np.where(np.isnan(r), np.nan, -v * sigma))),
-        (found.error_sigma_mm, np.where(active, sigma / root, sigma * root)),
-        (found.test, test),
+        (orientations.parallax_mm, -v * sigma),
+        (orientations.error_mm, np.where(active, -v * sigma / r, np.where(np.isnan(r), np.nan, -v * sigma))),
+        (orientations.error_sigma_mm, np.where(active, sigma / root, sigma * root)),
+        (orientations.test, test),
     ):
         column[rows] = np.where(of_done, values, np.nan)
-    for table, values in ((found.xyz, model[:, :3]), (found.depth, model[:, 12:14])):
+    for table, values in ((orientations.xyz, model[:, :3]), (orientations.depth, model[:, 12:14])):
         table[rows] = np.where(of_done[:, None], values, np.nan)
-    found.point_covariance[rows] = np.where(of_done[:, None, None], model[:, 3:12].reshape(-1, 3, 3), np.nan)
+    orientations.point_covariance[rows] = np.where(of_done[:, None, None], model[:, 3:12].reshape(-1, 3, 3), np.nan)
 
 
-def _judge(found: RelativeOrientations, start: Int, limit: float) -> None:
+def _judge(orientations: RelativeOrientations, start: Int, limit: float) -> None:
     """Warnings of the pairs; those that are open make no model."""
-    pairs = np.flatnonzero(found.formed)
-    largest = np.sqrt(np.linalg.eigvalsh(found.covariance[pairs])[:, -1]) if len(pairs) else np.zeros(0)
+    pairs = np.flatnonzero(orientations.formed)
+    largest = np.sqrt(np.linalg.eigvalsh(orientations.covariance[pairs])[:, -1]) if len(pairs) else np.zeros(0)
     n = np.diff(start)[pairs]
-    rejected = n - found.redundancy[pairs] - 5
-    doubtful = (largest > 0.99 * WEAK_RAD) | (found.redundancy[pairs] <= 1) | (rejected > MANY_REJECTED * n)
+    rejected = n - orientations.redundancy[pairs] - 5
+    doubtful = (largest > 0.99 * WEAK_RAD) | (orientations.redundancy[pairs] <= 1) | (rejected > MANY_REJECTED * n)
     for pair in pairs[doubtful].tolist():
         rows = slice(int(start[pair]), int(start[pair + 1]))
         try:
-            found.warnings[pair] = judged(
-                found.covariance[pair], int(found.redundancy[pair]), float(found.sigma0[pair]), found.active[rows],
-                limit, found.xyz[rows], found.base[pair],
+            orientations.warnings[pair] = judged(
+                orientations.covariance[pair], int(orientations.redundancy[pair]), float(orientations.sigma0[pair]),
+                orientations.active[rows], limit, orientations.xyz[rows], orientations.base[pair],
             )  # fmt: skip
         except GeometryError as error:
-            found.formed[pair] = False
-            found.reasons[pair] = error.what
+            orientations.formed[pair] = False
+            orientations.reasons[pair] = error.what

@@ -88,17 +88,37 @@ class RelativeOrientations:
                 getattr(self, name)[here] = getattr(other, name)[there]
 
 
+@dataclass(frozen=True)
+class PairSettings:
+    """How pairs are adjusted.
+
+    Attributes
+    ----------
+    limit : float
+        Largest test statistic of a point that is used.
+    max_iterations : int
+        Of one adjustment.
+    min_points : int
+        Used points of a model, five at least.
+    """
+
+    limit: float
+    max_iterations: int
+    min_points: int
+
+
 def rows_of_pairs(start: Int, pairs: Int) -> Int:
     """Rows of the points of the chosen pairs, pair by pair."""
     count = np.diff(start)[pairs]
     return np.asarray(np.arange(int(count.sum())) + np.repeat(start[pairs] - np.cumsum(count) + count, count))
 
 
-def refresh_points(found: RelativeOrientations, pairs: ImagePairs, pair: int) -> None:
+def refresh_points(orientations: RelativeOrientations, pairs: ImagePairs, pair: int) -> None:
     """Model points and y-parallaxes of a pair whose orientation has changed."""
-    rows, R, base = pairs.rows(pair), found.left_from_right[pair], found.base[pair]
+    rows, R, base = pairs.rows(pair), orientations.left_from_right[pair], orientations.base[pair]
     rays = pairs.rays.take(rows)
     points = intersect_pair(R, base, rays)
-    found.xyz[rows], found.point_covariance[rows], found.depth[rows] = points.xyz, points.covariance, points.depth
-    found.parallax_mm[rows] = parallax(R, base, rays)[0]
-    found.active[rows] &= (points.depth > 0).all(axis=1)
+    orientations.xyz[rows], orientations.depth[rows] = points.xyz, points.depth
+    orientations.point_covariance[rows] = points.covariance
+    orientations.parallax_mm[rows] = parallax(R, base, rays)[0]
+    orientations.active[rows] &= (points.depth > 0).all(axis=1)

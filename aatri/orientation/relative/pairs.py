@@ -32,11 +32,10 @@ from aatri.orientation.relative.image_scale import limit_of, with_image_scale
 from aatri.orientation.relative.loops import (
     ENOUGH,
     FEWEST,
-    PairSettings,
     from_parallel,
     oriented_from,
 )
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations
 from aatri.progress import SILENT, Reporter
 
 
@@ -92,17 +91,18 @@ def oriented_by(
     """
     every, use = np.arange(len(pairs.left)), np.flatnonzero(orients)
     part = orient(pairs.rays.take(use), np.concatenate([[0], np.cumsum(orients)])[pairs.start])
-    found = RelativeOrientations.empty(len(every), len(orients))
-    found.put(every, use, part, every, np.arange(len(use)))
-    found = replace(found, reasons=part.reasons, warnings=part.warnings, scale=part.scale)
+    orientations = RelativeOrientations.empty(len(every), len(orients))
+    orientations.put(every, use, part, every, np.arange(len(use)))
+    orientations = replace(orientations, reasons=part.reasons, warnings=part.warnings, scale=part.scale)
     for pair in np.flatnonzero(part.formed).tolist():
         rows = pairs.rows(pair)
         rows = rows[~orients[rows]]
         R, base, rays = part.left_from_right[pair], part.base[pair], pairs.rays.take(rows)
         points = intersect_pair(R, base, rays)
-        found.xyz[rows], found.point_covariance[rows], found.depth[rows] = points.xyz, points.covariance, points.depth
-        found.parallax_mm[rows], sigma = parallax(R, base, rays)
-        found.error_mm[rows], found.error_sigma_mm[rows] = found.parallax_mm[rows], sigma
-        found.test[rows] = np.abs(found.parallax_mm[rows]) / sigma
-        found.active[rows] = (found.test[rows] <= limit) & (points.depth > 0).all(axis=1)
-    return found
+        orientations.xyz[rows], orientations.depth[rows] = points.xyz, points.depth
+        orientations.point_covariance[rows] = points.covariance
+        orientations.parallax_mm[rows], sigma = parallax(R, base, rays)
+        orientations.error_mm[rows], orientations.error_sigma_mm[rows] = orientations.parallax_mm[rows], sigma
+        orientations.test[rows] = np.abs(orientations.parallax_mm[rows]) / sigma
+        orientations.active[rows] = (orientations.test[rows] <= limit) & (points.depth > 0).all(axis=1)
+    return orientations

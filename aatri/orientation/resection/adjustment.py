@@ -83,9 +83,9 @@ def resect_images(
     ResectedImages
     """
     n_images = len(c_mm)
-    known = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(xy_mm).all(axis=1)
-    known &= np.isfinite(position_m[image]).all(axis=1) & np.isfinite(ground_from_image[image]).all(axis=(1, 2))
-    rays = np.flatnonzero(known)
+    usable = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(xy_mm).all(axis=1)
+    usable &= np.isfinite(position_m[image]).all(axis=1) & np.isfinite(ground_from_image[image]).all(axis=(1, 2))
+    rays = np.flatnonzero(usable)
     rays = rays[np.argsort(image[rays], kind="stable")]
     xy, sigma, row, X = xy_mm[rays], sigma_mm[rays], image[rays], xyz_m[point[rays]]
     count = np.bincount(row, minlength=n_images)

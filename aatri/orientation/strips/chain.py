@@ -128,11 +128,11 @@ def _means(
     of_strip, point = strip[model[rows]], models.point[rows]
     new = np.flatnonzero(np.concatenate([[True], (np.diff(of_strip) != 0) | (np.diff(point) != 0)])[: len(rows)])
     start, n = np.append(new, len(rows)), len(new)
-    mean, found = np.empty((n, 3)), np.empty((n, 3, 3))
+    mean, covariance_of_mean = np.empty((n, 3)), np.empty((n, 3, 3))
     covariance = np.require(models.covariance, np.float64, ["C", "W"])
 
     def part(first: int, last: int) -> None:
-        means(first, last, start, rows, model, scale, rotation, covariance, placed, mean, found)
+        means(first, last, start, rows, model, scale, rotation, covariance, placed, mean, covariance_of_mean)
 
     in_threads(n, part, worth=WORTH_A_THREAD)
-    return of_strip[new].astype(np.int64), point[new].astype(np.int64), mean, found, np.diff(start)
+    return of_strip[new].astype(np.int64), point[new].astype(np.int64), mean, covariance_of_mean, np.diff(start)

@@ -137,7 +137,7 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
     """
     start, first_row, second_row = _common(models, first, second)
     n, j = len(first_row), len(first)
-    found = JointTable(
+    joints = JointTable(
         np.asarray(first), np.asarray(second), np.full(j, np.nan), np.full(j, np.nan), np.full(j, np.nan),
         start, first_row, second_row, np.zeros(n, dtype=bool),
         np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan),
@@ -148,9 +148,9 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
     of_models = _of_models(models)
     for a, b in pairwise(edges):
         rows = slice(int(start[a]), int(start[b]))
-        _adjust(found, a, b, *_observed(of_models, first_row[rows], second_row[rows]), snooping_limit)
-    found.spread[:] = _spreads(models, found)
-    return found
+        _adjust(joints, a, b, *_observed(of_models, first_row[rows], second_row[rows]), snooping_limit)
+    joints.spread[:] = _spreads(models, joints)
+    return joints
 
 
 def with_mean_scales(joints: JointTable) -> JointTable:
@@ -233,9 +233,9 @@ def _observed(of_models: tuple[Int | Float, ...], first: Int, second: Int) -> tu
     return observed, sigma, A
 
 
-def _adjust(found: JointTable, a: int, b: int, observed: Float, sigma: Float, A: Float, limit: float) -> None:
+def _adjust(joints: JointTable, a: int, b: int, observed: Float, sigma: Float, A: Float, limit: float) -> None:
     """Fill in the joints a ... b - 1."""
-    start = np.ascontiguousarray(found.start[a : b + 1] - found.start[a], dtype=np.int64)
+    start = np.ascontiguousarray(joints.start[a : b + 1] - joints.start[a], dtype=np.int64)
     n, m = len(observed), b - a
     y = observed / sigma
     x, scale_sigma, done = np.full((m, 11), np.nan), np.full(m, np.nan), np.zeros(m, dtype=bool)
@@ -245,29 +245,29 @@ def _adjust(found: JointTable, a: int, b: int, observed: Float, sigma: Float, A:
         join(*items_between(start, first, last), start, A, y, limit, x, scale_sigma, done, active, work)
 
     in_threads(n, part, worth=WORTH_A_THREAD)
-    rows, joint = slice(int(found.start[a]), int(found.start[b])), np.repeat(np.arange(m), np.diff(start))
+    rows, joint = slice(int(joints.start[a]), int(joints.start[b])), np.repeat(np.arange(m), np.diff(start))
     v, r = work[:, 0], work[:, 1]
-    found.scale[a:b] = np.where(done, np.exp(x[:, -1]), np.nan)
-    found.sigma[a:b] = found.scale[a:b] * scale_sigma
-    found.active[rows], found.test[rows] = active, work[:, 2]
-    found.log_scale[rows] = observed - x[joint, -1]
-    found.size[rows] = np.where(active, -v / r, -v) * sigma
-    found.size_sigma[rows] = sigma * np.where(active, r**-0.5, r**0.5)
+    joints.scale[a:b] = np.where(done, np.exp(x[:, -1]), np.nan)
+    joints.sigma[a:b] = joints.scale[a:b] * scale_sigma
+    joints.active[rows], joints.test[rows] = active, work[:, 2]
+    joints.log_scale[rows] = observed - x[joint, -1]
+    joints.size[rows] = np.where(active, -v / r, -v) * sigma
+    joints.size_sigma[rows] = sigma * np.where(active, r**-0.5, r**0.5)
 
 
-def _spreads(models: ModelTable, found: JointTable) -> Float:
+def _spreads(models: ModelTable, joints: JointTable) -> Float:
     """Extent across the track of the points used at each joint over that of all, as seen from the common image."""
-    b = models.base[found.second]
+    b = models.base[joints.second]
     across = np.column_stack([-b[:, 1], b[:, 0], np.zeros(len(b))])
-    joint_1, row_1 = _rows_of(models.start, found.first)
-    joint_2, row_2 = _rows_of(models.start, found.second)
-    from_right = models.xyz[row_1] - models.base[found.first][joint_1]
+    joint_1, row_1 = _rows_of(models.start, joints.first)
+    joint_2, row_2 = _rows_of(models.start, joints.second)
+    from_right = models.xyz[row_1] - models.base[joints.first][joint_1]
     seen = np.concatenate([
-        (from_right[:, None, :] @ models.left_from_right[found.first][joint_1])[:, 0], models.xyz[row_2]
+        (from_right[:, None, :] @ models.left_from_right[joints.first][joint_1])[:, 0], models.xyz[row_2]
     ])  # fmt: skip
     of_all = _extents(seen, np.concatenate([joint_1, joint_2]), across)
-    of_used = _extents(models.xyz[found.second_row[found.active]], found.of_row()[found.active], across)
-    return np.where((of_all > 0) & (found.used() > 0), of_used / np.where(of_all > 0, of_all, 1.0), 0.0)
+    of_used = _extents(models.xyz[joints.second_row[joints.active]], joints.of_row()[joints.active], across)
+    return np.where((of_all > 0) & (joints.used() > 0), of_used / np.where(of_all > 0, of_all, 1.0), 0.0)
 
 
 def _extents(xyz: Float, joint: Int, across: Float) -> Float:

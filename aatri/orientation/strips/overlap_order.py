@@ -69,12 +69,12 @@ def strips_by_overlap(image: Int, point: Int, xy_mm: Float, n_images: int) -> li
     return _chains(neighbours)
 
 
-def _opposite(known: list[tuple[int, complex]], place: complex) -> bool:
-    if not known:
+def _opposite(neighbours: list[tuple[int, complex]], place: complex) -> bool:
+    if not neighbours:
         return True
-    if len(known) > 1:
+    if len(neighbours) > 1:
         return False
-    other = known[0][1]
+    other = neighbours[0][1]
     return (place * other.conjugate()).real <= OPPOSITE * abs(place) * abs(other)
 
 
@@ -83,16 +83,16 @@ def _candidates(image: Int, point: Int, n_images: int) -> tuple[Int, Int]:
     seen = csr_array((ones, (image, point)), shape=(n_images, int(point.max(initial=0)) + 1), dtype=np.int32)
     seen.data[:] = 1
     common = (seen @ seen.T).tocsr()
-    found: dict[tuple[int, int], int] = {}
+    shared: dict[tuple[int, int], int] = {}
     for i in range(n_images):
         span = slice(common.indptr[i], common.indptr[i + 1])
         others, count = common.indices[span], common.data[span]
         good = (others != i) & (count >= FEWEST)
         others, count = others[good], count[good]
         for k in np.lexsort((others, -count))[:CANDIDATES].tolist():
-            found[min(i, int(others[k])), max(i, int(others[k]))] = int(count[k])
-    pairs = np.array(sorted(found), dtype=np.int64).reshape(-1, 2)
-    return pairs, np.array([found[i, j] for i, j in pairs.tolist()], dtype=np.int64)
+            shared[min(i, int(others[k])), max(i, int(others[k]))] = int(count[k])
+    pairs = np.array(sorted(shared), dtype=np.int64).reshape(-1, 2)
+    return pairs, np.array([shared[i, j] for i, j in pairs.tolist()], dtype=np.int64)
 
 
 def _places(image: Int, point: Int, xy_mm: Float, n_images: int, pairs: Int) -> Complex:
@@ -101,7 +101,7 @@ def _places(image: Int, point: Int, xy_mm: Float, n_images: int, pairs: Int) -> 
     start = np.searchsorted(image[order], np.arange(n_images + 1))
     z = xy_mm[order, 0] + 1j * xy_mm[order, 1]
     points = point[order]
-    found = np.full((len(pairs), 2), np.nan + 0j)
+    places = np.full((len(pairs), 2), np.nan + 0j)
     for k, (i, j) in enumerate(pairs.tolist()):
         a, b = slice(start[i], start[i + 1]), slice(start[j], start[j + 1])
         _, in_a, in_b = np.intersect1d(points[a], points[b], return_indices=True)
@@ -111,8 +111,8 @@ def _places(image: Int, point: Int, xy_mm: Float, n_images: int, pairs: Int) -> 
         p = (d_j.conj() * d_i).sum() / norm if norm > 0 else 0.0
         if abs(p) > 0:
             q = z_i.mean() - p * z_j.mean()
-            found[k] = q, -q / p
-    return found
+            places[k] = q, -q / p
+    return places
 
 
 def _chains(neighbours: list[list[tuple[int, complex]]]) -> list[Int]:

@@ -49,13 +49,13 @@ def test_over_a_plane_every_wrong_orientation_is_called_ambiguous_and_the_second
     rng = np.random.default_rng(5)
     trials = [trial(rng, noise=1.0, planar=True) for _ in range(100)]
     made = essential_orientations(*rays_of(trials))
-    _, ratio = errors(trials, made.found)
+    _, ratio = errors(trials, made.orientations)
     wrong = ratio > 6
     assert wrong.any()
     assert np.isfinite(made.second[wrong]).all()
     for k in np.flatnonzero(wrong).tolist():
         assert Rotation.from_matrix(made.second[k, :, :3] @ trials[k].rotation.T).magnitude() < 0.05
-        assert any("ambiguous" in text for text in made.found.warnings[k])
+        assert any("ambiguous" in text for text in made.orientations.warnings[k])
 
 
 def test_the_other_orientation_over_a_plane_maps_it_the_same_way() -> None:
@@ -81,8 +81,8 @@ def test_images_without_base_make_no_model_but_their_rotation_is_known() -> None
     right = -153.84 * w[:, :2] / w[:, 2:] + rng.normal(0, 0.005, (40, 2))
     pair = rays_of_pair(u[:, :2], right)
     made = essential_orientations(pair, np.array([0, 40]))
-    assert not made.found.formed[0]
-    assert "no base" in made.found.reasons[0]
+    assert not made.orientations.formed[0]
+    assert "no base" in made.orientations.reasons[0]
     assert Rotation.from_matrix(made.turned[0] @ R.T).magnitude() < 5 * made.turned_sigma_rad[0] < 1e-3
     assert made.turned_points[0] >= 38
 
@@ -106,8 +106,8 @@ def test_a_pair_that_cannot_be_oriented_says_why(change: str, why: str) -> None:
     z, sigma = np.full(len(left), -8.8), np.full((len(left), 2), 0.0012)
     pair = RayPairs(np.column_stack([left, z]), np.column_stack([right, z]), sigma, sigma)
     made = essential_orientations(pair, np.array([0, len(left)]))
-    assert not made.found.formed[0]
-    assert why in made.found.reasons[0]
+    assert not made.orientations.formed[0]
+    assert why in made.orientations.reasons[0]
 
 
 @pytest.mark.parametrize("planar", [False, True])
@@ -140,7 +140,7 @@ def test_half_of_the_points_wrong_is_survived() -> None:
     left, right = (-100 * u[:, :2] / u[:, 2:] for u in (u1, u2))
     assert (u2[:, 2] < 0).all()
     right[:30] += rng.uniform(-40, 40, (30, 2))
-    found = essential_orientations(rays_of_pair(left, right, c=100.0), np.array([0, 60])).found
+    found = essential_orientations(rays_of_pair(left, right, c=100.0), np.array([0, 60])).orientations
     np.testing.assert_allclose(found.left_from_right[0], R, atol=1e-6)
     np.testing.assert_allclose(found.base[0], b, atol=1e-6)
 
@@ -151,6 +151,6 @@ def test_over_flat_ground_the_orientation_with_the_points_in_front_comes_first()
     for _ in range(25):
         X = gruber_ground(6, rng, relief=0.0)
         rays, R, b = simulate(X, rotation(rng), rotation(rng), np.zeros(3), np.array([0.6, 0.02, -0.01]), rng)
-        found = essential_orientations(rays, np.array([0, len(X)])).found
+        found = essential_orientations(rays, np.array([0, len(X)])).orientations
         assert np.abs(found.left_from_right[0] - R).max() < 0.1
         assert found.base[0] @ b > 0.9

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.loops import PairSettings, Portion, oriented_from
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.loops import Portion, oriented_from
+from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations
 from aatri.progress import SILENT
 
 C_MM = 100.0

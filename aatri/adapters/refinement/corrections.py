@@ -1,23 +1,52 @@
-"""Systematic corrections of image points: distortion, refraction, earth curvature, in this order."""
+"""Image points corrected: for distortion, refraction, earth curvature, in this order, or for anything else."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.refinement.corrected import largest_length, with_corrections
 from aatri.adapters.refinement.earth import earth_correction
 from aatri.adapters.refinement.heights import stations_of
 from aatri.adapters.refinement.lens import lens_correction
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.corrections.atmospheres import Atmosphere
 from aatri.errors import SpecError
 from aatri.notes import Note
 
 IN_ORDER = ("distortion", "refraction", "earth_curvature")
+
+
+def with_corrections(
+    image_points: ImagePoints, xy_mm: Float, names: Sequence[str], largest_mm: Sequence[float]
+) -> ImagePoints:
+    """The image points at corrected places.
+
+    Parameters
+    ----------
+    xy_mm : (n, 2) float64, mm
+        Corrected coordinates of all measurements.
+    names, largest_mm : sequences
+        The corrections made, in order, and the largest length of each.
+    """
+    done = image_points.corrections
+    return replace(
+        image_points,
+        measurements=replace(image_points.measurements, xy_mm=xy_mm),
+        corrections=Corrections(
+            name=np.concatenate([done.name, np.array(names, dtype=np.str_)]),
+            largest_mm=np.concatenate([done.largest_mm, largest_mm]),
+        ),
+    )
+
+
+def largest_length(correction_mm: Float, used: Bool) -> float:
+    """Largest length of the corrections of the chosen points, mm; 0 of none."""
+    return float(np.hypot(*correction_mm[used].T).max(initial=0.0))
 
 
 def systematically_corrected(
@@ -50,13 +79,13 @@ def systematically_corrected(
     largest, stations = [], None
     for name in wanted:
         if name == "distortion":
-            correction, told = lens_correction(block, image, xy[rows])
+            correction, more = lens_correction(block, image, xy[rows])
         else:
             if stations is None:
-                stations, told = stations_of(block, image_points, poses)
-                notes += told
-            correction, told = earth_correction(name, block, stations, image, xy[rows], m.sigma_mm[rows], atmosphere)
-        notes += told
+                stations, more = stations_of(block, image_points, poses)
+                notes += more
+            correction, more = earth_correction(name, block, stations, image, xy[rows], m.sigma_mm[rows], atmosphere)
+        notes += more
         xy[rows] += correction
         largest.append(largest_length(correction, m.active[rows]))
         notes.append(Note("note", f"{name}: at most {1e3 * largest[-1]:.2f} um"))
