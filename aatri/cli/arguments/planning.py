@@ -129,7 +129,9 @@ def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: boo
     if folder is None:
         return None
     uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
-    kernels = kernels_of(Catalogue(local).codes(uses))
+    catalogue = Catalogue(local)
+    kernels = kernels_of(catalogue.codes(uses))
+    catalogue.save()  # who wires the pipeline need not read the code again
     remove_unused(folder, kernels)
     take_carried(missing(kernels))
     if not (lacking := missing(kernels)):

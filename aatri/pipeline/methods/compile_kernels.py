@@ -1,15 +1,13 @@
 """Compile kernel modules side by side, while the pipeline is planned and its first stages run.
 
 A module is compiled when it is imported. It waits for the kernel modules that it imports itself, so that nothing is
-compiled twice; the longest come first. The compiler makes millions of objects and no garbage worth collecting: without
-the collector it takes a sixth less. Whatever goes wrong is left to the process that imports the module in the end: its
-error is the one to tell.
+compiled twice; the longest come first. Whatever goes wrong is left to the process that imports the module in the end:
+its error is the one to tell.
 """
 
 from __future__ import annotations
 
 import contextlib
-import gc
 import importlib
 import os
 import threading
@@ -130,8 +128,7 @@ class Compilation:
 
 
 def _compile(module: str) -> None:
-    """Import a module without the garbage collector; what runs meanwhile, and who types, come first."""
-    gc.disable()
+    """Import a module; what runs meanwhile, and who types, come first."""
     with contextlib.suppress(AttributeError, OSError):
         os.nice(5 - os.nice(0))
     importlib.import_module(module)

@@ -8,6 +8,7 @@ exceptions are pickled. What the function prints goes to stderr.
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import pickle
 import signal
@@ -75,8 +76,13 @@ class HelperProcess:
 
 
 def serve() -> None:
-    """Answer calls from stdin on stdout until it is closed; interrupts are the business of who calls."""
+    """Answer calls from stdin on stdout until it is closed; interrupts are the business of who calls.
+
+    What imports and compiles makes millions of objects and no garbage worth collecting: without the collector importing
+    takes a tenth less, compiling a sixth.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.disable()
     with os.fdopen(os.dup(0), "rb") as calls, os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)
         while True:

@@ -2,7 +2,8 @@
 
 The file is opened without being emptied, its owner written only once the lock is held, and it is never removed: else
 two processes could hold locks on two files of one name. `aatri run` locks the run for itself; `aatri exec` shares it
-with others and locks its stage. Readers take no lock.
+with others and locks its stage. Readers take no lock. The package filelock would not do: it empties the file while it
+asks for the lock, and so the name of who holds it, and it has no lock that can be shared.
 """
 
 from __future__ import annotations
