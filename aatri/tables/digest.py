@@ -50,6 +50,7 @@ def table_digest(rows: Table) -> bytes:
         else:
             little = values.astype(values.dtype.newbyteorder("<"), copy=False)
             if declared.dtype == "f8":
-                little = np.where(np.isnan(little), np.nan, little + 0.0)  # one NaN, one zero
-            digest.update(np.ascontiguousarray(little).tobytes())
+                little = little + 0.0  # one zero, one NaN
+                little[np.isnan(little)] = np.nan
+            digest.update(np.ascontiguousarray(little).reshape(-1).view(np.uint8))
     return digest.digest()

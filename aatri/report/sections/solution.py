@@ -111,7 +111,10 @@ def _ties(solution: Solution) -> dict[str, tuple[Float, Float]]:
     ids = solution.points.id
     order = np.argsort(ids, kind="stable")
     xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], r.point[rows])]]
-    return {str(s): (xyz[r.image[rows] == s], r.residual[rows][r.image[rows] == s]) for s in np.unique(r.image[rows])}
+    strips, number = np.unique(r.image[rows], return_inverse=True)
+    by_strip = np.argsort(number, kind="stable")
+    parts = np.split(by_strip, np.searchsorted(number[by_strip], np.arange(1, len(strips))))
+    return {str(s): (xyz[part], r.residual[rows[part]]) for s, part in zip(strips, parts)}
 
 
 def _orderings(solution: Solution) -> PageTable | None:
