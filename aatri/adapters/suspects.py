@@ -20,13 +20,13 @@ from aatri.arrays import Float, Int, Text
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.notes import Note
 from aatri.observations.observed import Observed
-from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.blunders.tested import tests_of
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round, keys_of, with_keys
 
 
-def with_gross_errors(result: BundleResult, suspects: Suspects, rule: Rule) -> Suspects:
+def with_gross_errors(result: BundleResult, suspects: Suspects, options: SearchOptions) -> Suspects:
     """The suspects and the observations of all kinds whose residual is beyond the limit.
 
     Parameters
@@ -35,11 +35,11 @@ def with_gross_errors(result: BundleResult, suspects: Suspects, rule: Rule) -> S
         Of a robust adjustment.
     suspects : Suspects
         Of earlier stages.
-    rule : Rule
+    options : SearchOptions
     """
     some = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
     tests = sum(int(o.observed.records.observed_components()[o.used].sum()) for o in some)
-    limit, parts = rule.for_tests(tests).limit, []
+    limit, parts = options.for_tests(tests).limit, []
     for found in some:
         rows = np.flatnonzero(found.used)
         w = whitened_residuals(found.observed.records, result.adjusted.state, rows)

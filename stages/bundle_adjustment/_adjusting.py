@@ -13,7 +13,7 @@ from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.robust import How, robustly
+from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
@@ -35,29 +35,31 @@ def adjusted_in_rounds(
     given: BundleInput, options: BundleOptions, context: Context
 ) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""
-    rule, groups = options.blunders.rule(), tuple[AcceptedGroup, ...]()
-    if options.variance_components is not None and rule.sigmas == "estimated":
-        rule = replace(rule, sigmas="tests")  # the weights are for them to find
+    searching, groups = options.blunders.search_options(), tuple[AcceptedGroup, ...]()
+    if options.variance_components is not None and searching.sigmas == "estimated":
+        searching = replace(searching, sigmas="tests")  # the weights are for them to find
 
-    def adjust(block: BundleInput, how: How = How()) -> BundleResult:
+    def adjust(block: BundleInput, how: AdjustOptions = AdjustOptions()) -> BundleResult:
         return adjusted(block, options, context, how)
 
     def single(block: BundleInput, squares: BundleResult | None) -> Round:
-        if rule.method == "none":
+        if searching.method == "none":
             return with_readmission(block, adjust)
-        return search(block, adjust, rule, options.tolerance, squares)
+        return search(block, adjust, searching, options.tolerance, squares)
 
-    if rule.method == "robust":
-        done = robustly(given, adjust, rule)
+    if searching.method == "robust":
+        done = robustly(given, adjust, searching)
     else:
-        given = given if rule.method == "none" else without_exchanged_images(given)
-        done, groups = search_with_groups(given, adjust, single, candidate_groups, rule)
+        given = given if searching.method == "none" else without_exchanged_images(given)
+        done, groups = search_with_groups(given, adjust, single, candidate_groups, searching)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
     return done, groups
 
 
-def adjusted(given: BundleInput, options: BundleOptions, context: Context, how: How = How()) -> BundleResult:
+def adjusted(
+    given: BundleInput, options: BundleOptions, context: Context, how: AdjustOptions = AdjustOptions()
+) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
     adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
     try:
@@ -70,7 +72,7 @@ def adjusted(given: BundleInput, options: BundleOptions, context: Context, how: 
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 
 
-def _settings(options: BundleOptions, how: How) -> BundleSettings:
+def _settings(options: BundleOptions, how: AdjustOptions) -> BundleSettings:
     searched = options.blunders.method != "none"
     covariances = searched or options.standard_deviations or options.reliability
     covariances = covariances or options.variance_components is not None

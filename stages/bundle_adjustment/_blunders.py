@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from aatri.adjustment.statistics.limits import LEAST_LIMIT
 from aatri.adjustment.statistics.weight_functions import Weighting
-from aatri.orientation.bundle.blunders.rule import Method, Rule, Sigmas
+from aatri.orientation.bundle.blunders.search_options import Method, SearchOptions, Sigmas
 from aatri.plugin import Field, Options
 
 GONE = {
@@ -56,8 +56,8 @@ class Blunders(Options):
             raise ValueError("limit, tau, max_share and sigmas are those of a search: method none has none")
         return self
 
-    def rule(self) -> Rule:
+    def search_options(self) -> SearchOptions:
         """The same as the methods take it."""
         limit = LEAST_LIMIT if self.limit is None else self.limit
-        return Rule(self.method, self.weights, self.bound, limit, self.limit is None, self.tau, self.max_share,
+        return SearchOptions(self.method, self.weights, self.bound, limit, self.limit is None, self.tau, self.max_share,
                     self.sigmas)  # fmt: skip

@@ -203,7 +203,7 @@ def bundle(
     tell(camera_notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":
-        suspects = with_gross_errors(result, suspects, options.blunders.rule())
+        suspects = with_gross_errors(result, suspects, options.blunders.search_options())
     made = bundle_solution(block, given, result, suspects, of_cameras, orderings, tests=options.reliability)
     uncontrolled, of_film = uncontrolled_of(done.result)
     report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)

@@ -1,8 +1,8 @@
 """What is wrong at ground points: the records of each point against each other, all other unknowns held.
 
-Rays, control coordinates, and whatever else touches one point alone take part, also what is rejected: it gets another
-hearing. Exact coordinates are firm: they give way where else two records would have to. The point is moved
-to where the others see it, and everything is looked at again, for the image of a point far off is not linear in it.
+Rays, control coordinates, and whatever else touches one point alone take part, also what is rejected: it is asked
+again. Exact coordinates are firm: they give way where else two records would have to. The point is moved to where
+the others see it, and everything is looked at again, for the image of a point far off is not linear in it.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from aatri.adjustment.statistics.weight_functions import weights
 from aatri.arrays import Float
 from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, with_readmission
 
@@ -32,7 +32,7 @@ CONTROLLED = 1e-3
 
 
 @dataclass(frozen=True)
-class How:
+class AdjustOptions:
     """One adjustment on the way.
 
     Attributes
@@ -50,19 +50,19 @@ class How:
     coarse: bool = False
 
 
-Adjust = Callable[[BundleInput, How], BundleResult]
+Adjust = Callable[[BundleInput, AdjustOptions], BundleResult]
 
 
-def robustly(given: BundleInput, adjust: Adjust, rule: Rule) -> Round:
+def robustly(given: BundleInput, adjust: Adjust, options: SearchOptions) -> Round:
     """A robust adjustment for its own sake: nothing is rejected, and there are no statistics."""
-    squares = adjust(given, How(coarse=True)) if rule.weights == "li_posterior" else None
+    squares = adjust(given, AdjustOptions(coarse=True)) if options.weights == "li_posterior" else None
     start = given if squares is None else from_result(given, squares)
-    done = with_readmission(start, lambda block: robust(block, adjust, rule, squares, coarse=False))
-    return replace(done, notes=(*done.notes, *_down_weighted(done.result, rule.weights, rule.k)))
+    done = with_readmission(start, lambda block: robust(block, adjust, options, squares, coarse=False))
+    return replace(done, notes=(*done.notes, *_down_weighted(done.result, options.weights, options.k)))
 
 
 def robust(
-    given: BundleInput, adjust: Adjust, rule: Rule, squares: BundleResult | None, *, coarse: bool
+    given: BundleInput, adjust: Adjust, options: SearchOptions, squares: BundleResult | None, *, coarse: bool
 ) -> BundleResult:
     """Adjust robustly.
 
@@ -70,23 +70,23 @@ def robust(
     ----------
     given : BundleInput
     adjust : callable
-    rule : Rule
+    options : SearchOptions
     squares : BundleResult or None
         The adjustment by least squares with its covariances, for the redundancy numbers that Li's function asks for;
         without it they count as 1.
     coarse : bool
         It need not converge to the end.
     """
-    if rule.weights == "huber":
-        return adjust(given, How(huber=rule.k, coarse=coarse))
-    result = adjust(given, How(huber=rule.k, coarse=True))
+    if options.weights == "huber":
+        return adjust(given, AdjustOptions(huber=options.k, coarse=coarse))
+    result = adjust(given, AdjustOptions(huber=options.k, coarse=True))
     before: tuple[Float, ...] = ()
     for _ in range(ROUNDS):
-        now = tuple(_weights(o, result, rule, squares, i) for i, o in enumerate(result.observations))
+        now = tuple(_weights(o, result, options, squares, i) for i, o in enumerate(result.observations))
         settled = bool(before) and all(
             (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(now, before)
         )
-        result = adjust(from_result(given, result), How(weights=now, coarse=coarse or not settled))
+        result = adjust(from_result(given, result), AdjustOptions(weights=now, coarse=coarse or not settled))
         if settled:
             break
         before = now
@@ -94,22 +94,22 @@ def robust(
 
 
 def _weights(
-    found: AdjustedObservations, result: BundleResult, rule: Rule, squares: BundleResult | None, i: int
+    found: AdjustedObservations, result: BundleResult, options: SearchOptions, squares: BundleResult | None, i: int
 ) -> Float:
     o, rows = found.observed, np.flatnonzero(found.used)
     weight = np.ones(len(o))
     if not (o.components or o.exact or not len(rows)):
         v = np.where(o.records.observed_components()[rows], predicted(o.records, result.adjusted.state, rows)[0], 0.0)
         size = np.abs(v).max(axis=1)
-        if rule.weights == "li_posterior" and squares is not None:
+        if options.weights == "li_posterior" and squares is not None:
             r = 1.0 - np.einsum("nii->ni", squares.observations[i].covariance[rows])
             size = np.abs(v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))).max(axis=1)
-        weight[rows] = weights(rule.weights, size, rule.k)
+        weight[rows] = weights(options.weights, size, options.k)
     return weight
 
 
 def _down_weighted(result: BundleResult, weighting: str, bound: float) -> list[Note]:
-    """How many observations a robust adjustment has weighted down, and what it cannot give."""
+    """AdjustOptions many observations a robust adjustment has weighted down, and what it cannot give."""
     count, used = result.adjusted.down_weighted, sum(int(o.used.sum()) for o in result.observations)
     notes = [Note("note", f"{count} of {used} observations are weighted down ({weighting}, bound {bound:g} sigma)")]
     if count:

@@ -24,7 +24,7 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.tested import known_covariance, residuals_and_redundancy
+from aatri.orientation.bundle.blunders.tested_block import known_covariance, residuals_and_redundancy
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
 

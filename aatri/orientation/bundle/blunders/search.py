@@ -3,11 +3,13 @@
 1. Adjust by least squares, with standard deviations that fit the residuals (`scaling`). Where no |w| is above the
    limit, which counts the tests made, that is the result.
 2. Else adjust once more, robustly: gross errors smear in least squares, hardly in a robust adjustment. With its poses,
-   held, each point with something above the limit, or rejected by an earlier stage, gets a hearing (`points`): the
+   held, each point with something above the limit, or rejected by an earlier stage, is looked at (`points`): the
    fewest records are left out without which the others agree. Of other kinds what is above the limit goes.
-3. Adjust by least squares without it; of what is above the limit the clearest goes, by the same hearing at points; then
-   what fits the block after all comes back (`adjustment.statistics.search`); until nothing changes.
-4. What is out of other kinds than rays is tried against the others of its kind (`in_turn`).
+3. Adjust by least squares without it; of what is above the limit the clearest goes, at points by all that touch them;
+   then what fits the block after all comes back (`adjustment.statistics.search`); until nothing changes.
+4. What is out of other kinds than rays is tried against the others of its kind (`attribution_in_kind`).
+
+The limit counts the tests, and knows the tails of the errors (`fitted_sigmas`).
 
 Records that nothing tells apart are both left out, and nobody is blamed (`adjustment.statistics.attribution`). No more
 of a kind is rejected than its redundancy answers for (`adjustment.statistics.room`): where more disagrees single gross
@@ -24,24 +26,22 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics import search as statistics
-from aatri.adjustment.statistics.long_tails import Tail
 from aatri.adjustment.statistics.rejection import room_left
 from aatri.adjustment.statistics.room import room_of
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.hearings import Hearings
-from aatri.orientation.bundle.blunders.in_turn import is_ray, tried_in_turn
+from aatri.orientation.bundle.blunders.attribution_in_kind import attributed_in_kind, is_ray
+from aatri.orientation.bundle.blunders.fitted_sigmas import HARMLESS, MOST_SCALINGS, FittedSigmas
 from aatri.orientation.bundle.blunders.other_numbers import other_numbers
 from aatri.orientation.bundle.blunders.points import with_start
-from aatri.orientation.bundle.blunders.robust import Adjust, How, robust
-from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.blunders.scaling import Scaling
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions, robust
+from aatri.orientation.bundle.blunders.search_notes import SearchOutcome, findings
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
-from aatri.orientation.bundle.blunders.tested import Tried, known_covariance, tests_of
-from aatri.orientation.bundle.blunders.told import Found, findings
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock, known_covariance, tests_of
 from aatri.orientation.bundle.complete_start import intersected
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, keys_of, with_readmission
@@ -51,16 +51,11 @@ UNTESTED = (
     "without standard deviations"
 )
 
-HARMLESS = 2.0
-"""Tests up to this many limits smear so little that no robust adjustment is needed."""
-
-MOST_SCALINGS = 5
-"""Adjustments until the standard deviations fit."""
-
 
 def search(
-    given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float = 1e-3, squares: BundleResult | None = None
-) -> Round:
+    given: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float = 1e-3,
+    squares: BundleResult | None = None,
+) -> Round:  # fmt: skip
     """Adjust a block and leave out its gross errors.
 
     Parameters
@@ -68,7 +63,7 @@ def search(
     given : BundleInput
         What earlier stages have rejected is not active, and may come back.
     adjust : callable
-    rule : Rule
+    options : SearchOptions
     tolerance : float
         Bound of the Newton decrement of the result.
     squares : BundleResult, optional
@@ -79,17 +74,15 @@ def search(
     GeometryError, ConvergenceError
         If the block cannot be adjusted, robustly neither.
     """
-    return _Search(given, adjust, rule, tolerance).run(squares)
+    return _Search(given, adjust, options, tolerance).run(squares)
 
 
-class _Search(Hearings):
+class _Search(FittedSigmas):
     """The steps of a search."""
 
-    def __init__(self, given: BundleInput, adjust: Adjust, rule: Rule, tolerance: float) -> None:
-        super().__init__(given, rule)
-        self.adjust, self.tolerance = adjust, tolerance
-        self.as_given, self.scaling = self.all.observed, Scaling.of(given)
-        self.tails: tuple[Tail, ...] = ()
+    def __init__(self, given: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float) -> None:
+        super().__init__(given, adjust, options)
+        self.tolerance = tolerance
         self.whole = np.zeros(len(self.all.native), dtype=bool)
 
     def run(self, squares: BundleResult | None) -> Round:
@@ -97,10 +90,10 @@ class _Search(Hearings):
         active = self.began = self.all.native & ~self.all.rejected_in(self.given)
         first, failure = (self._tested(squares, active), None) if squares else self._first(active)
         if first is not None and not np.isfinite(first.test).any():
-            plain = with_readmission(self.given, lambda block: self.adjust(block, How()))
+            plain = with_readmission(self.given, lambda block: self.adjust(block, AdjustOptions()))
             return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))
         redundancy, count = self.all.redundancy(None if first is None else first.result)
-        self.pool = replace(self.pool, room=room_of(redundancy, count, self.rule.max_share))
+        self.pool = replace(self.pool, room=room_of(redundancy, count, self.options.max_share))
         start = None if first is None else self._with_fitting_sigmas(first)
         if (again := self._rejected_with_smaller_sigmas(active)).any():
             active = self.began = active | again
@@ -108,7 +101,7 @@ class _Search(Hearings):
             start, failure = self._first(active)
             start = None if start is None else self._with_fitting_sigmas(start)
         harmful = start is None or (self._harmful(start, active) and not start.small)
-        if self.rule.method == "robust_snooping" and harmful:
+        if self.options.method == "robust_snooping" and harmful:
             active = self._from_robust(active, start)
             start = self._with_fitting_sigmas(self._solve(None, active))
         elif start is None and failure is not None:
@@ -116,83 +109,46 @@ class _Search(Hearings):
         assert start is not None
         start = replace(start, tails=self._tails(start.result))
         tried, use, swapped = self._searched(start, active)
-        turn = tried_in_turn(tried, self.undecided & ~use, self.all, self.adjust)
+        turn = attributed_in_kind(tried, self.undecided & ~use, self.all, self.adjust)
         tried, use = turn.tried, turn.tried.active
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | turn.undecided | self._lost(tried.result, gone))
-        asked = (tried.result, self.given.rays, self.all.split(gone), self.rule.limit)
+        asked = (tried.result, self.given.rays, self.all.split(gone), self.options.limit)
         renumbered = tuple(other_numbers(*asked, swapped))
         doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
-        above = use & (((tried.plain if tried.small else tried.test) > self.rule.limit) | turn.kept)
-        told = Found(
+        above = use & (((tried.plain if tried.small else tried.test) > self.options.limit) | turn.kept)
+        told = SearchOutcome(
             use, undecided, above & ~turn.kept, doubtful, swapped, renumbered, tried.small, tried.plain, self.whole
         )
         notes = (
             *self.scaling.notes(self._final),
             *self._tail_notes(),
-            *findings(tried.given, self.all, told, self.rule),
+            *findings(tried.given, self.all, told, self.options),
             *turn.notes,
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return Round(*self._with_final_sigmas(tried), notes, self.all.keys(undecided), self.all.keys(above),
                      tuple((a, b) for a, b in pairs), renumbered, self.scaling.main_factor(self._final))  # fmt: skip
 
-    @property
-    def _final(self) -> Float:
-        """Factors on the standard deviations of the result."""
-        return self.scaling.final if self.rule.sigmas == "estimated" else np.ones_like(self.scaling.factor)
-
-    def _with_fitting_sigmas(self, tried: Tried) -> Tried:
-        """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
-        for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
-            asked = self.scaling.classes.scales(tried.result)
-            if not (tried.small or self._harmful(tried, tried.active)):
-                asked = self.scaling.classes.of_small_kinds(asked, tried.result)
-            scaling, by = self.scaling.after(asked)
-            if self._harmful(tried, tried.active, self._of_classes(by)):
-                break
-            self._rescale(scaling, by, from_result(self.given, tried.result))
-            if (by == 1.0).all():
-                break
-            tried = self._tested(self.adjust(self.given, How(coarse=True)), tried.active)
-        return tried
-
     def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
         return self.all.native & ~active & (self._of_classes(self.scaling.factor) > 1.0)
 
-    def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
-        self.scaling = scaling
-        if (by != 1.0).any():
-            self.given = replace(start, observed=scaling.classes.with_factors(start.observed, by))
-            self.all = replace(self.all, observed=tuple(o.again() for o in self.given.observed))
-
-    def _with_final_sigmas(self, tried: Tried) -> tuple[BundleInput, BundleResult]:
-        """The block with the standard deviations of the result, and adjusted with them."""
-        final = self._final
-        if (final == self.scaling.factor).all():
-            return tried.given, tried.result
-        start = from_result(tried.given, tried.result)
-        scaled = self.scaling.of_result(self.as_given, final)
-        observed = tuple(replace(o, start=now.start) for o, now in zip(scaled, start.observed))
-        given = replace(start, observed=self.all.without(observed, tried.active))
-        return given, self.adjust(given, How())
-
-    def _searched(self, start: Tried, active: Bool) -> tuple[Tried, Bool, tuple[Swap, ...]]:
+    def _searched(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool, tuple[Swap, ...]]:
         """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
         first = start
 
-        def solve(before: Tried | None, use: Bool, _: float) -> Tried:
+        def solve(before: TestedBlock | None, use: Bool, _: float) -> TestedBlock:
             return self._solve(before or first, use)
 
         while True:
             found = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
             tried, use = found.solved, found.active
             gone = self.all.split(self.all.native & ~use)
-            swapped = tuple(swaps(tried.result, self.given.rays, gone, self.rule.limit))
+            swapped = tuple(swaps(tried.result, self.given.rays, gone, self.options.limit))
             rows = [self.all.first[s.place] + row for s in swapped for row in (s.first, s.second)]
             explained = np.isin(np.arange(len(use)), rows) & self.pool.counted
-            above = use & (tried.test > self.rule.limit)
+            above = use & (tried.test > self.options.limit)
             if explained.any() and above.any():
                 self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
                 first, active = tried, use
@@ -215,18 +171,18 @@ class _Search(Hearings):
                 back[part] = mine
         return back
 
-    def _at_lost_points(self, tried: Tried, use: Bool) -> Bool:
+    def _at_lost_points(self, tried: TestedBlock, use: Bool) -> Bool:
         """What nearly agrees at points that were lost with rejections of earlier stages, (n,): the block tests it."""
         out, rays, result = self.all.native & self.all.at_points & ~use, self.given.rays, tried.result
         points = np.unique(self.all.point[out])
-        points = points[~result.point_adjusted[points] & (self.hearings[points] == 0)]
+        points = points[~result.point_adjusted[points] & (self.attributions[points] == 0)]
         if rays is None or not len(points):
             return np.zeros_like(use)
         xyz = result.adjusted.state[POINT].copy()
         xyz[points] = np.nan
         xyz = intersected(replace(rays, active=result.image_adjusted[rays.image]), result.adjusted.state[POSE], xyz)
         nothing, tails = np.zeros(len(points), dtype=bool), HARMLESS * tried.tails
-        wrong = self.heard(result, points, nothing, use, tried.test, tails, move=True, xyz_m=xyz)
+        wrong = self.wrong_at_points(result, points, nothing, use, tried.test, tails, move=True, xyz_m=xyz)
         seen = with_start(xyz, points)
         return out & self.of_points(seen) & ~wrong
 
@@ -236,57 +192,19 @@ class _Search(Hearings):
         there = gone & self.all.at_points & ~result.point_adjusted[point]
         return there & (np.bincount(point[there], minlength=len(result.point_adjusted))[point] > 1)
 
-    def _first(self, active: Bool) -> tuple[Tried | None, Exception | None]:
-        """Least squares with everything; None where that fails."""
-        try:
-            return self._tested(self.adjust(self.given, How(coarse=True)), active), None
-        except (ConvergenceError, GeometryError) as error:
-            return None, error
-
-    def _tested(self, result: BundleResult, active: Bool) -> Tried:
-        """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""
-        return Tried(self.given, result, active, self.rule, np.ones(len(active)))
-
-    def _of_classes(self, factor: Float) -> Float:
-        return self.all.smallest(self.scaling.classes.number, factor)
-
-    def _tails(self, result: BundleResult, squares: BundleResult | None = None) -> Float:
-        """Limit of each record over that of normal errors; a limit that the user has stated obeys."""
-        limit, classes = self.rule.limit, self.scaling.classes
-        if not self.rule.counts:
-            return np.ones(len(self.all.native))
-        self.tails = classes.tails(result, squares, limit)
-        return self._of_classes(np.array([tail.limit for tail in self.tails]) / limit)
-
-    def _tail_notes(self) -> list[Note]:
-        """Classes of observations whose errors have long tails."""
-        limit = self.rule.limit
-        text = (
-            "{}: errors have longer tails than normal ones (as Student's of {:.0f} degrees of freedom): gross is what "
-        )
-        text += "is beyond {:.3g} sigma, not {:.3g}"
-        return [
-            Note("note", text.format(name, tail.freedom, tail.limit, limit))
-            for name, tail in zip(self.scaling.classes.names, self.tails)
-            if tail.limit > limit
-        ]
-
-    def _harmful(self, tried: Tried, active: Bool, scale: Float | float = 1.0) -> bool:
-        return bool((active & (tried.test > HARMLESS * self.rule.limit * scale)).any())
-
-    def _from_robust(self, active: Bool, first: Tried | None) -> Bool:
+    def _from_robust(self, active: Bool, first: TestedBlock | None) -> Bool:
         """What is active after a robust adjustment; the block starts from there."""
         squares = None if first is None else first.result
         self.given = self.given if first is None else self._moved_by(first, active)
-        result = robust(self.given, self.adjust, self.rule, squares, coarse=True)
-        for _ in range(MOST_SCALINGS if self.rule.sigmas != "given" else 0):
+        result = robust(self.given, self.adjust, self.options, squares, coarse=True)
+        for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scaling, by = self.scaling.after(self.scaling.classes.scales(result, squares))
             self._rescale(scaling, by, from_result(self.given, result))
             if (by == 1.0).all():
                 break
             again, _ = self._first(active)
             squares = None if again is None else again.result
-            result = robust(self.given, self.adjust, self.rule, squares, coarse=True)
+            result = robust(self.given, self.adjust, self.options, squares, coarse=True)
         state = result.adjusted.state
         tests = [
             tests_of(replace(o, covariance=known_covariance(o, squares, i)), state)
@@ -294,11 +212,11 @@ class _Search(Hearings):
         ]
         tails = self._tails(result, squares)
         test = np.concatenate(tests) / tails
-        above = active & (test > self.rule.limit)
+        above = active & (test > self.options.limit)
         self.given = from_result(self.given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        out = self.heard(result, points, np.zeros(len(points), dtype=bool), active, test, tails, move=True)
+        out = self.wrong_at_points(result, points, np.zeros(len(points), dtype=bool), active, test, tails, move=True)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)
@@ -332,22 +250,22 @@ class _Search(Hearings):
             return False
         return not self._harmful(tried, use)
 
-    def _moved_by(self, first: Tried, active: Bool) -> BundleInput:
+    def _moved_by(self, first: TestedBlock, active: Bool) -> BundleInput:
         """The block from where least squares has moved it; points with something above the limit may have run away."""
-        above = active & self.all.at_points & ~(first.test <= self.rule.limit)
+        above = active & self.all.at_points & ~(first.test <= self.options.limit)
         points = np.unique(self.all.point[above])
         moved = from_result(self.given, first.result)
         xyz = moved.xyz_m.copy()
         xyz[points] = self.given.xyz_m[points]
         return replace(moved, xyz_m=xyz)
 
-    def _solve(self, before: Tried | None, use: Bool) -> Tried:
+    def _solve(self, before: TestedBlock | None, use: Bool) -> TestedBlock:
         if before is not None and (use == before.active).all() and self._converged(before.result):
             return before
         given = self.given if before is None else from_result(self.given, before.result)
         given = replace(given, observed=self.all.without(given.observed, use))
-        result = self.adjust(given, How())
-        return Tried(given, result, use, self.rule, self._tails(result))
+        result = self.adjust(given, AdjustOptions())
+        return TestedBlock(given, result, use, self.options, self._tails(result))
 
     def _converged(self, result: BundleResult) -> bool:
         return result.adjusted.history[-1].decrement <= self.tolerance

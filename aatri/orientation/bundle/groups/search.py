@@ -20,10 +20,10 @@ from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.kinds import AllRecords
-from aatri.orientation.bundle.blunders.robust import Adjust, How
-from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.blunders.tested import tests_of
+from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
@@ -52,7 +52,7 @@ class AcceptedGroup:
 
 
 def search_with_groups(
-    given: BundleInput, adjust: Adjust, single: Single, candidates_of: CandidatesOf, rule: Rule
+    given: BundleInput, adjust: Adjust, single: Single, candidates_of: CandidatesOf, options: SearchOptions
 ) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """Adjust a block, find groups that are wrong together, and leave out single gross errors.
 
@@ -61,10 +61,10 @@ def search_with_groups(
     given : BundleInput
     adjust : callable
     single : callable
-        (block, least squares of it or None) -> the block adjusted by `rule`, searching for single gross errors.
+        (block, least squares of it or None) -> the block adjusted by `options`, searching for single gross errors.
     candidates_of : callable
         What is to be tested of a block.
-    rule : Rule
+    options : SearchOptions
         With `none` nothing is left out, and groups are told.
 
     Raises
@@ -72,16 +72,16 @@ def search_with_groups(
     GeometryError, ConvergenceError
         If the block cannot be adjusted.
     """
-    rule = rule.for_tests(AllRecords.of(given).tests)
+    options = options.for_tests(AllRecords.of(given).tests)
     groups, squares = list[Group](), None
-    if rule.method != "none":
-        groups, squares = _before_single_ones(given, adjust, candidates_of, rule)
+    if options.method != "none":
+        groups, squares = _before_single_ones(given, adjust, candidates_of, options)
     done = _carried(given, groups, single, squares)
     if done is None:
         groups, done = [], single(given, None)
     while len(groups) < MOST_GROUPS:
         single_test = float(_tests(done.result).max())
-        above = single_test if single_test > rule.limit else 0.0
+        above = single_test if single_test > options.limit else 0.0
         more = significant_groups(given, done.result, candidates_of, above, [g.key for g in groups])
         trials = ((group, _carried(given, [*groups, group], single)) for group in more)
         accepted = next(((group, again) for group, again in trials if again is not None), None)
@@ -91,7 +91,7 @@ def search_with_groups(
         done = accepted[1]
     if not groups:
         return done, ()
-    return _as_given(given, done, groups, adjust, rule)
+    return _as_given(given, done, groups, adjust, options)
 
 
 def _carried(
@@ -107,19 +107,19 @@ def _carried(
 
 
 def _before_single_ones(
-    given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, rule: Rule
+    given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
     groups: list[Group] = []
     result = _squares(given, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
         single = float(_tests(result).max())
-        if single <= rule.limit:
+        if single <= options.limit:
             break
         more = significant_groups(given, result, candidates_of, single, [g.key for g in groups])
         trials = [_adjusted_with(given, adjust, candidates_of, groups, g) for g in more]
-        most = SMALLER * _misfit(result, rule.limit)
-        fits = [(g, r) for g, r in trials if r is not None and _misfit(r, rule.limit) <= most]
+        most = SMALLER * _misfit(result, options.limit)
+        fits = [(g, r) for g, r in trials if r is not None and _misfit(r, options.limit) <= most]
         if not fits:
             break
         least = min(r.adjusted.cost for _, r in fits)
@@ -143,7 +143,7 @@ def _adjusted_with(
 def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
     """Least squares with everything; None where that fails."""
     try:
-        return adjust(given, How(coarse=True))
+        return adjust(given, AdjustOptions(coarse=True))
     except (ConvergenceError, GeometryError):
         return None
 
@@ -161,16 +161,16 @@ def _misfit(result: BundleResult, limit: float) -> float:
 
 
 def _as_given(
-    given: BundleInput, done: Round, groups: list[Group], adjust: Adjust, rule: Rule
+    given: BundleInput, done: Round, groups: list[Group], adjust: Adjust, options: SearchOptions
 ) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
     plain = without_groups(given, groups, done.given)
-    left_out = rule.method != "none"
-    far = [g for g in groups if left_out and g.removable and _beyond(g, given, rule.limit)]
+    left_out = options.method != "none"
+    far = [g for g in groups if left_out and g.removable and _beyond(g, given, options.limit)]
     for out in (far, []):
         block = _without(plain, out)
         try:
-            result = adjust(block, How())
+            result = adjust(block, AdjustOptions())
         except GeometryError:
             if not out:
                 raise

@@ -12,9 +12,9 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
-from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import Swap
 
 WHOLE_SHARE, WHOLE_LEAST = 0.3, 5
@@ -28,7 +28,7 @@ def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchOutcome:
     """What a search has come to, over all records.
 
     Attributes
@@ -61,11 +61,12 @@ class Found:
     whole: Bool | None = None
 
 
-def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) -> list[Note]:
+def findings(given: BundleInput, records: AllRecords, found: SearchOutcome, options: SearchOptions) -> list[Note]:
     """Notes on what was rejected, why, and on what could not be."""
     notes = []
     gone = records.native & ~found.active
-    most = "its redundancy answers for" if rule.max_share is None else f"{rule.max_share:.0%}, as `max_share` says,"
+    share = options.max_share
+    most = "its redundancy answers for" if share is None else f"{share:.0%}, as `max_share` says,"
     why = (
         f": more than {most} would have to go, and all are used; where so many disagree the model or a whole group is "
     )
@@ -79,11 +80,11 @@ def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) 
         (gone & found.undecided, "left out: some of them are wrong, and nothing tells which"),
         (
             found.above & found.doubtful,
-            f"beyond {rule.limit:.3g} sigma and kept: nothing tells which of the point's is wrong",
+            f"beyond {options.limit:.3g} sigma and kept: nothing tells which of the point's is wrong",
         ),
         (
             found.above & ~found.doubtful,
-            f"beyond {rule.limit:.3g} sigma and kept{why}",
+            f"beyond {options.limit:.3g} sigma and kept{why}",
         ),
     )
     for part, o in zip(records.parts, records.observed):
@@ -103,8 +104,8 @@ def findings(given: BundleInput, records: AllRecords, found: Found, rule: Rule) 
     return [*notes, *_by_chance(records, found)]
 
 
-def _by_chance(records: AllRecords, found: Found) -> list[Note]:
-    """How many of what is used are beyond the limit of a single test, and how many chance explains."""
+def _by_chance(records: AllRecords, found: SearchOutcome) -> list[Note]:
+    """AdjustOptions many of what is used are beyond the limit of a single test, and how many chance explains."""
     if found.test is None or not found.active.any():
         return []
     beyond = int((found.active & (found.test > SINGLE_LIMIT)).sum())

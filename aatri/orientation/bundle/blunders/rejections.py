@@ -1,4 +1,4 @@
-"""What a search decides at each step: which records go, by a hearing of all those of their point, within the room."""
+"""What a search decides at each step: which records go, of a point by all that touch it, within the room."""
 
 from __future__ import annotations
 
@@ -10,62 +10,63 @@ from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.kinds import AllRecords
+from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
-from aatri.orientation.bundle.blunders.rule import Rule
-from aatri.orientation.bundle.blunders.tested import Tried
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock
 from aatri.orientation.bundle.result import BundleResult
 
 DOUBT = 6.0
 """|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
 control point perhaps, is as good as the others."""
 
-MOST_HEARINGS = 3
+MOST_ATTRIBUTIONS = 3
 
 CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
 """Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
 
 
-class Hearings:
-    """The records of a block, the rules for them, and what hearings at points have come to.
+class Rejections:
+    """The records of a block, the rules for them, and what attributions at points have come to.
 
     Attributes
     ----------
     given : BundleInput
         Where the next adjustment starts.
     all : AllRecords
-    rule : Rule
+    options : SearchOptions
         With the limit of all tests.
     snooping, pool
         The same for `adjustment.statistics.rejection`.
     undecided : (n,) bool
         Left out though only some of them are wrong.
-    hearings : (n_points,) int64
+    attributions : (n_points,) int64
     doubtful : (n_points,) bool
         Points where nothing tells what is wrong, and it is small.
     """
 
-    def __init__(self, given: BundleInput, rule: Rule) -> None:
+    def __init__(self, given: BundleInput, options: SearchOptions) -> None:
         self.given, self.all = given, AllRecords.of(given)
-        self.rule = rule = rule.for_tests(self.all.tests)
+        self.options = options = options.for_tests(self.all.tests)
         observed = [o.records for o in self.all.observed]
-        self.snooping = Snooping(rule.limit, (POINT,), ("", 1.0), CLEAR[rule.method], 1.0)
+        self.snooping = Snooping(options.limit, (POINT,), ("", 1.0), CLEAR[options.method], 1.0)
         pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
         self.pool: Pool = replace(pool, counted=self.all.native)
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
-        self.hearings = np.zeros(len(given.point_ids), dtype=np.int64)
+        self.attributions = np.zeros(len(given.point_ids), dtype=np.int64)
         self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
 
-    def next_rejections(self, tried: Tried, use: Bool) -> Bool:
-        """The clearest gross errors, at points by a hearing of all records of the point."""
+    def next_rejections(self, tried: TestedBlock, use: Bool) -> Bool:
+        """The clearest gross errors, at points by all records of the point."""
         picked = clearest(self.snooping, self.pool, tried.test, use, ~self._in_stead(tried.test, use))
         at = picked & self.all.at_points
         points = np.unique(self.all.point[at])
-        points = points[(self.hearings[points] < MOST_HEARINGS) & ~self.doubtful[points]]
+        points = points[(self.attributions[points] < MOST_ATTRIBUTIONS) & ~self.doubtful[points]]
         suspected = np.ones(len(points), dtype=bool)
-        out = self.heard(tried.result, points, suspected, use, tried.test, tried.tails, move=False) & use
-        heard = np.isin(self.all.point, np.unique(self.all.point[out])) | self.doubtful[np.maximum(self.all.point, 0)]
-        blamed = picked & ~(heard & self.all.at_points)
+        out = self.wrong_at_points(tried.result, points, suspected, use, tried.test, tried.tails, move=False) & use
+        attributed = np.isin(self.all.point, np.unique(self.all.point[out]))
+        attributed |= self.doubtful[np.maximum(self.all.point, 0)]
+        blamed = picked & ~(attributed & self.all.at_points)
         kept = self.within_room(out | blamed, use, tried.test)
         # Where the coordinates of a point may not go, its rays do not go in their stead.
         other = self.all.coordinates & (out | blamed) & ~kept
@@ -73,13 +74,13 @@ class Hearings:
 
     def _in_stead(self, test: Float, use: Bool) -> Bool:
         """Records at points whose coordinates are the clearest there, and may not go: they do not go in their stead."""
-        above = use & self.all.coordinates & (test > self.rule.limit)
+        above = use & self.all.coordinates & (test > self.options.limit)
         held = np.flatnonzero(above & ~self.within_room(above, use, test))
-        largest = np.zeros(len(self.hearings))
+        largest = np.zeros(len(self.attributions))
         np.maximum.at(largest, self.all.point[held], test[held])
         return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
 
-    def heard(
+    def wrong_at_points(
         self, result: BundleResult, points: Int, suspected: Bool, active: Bool, test: Float, tails: Float, *,
         move: bool, xyz_m: Float | None = None,
     ) -> Bool:  # fmt: skip
@@ -90,17 +91,17 @@ class Hearings:
         wrong = np.zeros(len(active), dtype=bool)
         if not len(points):
             return wrong
-        self.hearings[points] += 1
+        self.attributions[points] += 1
         seen = (self.all.image < 0) | result.image_adjusted[self.all.image]  # what the other images see is no witness
         native = self.all.split((self.all.native if move else active) & seen)
-        limits = tuple(self.rule.limit * of_kind for of_kind in self.all.split(tails))
+        limits = tuple(self.options.limit * of_kind for of_kind in self.all.split(tails))
         found: AtPoints = explained(self.all.observed, native, state, points, suspected, limits)
         rows = self.all.first[found.members.place] + found.members.row
         largest = np.zeros(len(points))
         np.maximum.at(largest, found.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])
         unclear = np.zeros(len(points), dtype=bool)
         unclear[found.members.block[found.undecided]] = True
-        doubt = unclear & (largest <= max(DOUBT, self.rule.limit))
+        doubt = unclear & (largest <= max(DOUBT, self.options.limit))
         self.doubtful[points] = doubt
         surely = ~doubt[found.members.block]
         wrong[rows[found.out & surely]] = True

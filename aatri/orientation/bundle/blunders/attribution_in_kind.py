@@ -24,10 +24,10 @@ from aatri.notes import Note
 from aatri.observations.observed import NEARLY_EXACT, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.kinds import AllRecords
-from aatri.orientation.bundle.blunders.robust import Adjust, How
-from aatri.orientation.bundle.blunders.tested import Tried
-from aatri.orientation.bundle.blunders.told import labels
+from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.blunders.search_notes import labels
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock
 from aatri.orientation.bundle.result import from_result
 
 MOST = 12
@@ -38,12 +38,12 @@ SOFT = 0.02
 
 
 @dataclass(frozen=True)
-class InTurn:
+class AttributionInKind:
     """What the trials have come to.
 
     Attributes
     ----------
-    tried : Tried
+    tried : TestedBlock
         Adjusted with what is active now.
     undecided : (n,) bool
         Left out though only one of them is wrong.
@@ -52,34 +52,34 @@ class InTurn:
     notes : tuple of Note
     """
 
-    tried: Tried
+    tried: TestedBlock
     undecided: Bool
     kept: Bool
     notes: tuple[Note, ...]
 
 
-def tried_in_turn(tried: Tried, undecided: Bool, records: AllRecords, adjust: Adjust) -> InTurn:
+def attributed_in_kind(tried: TestedBlock, undecided: Bool, records: AllRecords, adjust: Adjust) -> AttributionInKind:
     """Try what is out against the others of its kind.
 
     Parameters
     ----------
-    tried : Tried
+    tried : TestedBlock
         The end of a search.
     undecided : (n,) bool
         Left out by it though only some of them are wrong.
     records : AllRecords
     adjust : callable
     """
-    state = _InTurn(tried, undecided, records, adjust)
+    state = _Attribution(tried, undecided, records, adjust)
     for kind in dict.fromkeys(o.kind for o in records.observed):
         places = [i for i, o in enumerate(records.observed) if o.kind == kind and not is_ray(o)]
         if places:
             state.try_kind(places)
-    return InTurn(state.tried, state.undecided, state.kept, tuple(state.notes))
+    return AttributionInKind(state.tried, state.undecided, state.kept, tuple(state.notes))
 
 
-class _InTurn:
-    def __init__(self, tried: Tried, doubted: Bool, records: AllRecords, adjust: Adjust) -> None:
+class _Attribution:
+    def __init__(self, tried: TestedBlock, doubted: Bool, records: AllRecords, adjust: Adjust) -> None:
         self.tried, self.doubted, self.records, self.adjust = tried, doubted, records, adjust
         self.undecided, self.kept = np.zeros_like(doubted), np.zeros_like(doubted)
         self.notes: list[Note] = []
@@ -143,7 +143,7 @@ class _InTurn:
         found[rows] = True
         return np.asarray(found)
 
-    def _without(self, less: Bool, back: Tried, best: Int) -> Tried | None:
+    def _without(self, less: Bool, back: TestedBlock, best: Int) -> TestedBlock | None:
         """Adjusted without some records; None where that leaves open what only they determine."""
         try:
             without = self._adjusted(less, {})
@@ -156,13 +156,13 @@ class _InTurn:
             without if lost >= 0 and without.result.point_adjusted.sum() >= back.result.point_adjusted.sum() else None
         )
 
-    def _adjusted(self, use: Bool, soft: dict[int, float]) -> Tried:
+    def _adjusted(self, use: Bool, soft: dict[int, float]) -> TestedBlock:
         given: BundleInput = from_result(self.tried.given, self.tried.result)
         observed = list(self.records.without(given.observed, use))
         for place, sigma in soft.items():
             observed[place] = _softened(observed[place], sigma)
         given = replace(given, observed=tuple(observed))
-        return replace(self.tried, given=given, result=self.adjust(given, How()), active=use)
+        return replace(self.tried, given=given, result=self.adjust(given, AdjustOptions()), active=use)
 
     def _place(self, places: list[int], row: int) -> tuple[int, int]:
         """Place of a record's observations, and its row there."""
@@ -181,7 +181,7 @@ class _InTurn:
         return SOFT * float(np.sqrt(variance.min(initial=np.inf))) if exact.any() else 0.0
 
 
-def _gains(tried: Tried, place: int, records: AllRecords) -> Float:
+def _gains(tried: TestedBlock, place: int, records: AllRecords) -> Float:
     """Gains of leaving out each of the observations in use, NaN for the others, (n,)."""
     found = tried.result.observations[place]
     gain = np.full(len(found.observed), np.nan)
@@ -205,6 +205,6 @@ def _softened(o: Observed, sigma_m: float) -> Observed:
 
 
 def is_ray(o: Observed) -> bool:
-    """Whether these are measurements in images (their points get a hearing), or none at all."""
+    """Whether these are measurements in images (their points tell which is wrong), or none at all."""
     groups = {group for group, _ in o.records.touches}
     return o.exact or bool(o.components) or {POSE, POINT} <= groups

@@ -1,4 +1,4 @@
-"""How gross errors are searched for: stated once, by the options of the stage."""
+"""AdjustOptions gross errors are searched for: stated once, by the options of the stage."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Sigmas = Literal["estimated", "tests", "given"]
 
 
 @dataclass(frozen=True)
-class Rule:
-    """How gross errors are searched for.
+class SearchOptions:
+    """AdjustOptions gross errors are searched for.
 
     Attributes
     ----------
@@ -53,6 +53,6 @@ class Rule:
         """Bound of the weight function."""
         return BOUNDS[self.weights] if self.bound is None else self.bound
 
-    def for_tests(self, tests: int) -> Rule:
-        """The rule with the limit of so many tests, unless the user has stated one."""
+    def for_tests(self, tests: int) -> SearchOptions:
+        """The options with the limit of so many tests, unless the user has stated one."""
         return replace(self, limit=limit_of_tests(tests)) if self.counts else self

@@ -13,7 +13,7 @@ from aatri.adjustment.statistics.tau import tau_limit
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.rule import Rule
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 
 WELL_CONTROLLED = 1e-3
@@ -28,13 +28,13 @@ STANDS_OUT = 3.29
 
 
 @dataclass(frozen=True)
-class Tried:
+class TestedBlock:
     """A block adjusted without some of its records, and the tests of all of them."""
 
     given: BundleInput
     result: BundleResult
     active: Bool
-    rule: Rule
+    options: SearchOptions
     tails: Float
     """Limit of each record over that of normal errors, (n,)."""
 
@@ -51,8 +51,8 @@ class Tried:
     @cached_property
     def test(self) -> Float:
         """|w| over the limit's unit: with little redundancy a gross error is one that also stands out of the others."""
-        adjusted, limit, unit = self.result.adjusted, self.rule.limit, 1.0
-        if self.rule.tau:
+        adjusted, limit, unit = self.result.adjusted, self.options.limit, 1.0
+        if self.options.tau:
             unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
         elif self.small and adjusted.redundancy > 0:
             unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)

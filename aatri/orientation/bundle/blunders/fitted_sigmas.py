@@ -1,0 +1,124 @@
+"""A search with standard deviations and tails that fit the residuals: its adjustments before anything is rejected.
+
+The standard deviations are those of `scaling`, estimated again until they stay, as long as nothing is far out: the
+residuals that gross errors have smeared tell nothing of them, nor of the tails (`adjustment.statistics.long_tails`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.statistics.long_tails import Tail
+from aatri.arrays import Bool, Float
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.notes import Note
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.rejections import Rejections
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.blunders.scaling import Scaling
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock
+from aatri.orientation.bundle.result import BundleResult, from_result
+
+HARMLESS = 2.0
+"""Tests up to this many limits smear so little that no robust adjustment is needed."""
+
+MOST_SCALINGS = 5
+"""Adjustments until the standard deviations fit."""
+
+
+class FittedSigmas(Rejections):
+    """What a search rejects, with standard deviations that fit.
+
+    Attributes
+    ----------
+    adjust : callable
+    as_given : tuple of Observed
+        The observations with the standard deviations given.
+    scaling : Scaling
+        Those in use.
+    tails : tuple of Tail
+        Of each class, by the last adjustment.
+    """
+
+    def __init__(self, given: BundleInput, adjust: Adjust, options: SearchOptions) -> None:
+        super().__init__(given, options)
+        self.adjust, self.as_given, self.scaling = adjust, self.all.observed, Scaling.of(given)
+        self.tails: tuple[Tail, ...] = ()
+
+    @property
+    def _final(self) -> Float:
+        """Factors on the standard deviations of the result."""
+        return self.scaling.final if self.options.sigmas == "estimated" else np.ones_like(self.scaling.factor)
+
+    def _with_fitting_sigmas(self, tried: TestedBlock) -> TestedBlock:
+        """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
+        for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
+            asked = self.scaling.classes.scales(tried.result)
+            if not (tried.small or self._harmful(tried, tried.active)):
+                asked = self.scaling.classes.of_small_kinds(asked, tried.result)
+            scaling, by = self.scaling.after(asked)
+            if self._harmful(tried, tried.active, self._of_classes(by)):
+                break
+            self._rescale(scaling, by, from_result(self.given, tried.result))
+            if (by == 1.0).all():
+                break
+            tried = self._tested(self.adjust(self.given, AdjustOptions(coarse=True)), tried.active)
+        return tried
+
+    def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
+        self.scaling = scaling
+        if (by != 1.0).any():
+            self.given = replace(start, observed=scaling.classes.with_factors(start.observed, by))
+            self.all = replace(self.all, observed=tuple(o.again() for o in self.given.observed))
+
+    def _with_final_sigmas(self, tried: TestedBlock) -> tuple[BundleInput, BundleResult]:
+        """The block with the standard deviations of the result, and adjusted with them."""
+        final = self._final
+        if (final == self.scaling.factor).all():
+            return tried.given, tried.result
+        start = from_result(tried.given, tried.result)
+        scaled = self.scaling.of_result(self.as_given, final)
+        observed = tuple(replace(o, start=now.start) for o, now in zip(scaled, start.observed))
+        given = replace(start, observed=self.all.without(observed, tried.active))
+        return given, self.adjust(given, AdjustOptions())
+
+    def _first(self, active: Bool) -> tuple[TestedBlock | None, Exception | None]:
+        """Least squares with everything; None where that fails."""
+        try:
+            return self._tested(self.adjust(self.given, AdjustOptions(coarse=True)), active), None
+        except (ConvergenceError, GeometryError) as error:
+            return None, error
+
+    def _tested(self, result: BundleResult, active: Bool) -> TestedBlock:
+        """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""
+        return TestedBlock(self.given, result, active, self.options, np.ones(len(active)))
+
+    def _of_classes(self, factor: Float) -> Float:
+        return self.all.smallest(self.scaling.classes.number, factor)
+
+    def _tails(self, result: BundleResult, squares: BundleResult | None = None) -> Float:
+        """Limit of each record over that of normal errors; a limit that the user has stated obeys."""
+        limit, classes = self.options.limit, self.scaling.classes
+        if not self.options.counts:
+            return np.ones(len(self.all.native))
+        self.tails = classes.tails(result, squares, limit)
+        return self._of_classes(np.array([tail.limit for tail in self.tails]) / limit)
+
+    def _tail_notes(self) -> list[Note]:
+        """Classes of observations whose errors have long tails."""
+        limit = self.options.limit
+        text = (
+            "{}: errors have longer tails than normal ones (as Student's of {:.0f} degrees of freedom): gross is what "
+        )
+        text += "is beyond {:.3g} sigma, not {:.3g}"
+        return [
+            Note("note", text.format(name, tail.freedom, tail.limit, limit))
+            for name, tail in zip(self.scaling.classes.names, self.tails)
+            if tail.limit > limit
+        ]
+
+    def _harmful(self, tried: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:
+        return bool((active & (tried.test > HARMLESS * self.options.limit * scale)).any())
