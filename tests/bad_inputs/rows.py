@@ -17,7 +17,7 @@ from tests.bad_inputs.changes import apply
 HERE = Path(__file__).parent
 FILES = sorted(HERE.glob("*.yaml"))
 KEYS = {"id", "what", "base", "stations", "points", "control", "positions", "changes", "folder", "path", "stages",
-        "until", "with", "gates", "shows", "masked", "exit", "says"}  # fmt: skip
+        "until", "with", "gates", "shows", "masked", "slow", "exit", "says"}  # fmt: skip
 
 
 @dataclass(frozen=True)

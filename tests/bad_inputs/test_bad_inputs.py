@@ -20,7 +20,9 @@ from tests.bad_inputs.rows import KEYS, BadInput, all_rows
 ROWS = all_rows()
 
 
-@pytest.mark.parametrize("row", ROWS, ids=[row.id for row in ROWS])
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row.id, marks=[pytest.mark.slow] if row.row.get("slow") else []) for row in ROWS]
+)
 def test_a_bad_input_is_answered_with_the_approved_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: BadInput
 ) -> None:
