@@ -52,5 +52,5 @@ def table_digest(rows: Table) -> bytes:
             if declared.dtype == "f8":
                 little = little + 0.0  # one zero, one NaN
                 little[np.isnan(little)] = np.nan
-            digest.update(np.ascontiguousarray(little).reshape(-1).view(np.uint8))
+            digest.update(np.ascontiguousarray(little).reshape(-1).view(np.uint8).data)
     return digest.digest()
