@@ -8,7 +8,7 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.ids import rows_of
 from aatri.notes import Note
-from aatri.orientation.network.start import Measured, approximate_coordinates
+from aatri.orientation.network.start import NetworkObservations, approximate_coordinates
 
 
 def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
@@ -29,7 +29,7 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
     network = {}
     for type_ in np.unique(g.type[between]).tolist():
         rows = np.flatnonzero(between & (g.type == type_))
-        network[type_] = Measured(start[rows], end[rows], g.value[rows], via[rows], g.set[rows], rise[rows])
+        network[type_] = NetworkObservations(start[rows], end[rows], g.value[rows], via[rows], g.set[rows], rise[rows])
     touched = np.zeros(len(xyz_m), dtype=bool)
     for m in network.values():
         touched[m.start] = touched[m.end] = True

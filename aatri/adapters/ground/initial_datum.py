@@ -22,7 +22,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import HELD
 from aatri.orientation.bodies.datum import Datum, FreeBody
 from aatri.orientation.bodies.given_relations import GivenAttitudes, Lengths
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 
 PRECISION = 3.0
 """Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
@@ -59,7 +59,7 @@ class Known:
         return bool(len(self.control) or len(self.position))
 
 
-def known_of(ground: Ground, component: Component | FreeBody) -> Known:
+def known_of(ground: Ground, component: ImageComponent | FreeBody) -> Known:
     """What is known of a component."""
     known, images = finite_rows(component.xyz), component.images
     lengths = []
@@ -78,7 +78,7 @@ def known_of(ground: Ground, component: Component | FreeBody) -> Known:
     )
 
 
-def body_of(component: Component, rays: ImagePointRows) -> FreeBody:
+def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
     """A component as a body: points and images are as precise as rays of typical length."""
     spread = precision(component, rays) ** 2
     covariance = np.broadcast_to(spread * np.eye(3), (len(component.xyz), 3, 3))
@@ -242,7 +242,7 @@ def _attitudes(block: Block, ground: Ground, body: FreeBody, rows: Int) -> Given
                           a.covariance_rad2[rows] + own)  # fmt: skip
 
 
-def precision(component: Component, rays: ImagePointRows) -> float:
+def precision(component: ImageComponent, rays: ImagePointRows) -> float:
     """Standard deviation of points and centres of a component, in its unit: that of a ray at its typical length."""
     rows = np.flatnonzero(component.kept)
     away = component.xyz[rays.point[rows]] - component.poses.position_m[rays.image[rows]]
@@ -250,7 +250,7 @@ def precision(component: Component, rays: ImagePointRows) -> float:
     return PRECISION * max(component.spread, 0.1) * float(np.median(per_mm * rays.sigma_mm[rows].mean(axis=1)))
 
 
-def angle_precision(component: Component, rays: ImagePointRows) -> float:
+def angle_precision(component: ImageComponent, rays: ImagePointRows) -> float:
     """Standard deviation of the rotations of a component, rad: that of a ray."""
     rows = np.flatnonzero(component.kept)
     angle = float(np.median(rays.sigma_mm[rows].mean(axis=1) / rays.c_mm[rows]))

@@ -15,21 +15,21 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import Control
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.positions import Positions
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 
 T = TypeVar("T", Control, Positions, SeenAttitudes)
 
 
 def ground_of_neighbours(
-    ground: Ground, neighbours: Sequence[Component], component: Component, rays: ImagePointRows
+    ground: Ground, neighbours: Sequence[ImageComponent], component: ImageComponent, rays: ImagePointRows
 ) -> Ground | None:
     """The ground with the images and points that a component shares with others; None where it shares nothing.
 
     Parameters
     ----------
-    neighbours : sequence of Component
+    neighbours : sequence of ImageComponent
         On the ground, reduced to its origin.
-    component : Component
+    component : ImageComponent
         In a frame of its own.
     """
     images, points = component.images, finite_rows(component.xyz)

@@ -11,7 +11,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.ids import shown
 from aatri.notes import Level, Note
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 
 
 def rejected_note(suspects: Suspects) -> list[Note]:
@@ -34,7 +34,7 @@ def not_oriented(block: Block, solution: Solution) -> list[Note]:
     return pieces.left_out(block, solution.images.oriented)
 
 
-def shown_components(components: tuple[Component, ...], block: Block) -> list[Note]:
+def shown_components(components: tuple[ImageComponent, ...], block: Block) -> list[Note]:
     """Sizes of the components; the images of all but the first by name."""
     if len(components) == 1:
         return [Note("note", f"one component of {int(components[0].images.sum())} images")]

@@ -26,14 +26,14 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientedComponent, orient_component
 from aatri.orientation.bodies.datum_analysis import UNDETERMINED
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.frame import first_base_one
 
 HARDLY = 1e-4
 """Motions with a lambda above this (errors of control magnified less than 100 times) may start a bundle, which tells
 how well they are known, where nothing better is there; see `datum_analysis`."""
 
-ByAll = Callable[[Component, Float], Similarity]
+ByAll = Callable[[ImageComponent, Float], Similarity]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class OnGround:
 
     Attributes
     ----------
-    component : Component
+    component : ImageComponent
         In the ground's frame, reduced to the origin.
     known : Known
         What was held against it.
@@ -58,7 +58,7 @@ class OnGround:
         What is left out, as it contradicts all else.
     """
 
-    component: Component
+    component: ImageComponent
     known: Known
     oriented: OrientedComponent | None
     similarity: Similarity
@@ -68,7 +68,7 @@ class OnGround:
 
 
 def to_ground(
-    block: Block, ground: Ground, components: tuple[Component, ...], rays: ImagePointRows, limit: float,
+    block: Block, ground: Ground, components: tuple[ImageComponent, ...], rays: ImagePointRows, limit: float,
     by_all: ByAll | None = None,
 ) -> tuple[list[OnGround], list[Note]]:  # fmt: skip
     """Every component by one similarity; the first one stays free where none has a datum.
@@ -77,7 +77,7 @@ def to_ground(
     ----------
     block : Block
     ground : Ground
-    components : tuple of Component
+    components : tuple of ImageComponent
     rays : ImagePointRows
     limit : float
         Test statistic of what is wrong.
@@ -91,7 +91,7 @@ def to_ground(
         If there is control or there are positions, and no component can be oriented by them.
     """
     done: list[OnGround] = []
-    notes, failed = [*ground.notes], list[tuple[Component, str, AatriError]]()
+    notes, failed = [*ground.notes], list[tuple[ImageComponent, str, AatriError]]()
     first: GeometryError | None = None
     known = [known_of(ground, c) for c in components]
     if not any(of.placed for of in known):
@@ -120,7 +120,7 @@ def to_ground(
 
 
 def _otherwise(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, done: list[OnGround], what: str,
+    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, done: list[OnGround], what: str,
     limit: float, by_all: ByAll | None, alone: AatriError,
 ) -> tuple[OnGround | None, list[Note], str]:  # fmt: skip
     """A component that control, positions, distances and attitudes leave open; else why it is."""
@@ -148,7 +148,7 @@ def _otherwise(
 
 
 def _by_neighbours(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, done: list[OnGround], what: str,
+    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, done: list[OnGround], what: str,
     limit: float,
 ) -> OnGround | None:  # fmt: skip
     """A component that has too little of its own, by what it shares with those on the ground."""
@@ -175,13 +175,13 @@ def _control_notes(block: Block, ground: Ground, part: OnGround, what: str) -> l
     ]
 
 
-def _apart(block: Block, component: Component, why: str) -> Note:
+def _apart(block: Block, component: ImageComponent, why: str) -> Note:
     ids = tuple(block.images.id[component.images].tolist())
     return Note("warning", f"a component of {len(ids)} images stays apart: {why}", ids)
 
 
 def _free(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, limit: float
+    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, known: Known, limit: float
 ) -> tuple[OnGround, list[Note]]:
     """A component without control and positions: its scale by distances, its rotation by attitudes, else held."""
     own, similarity = first_base_one(component)
@@ -202,8 +202,8 @@ def _free(
 
 
 def _oriented(
-    block: Block, ground: Ground, component: Component, rays: ImagePointRows, known: Known, what: str, limit: float,
-    weakest: float = UNDETERMINED,
+    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, known: Known, what: str,
+    limit: float, weakest: float = UNDETERMINED,
 ) -> tuple[OnGround, list[Note]]:  # fmt: skip
     """By control, positions and distances; by attitudes as well where these leave something open."""
     body = body_of(component, rays)
@@ -237,7 +237,7 @@ def _oriented(
     return part(known, result), deformation_notes(result, precision(component, rays), what)
 
 
-def moved(component: Component, to: Similarity) -> Component:
+def moved(component: ImageComponent, to: Similarity) -> ImageComponent:
     """A component after a similarity."""
     poses = Poses(transform(to, component.poses.position_m), to.rotation @ component.poses.ground_from_image)
     return replace(component, poses=poses, xyz=transform(to, component.xyz))

@@ -21,7 +21,7 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import observed_positions
 from aatri.orientation.bodies.absolute import OrientedComponent
 from aatri.orientation.bodies.given_relations import Lengths
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 
 STAGE = "initial_orientation"
 
@@ -47,13 +47,13 @@ def observations_of(block: Block, ground: Ground, known: Known) -> Iterator[Obse
         yield from part.take(rows).observed()
 
 
-def residuals_at(component: Component, o: Observed) -> Float:
+def residuals_at(component: ImageComponent, o: Observed) -> Float:
     """A component on the ground, reduced to the origin, minus what is observed of it; NaN where not observed."""
     v = o.records.evaluate({POINT: component.xyz, POSE: component.poses}, np.arange(len(o)))[0]
     return np.where(np.isfinite(o.sigmas()), v, np.nan)
 
 
-def lengths_in(component: Component, part: Lengths, rows: Int) -> Float:
+def lengths_in(component: ImageComponent, part: Lengths, rows: Int) -> Float:
     """Distances as they are in a component, of its unit."""
     s = part.sights.take(rows)
     ends = [np.where(is_image[:, None], component.poses.position_m[np.where(is_image, row, 0)],
@@ -86,7 +86,7 @@ def without_one(known: Known) -> Iterator[tuple[str, Known, Known]]:
         yield "control", replace(known, control=none), replace(nothing, control=known.control)
 
 
-def contradicts(block: Block, ground: Ground, left: Known, component: Component, limit: float) -> bool:
+def contradicts(block: Block, ground: Ground, left: Known, component: ImageComponent, limit: float) -> bool:
     """Whether what is left out is off as a whole by more than `limit` times what one of it is uncertain.
 
     Weakly tied strips bend by less, and fit whatever is left.
@@ -99,7 +99,9 @@ def contradicts(block: Block, ground: Ground, left: Known, component: Component,
     return False
 
 
-def contradiction_note(block: Block, ground: Ground, left: Known, component: Component, kind: str, what: str) -> Note:
+def contradiction_note(
+    block: Block, ground: Ground, left: Known, component: ImageComponent, kind: str, what: str
+) -> Note:
     """What is left out as it contradicts all else; the component is on the ground without it."""
     observed = list(observations_of(block, ground, left))
     names = np.concatenate([np.char.add(*o.names(np.arange(len(o)))) for o in observed])
@@ -140,7 +142,7 @@ def deformation_notes(oriented: OrientedComponent, precision: float, what: str) 
     return [Note("warning", text)]
 
 
-def two_that_differ(known: Known, component: Component, precision_m: float, limit: float) -> list[Note]:
+def two_that_differ(known: Known, component: ImageComponent, precision_m: float, limit: float) -> list[Note]:
     """Where two distances alone tell the scale and differ, nobody can tell which one is wrong.
 
     `component` is scaled by them, its points are known to `precision_m`.

@@ -14,7 +14,7 @@ from aatri.observations.kinds import observe, with_kinds
 from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.options import Options
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.whole_body import brought_to_ground
 
 NEARLY_M = 1e-3
@@ -27,7 +27,7 @@ class _Kinds(Options):
 
 
 def by_all_kinds(
-    as_given: Block, origin_m: Float, component: Component, up: Float, *, use_positions: bool
+    as_given: Block, origin_m: Float, component: ImageComponent, up: Float, *, use_positions: bool
 ) -> Similarity:
     """The similarity that brings a component to the ground, reduced to its origin.
 
@@ -37,7 +37,7 @@ def by_all_kinds(
         In its own frame.
     origin_m : (3,) float64, m
         In the frame of the adjustment.
-    component : Component
+    component : ImageComponent
     up : (3,) float64
         Direction against the mean viewing direction, in the component.
     use_positions : bool

@@ -50,7 +50,7 @@ needs no more, and Huber's loss converges slowly."""
 
 
 @dataclass(frozen=True, eq=False)  # its arrays have no truth value: components are the same or not
-class Component:
+class ImageComponent:
     """Images in one free frame.
 
     Attributes
@@ -79,7 +79,7 @@ class Component:
 def adjusted_component(
     rays: ImagePointRows, images: Bool, rotation: Float, centre: Float, image_ids: Ids, point_ids: Ids,
     reporter: Reporter = SILENT,
-) -> Component:  # fmt: skip
+) -> ImageComponent:  # fmt: skip
     """A component from its rotations and projection centres.
 
     Raises
@@ -95,7 +95,7 @@ def adjusted_component(
 def refined(
     rays: ImagePointRows, poses: Poses, image_ids: Ids, point_ids: Ids, limits_mm: tuple[float | None, ...],
     reporter: Reporter = SILENT,
-) -> Component:  # fmt: skip
+) -> ImageComponent:  # fmt: skip
     """Points, trimming and bundle, once for every limit; None is that of the spread of the residuals.
 
     Raises
@@ -122,7 +122,7 @@ def refined(
         xyz, kept = intersected(rays, poses, limit, adjusted)
         xyz[np.bincount(rays.point[kept], minlength=len(xyz)) < 2] = np.nan
         kept &= finite_rows(xyz)[rays.point]
-    return Component(poses, xyz, kept, spread)
+    return ImageComponent(poses, xyz, kept, spread)
 
 
 def _spread(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> float:

@@ -13,13 +13,13 @@ import numpy as np
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, transform
 from aatri.observations.poses import Poses
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 
 ALIKE = 0.3
 """Length of the mean viewing direction below which images look to all sides."""
 
 
-def first_base_one(component: Component) -> tuple[Component, Similarity]:
+def first_base_one(component: ImageComponent) -> tuple[ImageComponent, Similarity]:
     """A component in its own frame, and the similarity that led there."""
     rows = np.flatnonzero(component.images)
     centre, rotation = component.poses.position_m[rows], component.poses.ground_from_image[rows]

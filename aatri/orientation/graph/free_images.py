@@ -21,7 +21,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
-from aatri.orientation.graph.component import Component, adjusted_component
+from aatri.orientation.graph.component import ImageComponent, adjusted_component
 from aatri.orientation.graph.joining import joined
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.graph.positions import Start, by_directions, from_bases, from_gnss
@@ -44,13 +44,13 @@ class FreeImages:
 
     Attributes
     ----------
-    components : tuple of Component
+    components : tuple of ImageComponent
     wrong_pair : (m,) bool
         Pairs whose rotation does not fit the others.
     notes : tuple of Note
     """
 
-    components: tuple[Component, ...]
+    components: tuple[ImageComponent, ...]
     wrong_pair: Bool
     notes: tuple[Note, ...]
 
@@ -95,7 +95,7 @@ def orient_free(
         )
         notes.append(Note("note", f"{text} the others and are left out"))
     scaled = scaled_bases(fitting)
-    components: list[Component] = []
+    components: list[ImageComponent] = []
     for k in range(int(scaled.component.max(initial=-1)) + 1):
         mine = scaled.component == k
         pairs = fitting.take(scaled.pair[mine])

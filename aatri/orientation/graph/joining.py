@@ -21,7 +21,7 @@ from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.complete_start import complete_start
-from aatri.orientation.graph.component import Component, refined
+from aatri.orientation.graph.component import ImageComponent, refined
 from aatri.progress import Reporter
 
 FEWEST = 5
@@ -41,12 +41,12 @@ FEWEST_DISTANCES, SAME_SCALE = 2, 0.05
 
 
 def joined(
-    components: Sequence[Component], rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
-) -> tuple[list[Component], list[Note]]:
+    components: Sequence[ImageComponent], rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
+) -> tuple[list[ImageComponent], list[Note]]:
     """Components that cannot be joined any further, that of most images first, and what was done."""
     left = sorted(components, key=lambda c: -int(c.images.sum()))
     notes: list[Note] = []
-    done: list[Component] = []
+    done: list[ImageComponent] = []
     while left:
         whole, grown = left.pop(0), True
         while grown:
@@ -74,7 +74,7 @@ def joined(
     return sorted(done, key=lambda c: -int(c.images.sum())), notes
 
 
-def _merged(whole: Component, other: Component) -> tuple[Poses, int] | None:
+def _merged(whole: ImageComponent, other: ImageComponent) -> tuple[Poses, int] | None:
     """Poses of both in the frame of the first, and the points that joined them; None where they do not."""
     found = _by_points(whole, other) or _by_images(whole, other)
     if found is None:
@@ -87,7 +87,7 @@ def _merged(whole: Component, other: Component) -> tuple[Poses, int] | None:
     return Poses(position, rotation), points
 
 
-def _by_points(whole: Component, other: Component) -> tuple[Similarity, int] | None:
+def _by_points(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
     """The similarity of common points, and how many of them fit it."""
     common = finite_rows(whole.xyz) & finite_rows(other.xyz)
     x, X = other.xyz[common], whole.xyz[common]
@@ -101,7 +101,7 @@ def _by_points(whole: Component, other: Component) -> tuple[Similarity, int] | N
     return (similarity, int(fits.sum())) if fits.sum() >= max(FEWEST, (1.0 - MOST_WRONG) * len(x)) else None
 
 
-def _by_images(whole: Component, other: Component) -> tuple[Similarity, int] | None:
+def _by_images(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
     """The same of common images: the scale is that of the distances of common points from them."""
     shared, common = whole.images & other.images, finite_rows(whole.xyz) & finite_rows(other.xyz)
     if not shared.any() or common.sum() < FEWEST_DISTANCES:
@@ -119,8 +119,8 @@ def _by_images(whole: Component, other: Component) -> tuple[Similarity, int] | N
 
 
 def _with_resected(
-    whole: Component, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
-) -> tuple[Component, Bool]:
+    whole: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
+) -> tuple[ImageComponent, Bool]:
     """With images that see enough known points."""
     seen = rays.active & finite_rows(whole.xyz)[rays.point] & ~whole.images[rays.image]
     if not (np.bincount(rays.image[seen], minlength=len(whole.images)) >= 6).any():

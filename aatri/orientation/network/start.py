@@ -27,7 +27,7 @@ ARBITRARY_M = 100.0
 
 
 @dataclass(frozen=True)
-class Measured:
+class NetworkObservations:
     """Observations of one type between points, rows in points.
 
     Attributes
@@ -50,7 +50,7 @@ class Measured:
     rise_m: Float
 
 
-Network = dict[str, Measured]
+Network = dict[str, NetworkObservations]
 """By type of geodetic.csv."""
 
 
@@ -59,7 +59,7 @@ def approximate_coordinates(network: Network, xyz_m: Float) -> tuple[Float, set[
 
     Parameters
     ----------
-    network : dict of str to Measured
+    network : dict of str to NetworkObservations
     xyz_m : (n, 3) float64, m
         NaN where unknown.
 
@@ -133,7 +133,7 @@ def _heights(network: Network, xyz: Float) -> Float:
     return _along(xyz[:, 2], start, end, difference)
 
 
-def _lengths(m: Measured | None, back: bool = False) -> dict[tuple[int, int], float]:
+def _lengths(m: NetworkObservations | None, back: bool = False) -> dict[tuple[int, int], float]:
     if m is None:
         return {}
     ends = (m.end, m.start) if back else (m.start, m.end)
@@ -153,7 +153,7 @@ def _with_horizontal(network: Network, xyz: Float) -> Network:
     other = network.get("horizontal_distance")
     if other is not None:
         joined = {k: np.concatenate([getattr(plan, k), getattr(other, k)]) for k in plan.__dataclass_fields__}
-        plan = Measured(**joined)
+        plan = NetworkObservations(**joined)
     return {**network, "horizontal_distance": plan}
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.observations.poses import Poses
-from aatri.orientation.graph.component import Component
+from aatri.orientation.graph.component import ImageComponent
 
 
-def _component(image: int) -> Component:
+def _component(image: int) -> ImageComponent:
     position = np.full((3, 3), np.nan)
     position[image] = 0.0
-    return Component(Poses(np.tile(np.eye(3), (3, 1, 1)), position), np.zeros((4, 3)), np.ones(5, dtype=bool), 1.0)
+    return ImageComponent(Poses(np.tile(np.eye(3), (3, 1, 1)), position), np.zeros((4, 3)), np.ones(5, dtype=bool), 1.0)
 
 
 def test_a_component_is_itself_whatever_its_arrays_hold() -> None:
