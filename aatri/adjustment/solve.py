@@ -33,7 +33,7 @@ from aatri.errors import ConvergenceError
 
 
 @dataclass(frozen=True)
-class Solved:
+class LinearSolution:
     """A solved problem with its factor.
 
     Attributes
@@ -95,7 +95,7 @@ class Solved:
         return reduced_normals(self.problem, self.state)
 
 
-def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] | None = None) -> Solved:
+def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] | None = None) -> LinearSolution:
     """Take one undamped step from a state.
 
     Parameters
@@ -122,4 +122,4 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
         refuse_undetermined(problem, state, factored)
     step = steps(problem, factored, state)
     after = retract_state(problem.unknowns, state, step)
-    return Solved(problem, after, factored, state, step, *counts(problem))
+    return LinearSolution(problem, after, factored, state, step, *counts(problem))

@@ -38,9 +38,7 @@ def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> Non
         done.result()
 
 
-def in_threads(
-    n: int, work: Callable[[int, int], None], threads: int | None = None, *, worth: int = WORTH_A_THREAD
-) -> None:
+def in_threads(n: int, work: Callable[[int, int], None], *, worth: int = WORTH_A_THREAD) -> None:
     """Work on n items that do not depend on each other: `work(first, last)` for parts of them, in several threads.
 
     Parameters
@@ -48,7 +46,7 @@ def in_threads(
     worth : int
         Items for which a thread of their own pays.
     """
-    parts = max(min(threads or default_threads(), n // worth), 1)
+    parts = max(min(default_threads(), n // worth), 1)
     bounds = [n * k // parts for k in range(parts + 1)]
     if parts == 1:
         work(0, n)

@@ -90,7 +90,7 @@ def corrected(distortion: Distortion, xy_mm: Float) -> Float:
     return _inverted(distortion, xy_mm)
 
 
-def corner_points(half_format_mm: Float, n: int = 21) -> Float:
+def corner_points(half_format_mm: Float) -> Float:
     """Points on the diagonals of the format, from the centre to the corners: where a distortion is checked.
 
     Parameters
@@ -99,10 +99,10 @@ def corner_points(half_format_mm: Float, n: int = 21) -> Float:
 
     Returns
     -------
-    (4 n, 2) float64, mm
+    (84, 2) float64, mm
     """
     signs = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    steps = np.linspace(0.0, 1.0, n)
+    steps = np.linspace(0.0, 1.0, 21)
     return np.asarray((steps[:, None, None] * signs * half_format_mm).reshape(-1, 2))
 
 
@@ -138,7 +138,7 @@ def _refuse_folded_brown(distortion: Distortion, xy_mm: Float) -> None:
 
 
 def _inverted(distortion: Distortion, xy_mm: Float) -> Float:
-    forward = getattr(forward_models, distortion.model)
+    forward = forward_models.MODELS[distortion.model]
     c = distortion.principal_distance_mm
     y_down = np.array([1.0, -1.0])
     distorted = xy_mm * y_down / c

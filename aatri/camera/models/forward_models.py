@@ -92,3 +92,7 @@ def bal(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
 def _radial_derivative(uv: Array, L: Array, dL_dq: Array) -> Array:
     """Derivative of uv L(q), q = u^2 + v^2."""
     return np.asarray(L[:, None, None] * np.eye(2) + 2 * dL_dq[:, None, None] * uv[:, :, None] * uv[:, None, :])
+
+
+MODELS = {"bal": bal, "opencv": opencv, "fisheye": fisheye}
+"""Each model by its name: (ideal (n, 2), parameters) -> distorted (n, 2), derivative (n, 2, 2)."""

@@ -24,7 +24,10 @@ TOLERANCE = 1e-14
 """Largest remaining misfit, as a share of 1 + |u|."""
 
 
-def invert(forward: Forward, distorted: Float, *, what: str, max_iterations: int = 50) -> Float:
+MOST_ITERATIONS = 50
+
+
+def invert(forward: Forward, distorted: Float, *, what: str) -> Float:
     """Ideal normalised coordinates of distorted ones.
 
     Parameters
@@ -43,7 +46,7 @@ def invert(forward: Forward, distorted: Float, *, what: str, max_iterations: int
         If the iteration does not converge.
     """
     ideal = distorted.copy()
-    for _ in range(max_iterations):
+    for _ in range(MOST_ITERATIONS):
         value, derivative = forward(ideal)
         misfit = value - distorted
         size = np.abs(misfit).max(axis=1)

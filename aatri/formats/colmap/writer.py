@@ -154,7 +154,7 @@ def _errors_px(solution: Solution, rays: ExportedRays, cameras: list[ExportedCam
         rows = ray_camera == k
         uv = ideal[rows]
         if camera.distortion != "none":
-            uv, _ = getattr(forward_models, camera.distortion)(uv, camera.parameters)
+            uv, _ = forward_models.MODELS[camera.distortion](uv, camera.parameters)
         misfit_mm = uv * camera.c_mm * Y_UP[:2] - rays.xy_mm[rows]
         error[rows] = np.linalg.norm(misfit_mm / camera.pixel_mm, axis=1)
     return error
