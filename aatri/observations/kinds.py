@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
-from pydantic import Field, create_model
+from pydantic import Field
 
 from aatri.notes import Note
 from aatri.observations.attitudes import USES as OF_ATTITUDES
@@ -51,6 +51,18 @@ if TYPE_CHECKING:
     from aatri.artifacts.block import Block
 
 
+class KindOptions(Options):
+    """Options of the kinds of observation, for every stage that adjusts."""
+
+    positions: PositionOptions = Field(
+        PositionOptions(), description="observed positions of the block that have no unknowns of their own"
+    )
+    attitudes: AttitudeOptions = Field(AttitudeOptions(), description="observed attitudes of the images")
+    rigs: RigOptions = Field(RigOptions(), description="images of one exposure of a rig")
+    distances: DistanceOptions = Field(DistanceOptions(), description="distances of the geodetic observations")
+    zenith_angles: ZenithOptions = Field(ZenithOptions(), description="zenith angles of the geodetic observations")
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of observation.
@@ -58,41 +70,28 @@ class Kind:
     Attributes
     ----------
     observe : callable
-        Takes it from a block.
-    options : type of Options, optional
-    under : str
-        Name of its options, where it is not that of the function.
+        Takes it from a block, given its options where it has such.
+    options : callable, optional
+        Its own among those of all kinds.
     uses : tuple of str
         What it uses of the block, by the names of `artifacts.offers`.
     """
 
     observe: Callable[..., tuple[Observed, ...]]
-    options: type[Options] | None = None
-    under: str = ""
+    options: Callable[[KindOptions], Options] | None = None
     uses: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Name of its options."""
-        return self.under or self.observe.__name__
-
-    @property
-    def about(self) -> str:
-        """First line of its docstring, as description of its options."""
-        first = (self.observe.__doc__ or "").splitlines()[0].rstrip(".")
-        return first[:1].lower() + first[1:]
 
 
 KINDS = (
     Kind(image_points),
     Kind(control, uses=OF_CONTROL),
-    Kind(positions, PositionOptions, uses=OF_POSITIONS),
-    Kind(drift, PositionOptions, under="positions", uses=OF_DRIFT),
-    Kind(attitudes, AttitudeOptions, uses=OF_ATTITUDES),
-    Kind(rigs, RigOptions, uses=OF_RIGS),
-    Kind(distances, DistanceOptions, uses=OF_DISTANCES),
+    Kind(positions, lambda o: o.positions, uses=OF_POSITIONS),
+    Kind(drift, lambda o: o.positions, uses=OF_DRIFT),
+    Kind(attitudes, lambda o: o.attitudes, uses=OF_ATTITUDES),
+    Kind(rigs, lambda o: o.rigs, uses=OF_RIGS),
+    Kind(distances, lambda o: o.distances, uses=OF_DISTANCES),
     Kind(directions, uses=OF_DIRECTIONS),
-    Kind(zenith_angles, ZenithOptions, uses=OF_ZENITH_ANGLES),
+    Kind(zenith_angles, lambda o: o.zenith_angles, uses=OF_ZENITH_ANGLES),
     Kind(height_differences, uses=OF_HEIGHT_DIFFERENCES),
     Kind(coordinate_differences, uses=OF_COORDINATE_DIFFERENCES),
     Kind(relative_differences, uses=OF_RELATIVE_DIFFERENCES),
@@ -107,32 +106,21 @@ USES = tuple(sorted({*OF_COVARIANCES, *(name for kind in KINDS for name in kind.
 """What the kinds use of a block, also where their options set them aside: then the user has said so."""
 
 
-def observe(given: Given, options: object) -> tuple[Observed, ...]:
-    """All observations of a block; `options` has the options of each kind under its name."""
+def observe(given: Given, options: KindOptions) -> tuple[Observed, ...]:
+    """All observations of a block."""
     found: list[Observed] = []
     for kind in KINDS:
-        found += kind.observe(given, getattr(options, kind.name)) if kind.options else kind.observe(given)
+        found += kind.observe(given) if kind.options is None else kind.observe(given, kind.options(options))
     return with_geodetic_covariances(given.block, found)
 
 
-def options_without_data(block: Block, options: Options) -> list[Note]:
+def options_without_data(block: Block, options: KindOptions) -> list[Note]:
     """Options of kinds that are set although the block offers nothing they are for."""
     offered, notes = {offer.name for offer in block.offers()}, []
-    for name in dict.fromkeys(kind.name for kind in KINDS if kind.options):
-        given = getattr(options, name)
-        uses = {use for kind in KINDS if kind.name == name for use in kind.uses if not use.startswith("camera")}
-        if given != type(given)() and getattr(given, "use", True) and not uses & offered:
+    for name in KindOptions.model_fields:
+        own = dict(options)[name]
+        kinds = [kind for kind in KINDS if kind.options is not None and kind.options(options) is own]
+        uses = {use for kind in kinds for use in kind.uses if not use.startswith("camera")}
+        if own != type(own)() and dict(own).get("use", True) and not uses & offered:
             notes.append(Note("warning", f"{name}: options are set, but the block has none of them"))
     return notes
-
-
-T = TypeVar("T", bound=Options)
-
-
-def with_kinds(model: type[T]) -> type[T]:
-    """The options of a stage that adjusts, with those of all kinds under their names."""
-    fields: dict[str, Any] = {}
-    for kind in KINDS:
-        if kind.options is not None and kind.name not in fields:
-            fields[kind.name] = (kind.options, Field(kind.options(), description=kind.about))
-    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)

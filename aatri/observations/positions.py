@@ -155,10 +155,9 @@ def drift_groups(block: Block, found: Positions, options: PositionOptions) -> Te
     return np.asarray(group)
 
 
-def uses_positions(block: Block, options: object) -> bool:
+def uses_positions(block: Block, options: PositionOptions) -> bool:
     """Whether a stage with these options uses observed positions."""
-    chosen: PositionOptions = options.positions  # type: ignore[attr-defined]
-    return chosen.use and len(positions_of(block).row) > 0
+    return options.use and len(positions_of(block).row) > 0
 
 
 def observed_positions(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Text
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -24,7 +24,7 @@ from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
-from aatri.observations.kinds import options_without_data
+from aatri.observations.kinds import KindOptions, options_without_data
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
@@ -32,24 +32,21 @@ from aatri.orientation.bundle.partial import switched_off, with_known_images, wi
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.plugin import Context
+from aatri.plugin import Context, Field
 
 
-class Iteration(Protocol):
-    """The options they have in common."""
+class PartialOptions(KindOptions):
+    """Options that adjustments of a part have in common."""
 
-    @property
-    def max_iterations(self) -> int: ...
-
-    @property
-    def tolerance(self) -> float: ...
-
-    @property
-    def max_sigma0(self) -> float: ...
+    max_iterations: int = Field(30, ge=1, description="most iterations")
+    tolerance: float = Field(
+        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
+    )
+    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
 
 
 def resected(
-    block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, linear: bool,
+    block: Block, image_points: ImagePoints, initial: Solution, options: PartialOptions, weighted: bool, linear: bool,
     context: Context,
 ) -> Solution:  # fmt: skip
     """Images on known points; those without orientation start by the linear transformation or three points."""
@@ -68,7 +65,12 @@ def resected(
 
 
 def intersected(
-    block: Block, image_points: ImagePoints, initial: Solution, options: Iteration, weighted: bool, context: Context
+    block: Block,
+    image_points: ImagePoints,
+    initial: Solution,
+    options: PartialOptions,
+    weighted: bool,
+    context: Context,
 ) -> Solution:
     """Points from known images."""
     image_points = _corrected(block, image_points, context)
@@ -82,7 +84,12 @@ def intersected(
 
 
 def alternated(
-    block: Block, image_points: ImagePoints, initial: Solution | None, options: Iteration, rounds: int, context: Context
+    block: Block,
+    image_points: ImagePoints,
+    initial: Solution | None,
+    options: PartialOptions,
+    rounds: int,
+    context: Context,
 ) -> Solution:
     """Resection and intersection in turn."""
     image_points = _corrected(block, image_points, context)
@@ -113,10 +120,10 @@ def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
 
 
 def _made(
-    block: Block, initial: Solution | None, given: BundleInput, options: Iteration, context: Context, variant: str,
+    block: Block, initial: Solution | None, given: BundleInput, options: PartialOptions, context: Context, variant: str,
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],
 ) -> Solution:  # fmt: skip
-    tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)  # type: ignore[arg-type]
+    tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)
     tell(inherited(initial.suspects) if initial is not None else [], context)
     settings = BundleSettings(
         solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)

@@ -55,11 +55,11 @@ from aatri.checks.after.uncontrolled import of_film_alone, uncontrolled_observat
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
 from aatri.notes import tell
-from aatri.observations.kinds import options_without_data, with_kinds
+from aatri.observations.kinds import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
-from aatri.plugin import SILENT, Context, Field, Need, Options, stage
+from aatri.plugin import SILENT, Context, Field, Need, stage
 
 from ._adjusting import adjusted, adjusted_in_rounds
 from ._blunders import GONE, Blunders
@@ -69,8 +69,7 @@ from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
 
 
-@with_kinds
-class BundleOptions(Options):
+class BundleOptions(KindOptions):
     """Options of the bundle adjustment."""
 
     max_iterations: int = Field(30, ge=1, description="most iterations")
@@ -157,12 +156,12 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
         marked=options.datum_over == "marked",
         sessions="session" in units,
         levels=components.groups if components is not None else (),
-        flights="flight" in units or (options.positions.drift != "none" and options.positions.per == "flight"),  # type: ignore[attr-defined]
+        flights="flight" in units or (options.positions.drift != "none" and options.positions.per == "flight"),
     )
 
 
 def _needs(options: BundleOptions) -> tuple[Need, ...]:
-    return datum_needed(positions=options.positions.use) if options.datum == "given" else ()  # type: ignore[attr-defined]
+    return datum_needed(positions=options.positions.use) if options.datum == "given" else ()
 
 
 @stage(version=7, uses=_uses, needs=_needs)
@@ -184,7 +183,7 @@ def bundle(
     if initial is not None and options.blunders.method == "none":
         suspects = taken_back(suspects)
         initial = replace(initial, suspects=suspects)
-    chosen = chosen_set(block, options.self_calibration, uses_positions(block, options), calibration)
+    chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
     parameters = (
         parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
     )

@@ -15,29 +15,21 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters import solution as assemble
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.observations.kinds import with_kinds
-from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.plugin import SILENT, Context, Field, stage
 
-from ._partial import intersected
+from ._partial import PartialOptions, intersected
 from ._uses import used
 
 
-@with_kinds
-class IntersectionOptions(Options):
+class IntersectionOptions(PartialOptions):
     """Options of the intersection."""
 
     orientations: Literal["held", "weighted"] = Field(
         "held", description="known orientations: held, or observed with the covariances of `initial`"
     )
-    max_iterations: int = Field(30, ge=1, description="most iterations")
-    tolerance: float = Field(
-        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
-    )
-    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
 
 
 @stage(version=1, uses=used(marked=False, sessions=False))

@@ -20,7 +20,7 @@ from aatri.errors import ArtifactError, GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import rays_of
-from aatri.observations.kinds import observe
+from aatri.observations.kinds import KindOptions, observe
 from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
@@ -31,7 +31,7 @@ from aatri.orientation.bundle.strip_numbering import strip_numbering
 
 
 def bundle_input(
-    block: Block, image_points: ImagePoints | None, initial: Solution | None, options: object,
+    block: Block, image_points: ImagePoints | None, initial: Solution | None, options: KindOptions,
     parameters: tuple[ParameterRows, ...] = (), origin: Float | None = None, linear_start: bool = False,
 ) -> BundleInput:  # fmt: skip
     """A block ready for adjustment; missing start values are filled in by intersection and resection.
@@ -43,7 +43,7 @@ def bundle_input(
     initial : Solution or None
         Start values, and what was rejected before.
     options : object
-        Has the options of the kinds of observations, see `kinds.observe`.
+        Of the kinds of observation.
     parameters : tuple of ParameterRows
     origin : (3,) float64, optional
         Of the tangent frame, in the frame of the block; default its middle.
@@ -105,7 +105,7 @@ def _offered(block: Block, frame: TangentFrame | None, origin: Float) -> Poses:
     return Poses(poses.position_m - origin, poses.ground_from_image)
 
 
-def with_parameters(made: BundleInput, options: object, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+def with_parameters(made: BundleInput, options: KindOptions, parameters: tuple[ParameterRows, ...]) -> BundleInput:
     """The same block with other parameters of images and cameras; what is rejected stays rejected."""
     assert made.given is not None
     given = replace(made.given, parameters=parameters)
@@ -131,7 +131,7 @@ def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:
     return set(zip(suspects.kind[rows].tolist(), suspects.row[rows].tolist()))
 
 
-def _observed(given: Given, options: object, initial: Solution | None) -> tuple[Observed, ...]:
+def _observed(given: Given, options: KindOptions, initial: Solution | None) -> tuple[Observed, ...]:
     found = observe(given, options)
     if initial is None:
         return found

@@ -10,20 +10,14 @@ from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.geometry.similarity import Similarity
-from aatri.observations.kinds import observe, with_kinds
+from aatri.observations.kinds import KindOptions, observe
 from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.options import Options
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.whole_body import brought_to_ground
 
 NEARLY_M = 1e-3
 """Standard deviation of exact control: of a start it need not hold to the last digit."""
-
-
-@with_kinds
-class _Kinds(Options):
-    """The options of all kinds, as they are by default."""
 
 
 def by_all_kinds(
@@ -50,7 +44,7 @@ def by_all_kinds(
     """
     frame, geodesy = frame_of(as_given), geodesy_of(as_given)
     as_given = _without_exact_control(as_given)
-    options = _Kinds.model_validate({"positions": {"use": use_positions, "drift": "none"}})
+    options = KindOptions.model_validate({"positions": {"use": use_positions, "drift": "none"}})
 
     def observed(poses: Poses, xyz: Float) -> tuple[Observed, ...]:
         start = {POSE: poses, POINT: xyz}
