@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.arguments.options import LocalPlugins
 from aatri.cli.terminal.console import reports_errors, say
 
 

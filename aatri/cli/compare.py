@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import SpecError
 
@@ -22,7 +23,7 @@ def compare(
     ],
     variants: Annotated[bool, typer.Option("--variants", help="Compare a run with those of its variants.")] = False,
     everything: Annotated[bool, typer.Option("--all", help="Also figures that are equal.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: AsJson = False,
 ) -> None:
     """Show options and figures of runs side by side, the first stage that differs from the first run, and why.
 

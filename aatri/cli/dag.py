@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.arguments.options import AsJson, LocalPlugins, RunArgument
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
@@ -17,10 +16,10 @@ if TYPE_CHECKING:
 
 @reports_errors
 def dag(
-    run: Annotated[Path | None, typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    run: RunArgument = None,
     dot: Annotated[bool, typer.Option("--dot", help="As Graphviz takes it.")] = False,
     local_plugins: LocalPlugins = False,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: AsJson = False,
 ) -> None:
     """Show the stages with their inputs; ports that are given but not used are in brackets."""
     from aatri.cli.arguments.planning import open_run

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aatri.cli.arguments.completion import complete_run, complete_stage, complete_variant
-from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.arguments.options import LocalPlugins
 from aatri.cli.terminal.console import narrate, reports_errors, say
 
 Several = list[str] | None

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.options import AsJson, RunArgument
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 
 @reports_errors
 def gc(
-    run: Annotated[
-        Path | None,
-        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
-    ] = None,
+    run: RunArgument = None,
     keep: Annotated[int, typer.Option(min=0, help="So many results of each stage stay beside the current one.")] = 2,
     older: Annotated[float | None, typer.Option(metavar="DAYS", min=0, help="Only what is older.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Only show what would be removed.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: AsJson = False,
 ) -> None:
     """Remove old results; what is current in the run or one of its variants always stays."""
     import datetime

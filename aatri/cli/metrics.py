@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.locate import find_run
+from aatri.cli.arguments.options import RunArgument
 from aatri.cli.terminal.console import reports_errors, say_json, say_table
 from aatri.cli.terminal.figures import number
 from aatri.errors import ArtifactError
@@ -16,10 +15,7 @@ from aatri.errors import ArtifactError
 
 @reports_errors
 def metrics(
-    run: Annotated[
-        Path | None,
-        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
-    ] = None,
+    run: RunArgument = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
 ) -> None:
     """Show the figures of all stages of a run."""

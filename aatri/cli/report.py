@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.locate import find_run
+from aatri.cli.arguments.options import RunArgument
 from aatri.cli.terminal.console import reports_errors, say
 
 
 @reports_errors
 def report(
-    run: Annotated[
-        Path | None,
-        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
-    ] = None,
+    run: RunArgument = None,
 ) -> None:
     """Write the report of a run, also of one that failed."""
     from aatri.errors import ArtifactError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aatri.cli.arguments.completion import complete_stage, complete_variant
-from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.arguments.options import LocalPlugins, Verify
 from aatri.cli.terminal.console import narrate, reports_errors, say, say_json
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def run(
     ] = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")] = 1,
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")] = False,
-    verify: Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")] = False,
+    verify: Verify = False,
     no_lock: Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")] = False,
     local_plugins: LocalPlugins = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the result.")] = False,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.plugins_option import LocalPlugins, local_stages
+from aatri.cli.arguments.options import LocalPlugins, local_stages
 from aatri.cli.terminal.console import reports_errors, say, say_json
 from aatri.errors import ResourceError, SpecError
 

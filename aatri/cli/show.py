@@ -10,6 +10,7 @@ import typer
 
 from aatri.cli.arguments.completion import complete_run_stage
 from aatri.cli.arguments.locate import find_run, split_stage
+from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import narrate, reports_errors, say, say_json, say_table
 from aatri.errors import ArtifactError, SpecError
 
@@ -26,7 +27,7 @@ def show(
         ),
     ],
     table: Annotated[str, typer.Argument(metavar="[TABLE]", help="Print its values: suspects, residuals ...")] = "",
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: AsJson = False,
     all_rows: Annotated[bool, typer.Option("--all", help="All rows of the table, not the first 20.")] = False,
 ) -> None:
     """Show what an artifact holds and where it comes from, or the values of one of its tables."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.plugins_option import LocalPlugins, local_stages
+from aatri.cli.arguments.options import AsJson, LocalPlugins, local_stages
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import PluginError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @reports_errors
 def stages(
     name: Annotated[str | None, typer.Argument(metavar="[ROLE[/VARIANT]]", help="A role or a variant.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: AsJson = False,
     local_plugins: LocalPlugins = False,
 ) -> None:
     """List roles and their variants, or describe one variant: method, ports, options, where it comes from."""

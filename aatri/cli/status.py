@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from aatri.cli.arguments.completion import complete_run
-from aatri.cli.arguments.plugins_option import LocalPlugins
+from aatri.cli.arguments.options import AsJson, LocalPlugins, RunArgument, Verify
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
@@ -18,13 +14,10 @@ if TYPE_CHECKING:
 
 @reports_errors
 def status(
-    run: Annotated[
-        Path | None,
-        typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
-    ] = None,
-    verify: Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")] = False,
+    run: RunArgument = None,
+    verify: Verify = False,
     local_plugins: LocalPlugins = False,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: AsJson = False,
 ) -> None:
     """Show which stages of a run are up to date, and what a run would do, and why."""
     from aatri.cli.arguments.planning import open_run

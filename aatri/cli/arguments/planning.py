@@ -76,7 +76,7 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
     AatriError
         Whatever is wrong with the pipeline, its plugins and options.
     """
-    from aatri.cli.arguments.plugins_option import local_stages
+    from aatri.cli.arguments.options import local_stages
     from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.run.task import StageSource
     from aatri.pipeline.spec.overrides import with_variant

@@ -1,4 +1,4 @@
-"""The option `--local-plugins`, the same for every verb that needs stages."""
+"""Arguments and options that several verbs have, as annotations of their parameters: `json: AsJson = False`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
+
+from aatri.cli.arguments.completion import complete_run
 
 FOLDER = "stages"
 
@@ -15,7 +17,12 @@ LocalPlugins: TypeAlias = Annotated[
         "--local-plugins", help="Use the stages in the folder `stages` beside the pipeline too; runs their code."
     ),
 ]
-"""Annotation of the parameter `local_plugins: LocalPlugins = False` of a verb."""
+RunArgument: TypeAlias = Annotated[
+    Path | None,
+    typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
+]
+AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Verify: TypeAlias = Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")]
 
 
 def local_stages(asked: bool, pipeline: Path = Path("pipeline.yaml")) -> Path | None:
