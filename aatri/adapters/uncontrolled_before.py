@@ -16,17 +16,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.uncontrolled import Uncontrolled
-from aatri.notes import Note
 
 IMAGE_POINT = "image_point"
-
-NOT_SEEN = "no second model or strip and no control has seen"
-""""...image points of n points that": what the adjustments of strips and models tell."""
 
 
 def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | None = None) -> Uncontrolled:
@@ -117,40 +112,6 @@ def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Unc
         return Uncontrolled.empty()
     mine = before.take(before.kind == IMAGE_POINT)
     return mine.take(_takes_no_part(mine) | ~np.isin(mine.point, block.points.id[seen]))
-
-
-def notes_of(table: Uncontrolled, of_image_points: str) -> list[Note]:
-    """How many of each kind, and which.
-
-    Parameters
-    ----------
-    table : Uncontrolled
-    of_image_points : str
-        What has not seen them.
-    """
-    notes = list[Note]()
-    alone = _takes_no_part(table)
-    if alone.any():
-        points, n = np.unique(table.point[alone]), int(alone.sum())
-        text = (
-            f"not controlled: {n} image points of {len(points)} points are in no model: they take no part before the "
-        )
-        notes.append(
-            Note("note", f"{text}bundle, which checks them first (table `uncontrolled`)", tuple(points.tolist()))
-        )
-    table = table.take(~alone)
-    for kind in np.unique(table.kind).tolist():
-        mine = table.take(table.kind == kind)
-        if kind == IMAGE_POINT:
-            points = np.unique(mine.point)
-            what = f"{len(mine)} image points of {len(points)} points that {of_image_points}"
-            ids = tuple(points.tolist())
-        else:
-            what = f"{len(mine)} of kind {kind}"
-            ids = tuple("/".join(x for x in pair if x) for pair in zip(mine.image.tolist(), mine.point.tolist()))
-        text = f"not controlled: {what} (redundancy number below {BELOW:g}); a gross error there shows nowhere"
-        notes.append(Note("note", f"{text} (table `uncontrolled`)", ids))
-    return notes
 
 
 def _takes_no_part(table: Uncontrolled) -> Bool:

@@ -150,3 +150,8 @@ less is left to variance components; redundancy below which a kind is not tested
 UNSEEN_DISTORTION, UNSEEN_BEND, MOST_POINTS_OF_SCORE = 4.0, 10.0, 20_000
 """Standard deviations of a distortion that could go unseen; a bend is worth a note from so many standard deviations of
 the heights on; points beyond which it is asked only with tests of observations: it takes another factor."""
+
+# --- after: rejections
+
+SMALL_TEST = 2.0
+"""Relative orientation rejects points for large residuals, and with smaller ones than this for one reason alone."""

@@ -20,16 +20,18 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.absolute_orientation import absolute_solution, control_notes, ground_of_strips, orient_strips
+from aatri.adapters.ground.absolute_orientation import absolute_solution, ground_of_strips, orient_strips
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
-from aatri.notes import Note, tell
+from aatri.notes import Note
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -81,10 +83,12 @@ def similarity(
     if inside.partial:  # once more, with control in plan or height only where the first has found it
         inside = in_tangent_frame(block, inside.back(solution))
         solution, notes = _oriented(inside.block, block, strips, image_points, options)
+    findings = findings_of(inside.block, solution, "absolute_orientation")
+    findings += control_left_behind(block, solution, strips.suspects)
     solution = inside.back(solution)
     images = solution.images
-    tell(notes, context)
-    report(unlikely_orientations(block, images.position_m, images.ground_from_image, solution.points.xyz_m), context)
+    findings += unlikely_orientations(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
+    report([*notes, *findings], context)
     return solution
 
 
@@ -101,4 +105,4 @@ def _oriented(
     )
     method = "absolute_orientation/similarity"
     solution, left_out = absolute_solution(oriented, image_points, method, tests=options.reliability)
-    return solution, [*oriented.notes, *left_out, *control_notes(oriented, solution)]
+    return solution, [*oriented.notes, *left_out]

@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.initial_notes import not_oriented, rejected_note, shown_components
+from aatri.adapters.ground.initial_notes import not_oriented, shown_components
 from aatri.adapters.ground.initial_observed import USES, ground_of
 from aatri.adapters.ground.initial_orientation import to_ground
 from aatri.adapters.ground.initial_solution import initial_solution
@@ -37,8 +37,10 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.errors import GeometryError
-from aatri.notes import Note, tell
+from aatri.notes import Note
 from aatri.observations.image_points import rays_of
 from aatri.orientation.graph.free_images import orient_free
 from aatri.orientation.relative.essential import essential_orientations
@@ -128,8 +130,9 @@ def graph(
     if inside.partial:  # where plan control and heights lie is known better now
         inside = in_tangent_frame(given, inside.back(solution))
         solution, notes = on_the_ground(inside.block)
-    tell([*of_lens, *free.notes, *shown_components(free.components, block), *notes, *rejected_note(solution.suspects),
-          *not_oriented(block, solution)], context)  # fmt: skip
+    findings = findings_of(inside.block, solution, "initial_orientation")
+    report([*of_lens, *free.notes, *shown_components(free.components, block), *notes, *findings,
+            *not_oriented(block, solution)], context)  # fmt: skip
     return inside.back(solution)
 
 

@@ -25,14 +25,14 @@ from typing import Literal
 from pydantic import PositiveFloat, field_validator
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.model_adjustment import ModelRules, adjusted_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
-from aatri.notes import tell
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -93,5 +93,5 @@ def independent_models(
     )
     inside = in_tangent_frame(block, initial)
     solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)
-    tell([*notes, *rejection_notes(solution.suspects, "model_adjustment")], context)
+    report([*notes, *findings_of(inside.block, solution, "model_adjustment")], context)
     return inside.back(solution)

@@ -17,6 +17,8 @@ from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.notes import Note, tell
 from aatri.orientation.relative.connected_pairs import classical_model_points
 from aatri.orientation.relative.equal_weights import Equation, with_equal_weights
@@ -98,4 +100,5 @@ def oriented(
     models = with_elements(models_of(block, image_points, pairs, orientations), frame)
     context.progress(len(pairs.left), len(pairs.left), "models")
     tell(notes_of_pairs(block, image_points, pairs, orientations, models), context)
+    report(findings_of(block, models, "relative_orientation"), context)
     return models

@@ -26,6 +26,8 @@ from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.notes import Note, tell
 from aatri.orientation.relative.connected_pairs import classical_model_points, connected_pairs
 from aatri.orientation.relative.image_scale import limit_of, with_sigmas
@@ -75,4 +77,5 @@ def connected(
     models = with_connections(block, models, orientations, connections)
     context.progress(len(pairs.left), len(pairs.left), "models")
     tell([*notes, *notes_of_pairs(block, image_points, pairs, orientations, models)], context)
+    report(findings_of(block, models, "relative_orientation"), context)
     return models

@@ -26,6 +26,8 @@ from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.notes import tell
 from aatri.orientation.relative.essential import SAMPLES, essential_orientations
 from aatri.orientation.relative.image_scale import with_sigmas
@@ -72,4 +74,5 @@ def essential(
     models = with_elements(essential_models(block, image_points, pairs, made), "dependent")
     context.progress(len(pairs.left), len(pairs.left), "models")
     tell(notes_of_pairs(block, image_points, pairs, made.orientations, models), context)
+    report(findings_of(block, models, "relative_orientation"), context)
     return models

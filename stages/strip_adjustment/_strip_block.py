@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
 from aatri.adapters.strips.strip_degrees import highest_degree
@@ -13,8 +12,9 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.geometry.strip_bases import Form, strip_basis
-from aatri.notes import tell
 from aatri.plugin import Context, Field, Options
 
 
@@ -59,5 +59,5 @@ def strip_block(
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, method, tests=options.reliability
     )
-    tell([*adjusted.notes, *resected, *rejection_notes(solution.suspects, "strip_adjustment")], context)
+    report([*adjusted.notes, *resected, *findings_of(block, solution, "strip_adjustment")], context)
     return inside.back(solution)

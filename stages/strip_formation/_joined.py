@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aatri.adapters.rejection_notes import rejection_notes
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.free_strips import strips_of
 from aatri.adapters.strips.model_chains import Gap, chains_of, images_left_alone, model_table, unbroken_runs
-from aatri.adapters.uncontrolled_before import notes_of
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
+from aatri.checks.after.of_stage import findings_of
+from aatri.checks.finding import report
 from aatri.errors import GeometryError
-from aatri.notes import Note, tell
+from aatri.notes import Note
 from aatri.orientation.strips.joints import JointTable, ModelTable, scale_transfers, turns_round
 from aatri.plugin import Context, Field, Options
 
@@ -95,9 +95,7 @@ def joined(
         text = "strips turn round (the base runs backwards): is the sequence of the images right?"
         notes.append(Note("warning", text, turned))
     notes.append(Note("note", f"{len(chains)} free strips", tuple(strips.strips.id.tolist())))
-    assert strips.uncontrolled is not None  # of strips_of
-    notes += notes_of(strips.uncontrolled, "are in one model of their strip")
-    tell([*notes, *(rejection_notes(strips.suspects, "strip_formation") if rejecting else ())], context)
+    report([*notes, *findings_of(block, strips, "strip_formation")], context)
     return strips
 
 

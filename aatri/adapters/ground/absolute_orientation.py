@@ -10,13 +10,11 @@ import numpy as np
 from aatri.adapters.ground import absolute_tables as tables
 from aatri.adapters.ground.absolute_datum import free_images, oriented_part
 from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
-from aatri.adapters.ground.control_fit import exchange_notes, height_notes
+from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.initial_observed import ground_of
-from aatri.adapters.rejection_notes import lost_control, rejection_notes
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips.tied_tables import names_of, tests_of
-from aatri.adapters.uncontrolled_before import NOT_SEEN, notes_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
@@ -155,19 +153,6 @@ def _worst(parts: Sequence[OrientedPart]) -> str:
     return f"; farthest off: {', '.join(worst)}" if worst else ""
 
 
-def control_notes(oriented: OrientedStrips, solution: Solution) -> list[Note]:
-    """What is rejected here, control points whose numbers are exchanged, and control that no model holds."""
-    ground, parts = oriented.ground, oriented.parts
-    block, control = ground.block, ground.control
-    notes = rejection_notes(solution.suspects, tables.ROLE_NAME)
-    for part in parts:
-        result, n = part.result, len(part.control)
-        notes += exchange_notes(block, control, part.control, result.residual_m[:n], result.active[:n])
-    held = [part.component.point for part in parts]
-    present = np.isin(control.point, np.concatenate(held)) if held else np.zeros(len(control.point), bool)
-    return [*notes, *lost_control(block, control.point, present, ground.strips.suspects)]
-
-
 def _height_notes(ground: GroundOfStrips, part: OrientedPart) -> list[Note]:
     component, control = part.component, ground.control
     x = component.xyz[np.searchsorted(component.point, control.point[part.control])]
@@ -239,4 +224,4 @@ def absolute_solution(
         uncontrolled=uncontrolled,
         tests=stacked([tests_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
     )
-    return solution, [*pieces.left_out(block, np.isfinite(position).all(1)), *notes_of(uncontrolled, NOT_SEEN)]
+    return solution, pieces.left_out(block, np.isfinite(position).all(1))

@@ -1,12 +1,11 @@
-"""What a component on the ground says of its control: heights in another unit, numbers exchanged."""
+"""What a component on the ground says of its control: heights in another unit."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from aatri.adapters.imported import read_at
-from aatri.adapters.rejection_notes import exchanged_control
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.notes import Note
@@ -42,22 +41,3 @@ def height_notes(block: Block, control: Control, rows: Int, model_m: Float, what
     first = int(control.row[rows][np.argmax(control.given[rows, 2])])
     where = read_at(block, block.ground_points, first)
     raise InputError(f"{what}: {found}", where=where, remedy=found.remedy)
-
-
-def exchange_notes(block: Block, control: Control, rows: Int, residual_m: Float, active: Bool) -> list[Note]:
-    """A warning where rejected control fits with the numbers exchanged.
-
-    Parameters
-    ----------
-    block : Block
-    control : Control
-    rows : (k,) int
-        Rows of the control that the component holds.
-    residual_m : (k, 3) float64, m
-        Component on the ground minus given; NaN where not given.
-    active : (k,) bool
-        Not rejected.
-    """
-    ids = block.points.id[control.point[rows]].tolist()
-    given = np.where(control.given[rows], control.xyz_m[rows], np.nan)
-    return exchanged_control(ids, given + residual_m, given, ~active)

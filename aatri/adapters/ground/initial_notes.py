@@ -2,31 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from aatri.adapters.ground.initial_tests import STAGE
 from aatri.adapters.strips import strips as pieces
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects
 from aatri.ids import shown
-from aatri.notes import Level, Note
+from aatri.notes import Note
 from aatri.orientation.graph.component import ImageComponent
-
-
-def rejected_note(suspects: Suspects) -> list[Note]:
-    """How many image points, control points and positions are rejected, and what points have no two rays that meet."""
-    notes = []
-    open_ = np.unique(suspects.point[(suspects.verdict == "undecidable") & (suspects.stage == STAGE)])
-    if len(open_):
-        text = f"{len(open_)} points whose image points contradict each other are not determined"
-        notes.append(Note("note", text, tuple(open_.tolist())))
-    for kind in np.unique(suspects.kind[(suspects.verdict == "rejected") & (suspects.stage == STAGE)]).tolist():
-        rows = np.flatnonzero((suspects.kind == kind) & (suspects.verdict == "rejected") & (suspects.stage == STAGE))
-        ids = tuple("/".join(x for x in pair if x) for pair in zip(suspects.image[rows], suspects.point[rows]))
-        level: Level = "note" if kind == "image_point" else "warning"
-        notes.append(Note(level, f"{kind}: {len(rows)} rejected", ids))
-    return notes
 
 
 def not_oriented(block: Block, solution: Solution) -> list[Note]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from aatri.adapters.ground.control_fit import exchange_notes, height_notes
+from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.initial_datum import Known, body_of, datum_of, held_datum, known_of, precision
 from aatri.adapters.ground.initial_neighbours import ground_of_neighbours
 from aatri.adapters.ground.initial_observed import Ground
@@ -163,14 +163,12 @@ def _by_neighbours(
 
 
 def _control_notes(block: Block, ground: Ground, part: OnGround, what: str) -> list[Note]:
-    """Heights of control in another unit, numbers of control exchanged, attitudes that do not agree."""
+    """Heights of control in another unit, attitudes that do not agree."""
     assert part.oriented is not None
     control, c = part.known.control, ground.control
-    n = len(control)
     model = ground.origin_m + part.component.xyz[c.point[control]]
     return [
         *height_notes(block, c, control, model, what),
-        *exchange_notes(block, c, control, part.oriented.residual_m[:n], part.oriented.active[:n]),
         *attitude_notes(block, ground, part.known.attitude, part.component.poses, what, took_part=part.attitudes),
     ]
 

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from aatri.adapters.pairs.image_pairs import doubtful_sequences, pair_names
-from aatri.adapters.rejection_notes import rejection_notes
-from aatri.adapters.uncontrolled_before import notes_of
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit, sigma0_note, single_misfits
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -37,10 +35,8 @@ def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float) -> Non
 def notes_of_pairs(
     block: Block, image_points: ImagePoints, pairs: ImagePairs, orientations: RelativeOrientations, models: Models
 ) -> tuple[Note, ...]:
-    """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts, rejections."""
-    rejected = rejection_notes(models.suspects, "relative_orientation")
-    loose = notes_of(models.uncontrolled, "one model alone sees") if models.uncontrolled is not None else []
-    of_models = (*_of_models(models, orientations.scale), *_of_axes(models), *rejected, *loose)
+    """Doubtful places in the strips, pairs without model, warnings of models, sigma0, counts."""
+    of_models = (*_of_models(models, orientations.scale), *_of_axes(models))
     return (*_doubtful(block, image_points), *_of_pairs(block, pairs, orientations), *of_models)
 
 

@@ -11,7 +11,7 @@ from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips import tied_tables as tables
 from aatri.adapters.strips.model_bodies import bodies_of
 from aatri.adapters.strips.strip_adjustment import resected_on
-from aatri.adapters.uncontrolled_before import NOT_SEEN, not_seen_since, notes_of
+from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -69,7 +69,6 @@ def adjusted_models(
     uncontrolled = assemble.stacked([
         not_seen_since(models.uncontrolled, block, tables.seen_points(tied)), tables.uncontrolled_kinds(tied)
     ])  # fmt: skip
-    notes += notes_of(uncontrolled, NOT_SEEN)
     point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
     position, rotation, resected = resected_on(block, image_points, initial, point_m)
     transformations = [pieces.similarity_rows(str(name), of[k], bodies.origin) for k, name in enumerate(names)]

@@ -14,7 +14,7 @@ from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
-from aatri.adapters.uncontrolled_before import NOT_SEEN, not_seen_since, notes_of
+from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -192,7 +192,6 @@ def strip_block_solution(
     uncontrolled = assemble.stacked([
         not_seen_since(strips.uncontrolled, block, tied_tables.seen_points(tied)), tied_tables.uncontrolled_kinds(tied)
     ])  # fmt: skip
-    notes += notes_of(uncontrolled, NOT_SEEN)
     tested = tied_tables.suspects_of(tied, STAGE, adjusted.began)
     before = tied_tables.not_tested(initial.suspects, tied, strips.strips.id[ground.strips])
     solution = pieces.solution_of(

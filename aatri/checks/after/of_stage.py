@@ -1,0 +1,29 @@
+"""Any stage that rejects observations: the checks of its artifact.
+
+Seen: what the files it calls look for.
+Test: theirs.
+"""
+
+from __future__ import annotations
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.strips import Strips
+from aatri.checks.after.rejections import exchanged_numbers, rejections
+from aatri.checks.after.uncontrolled import uncontrolled_observations
+from aatri.checks.finding import Finding
+
+
+def findings_of(block: Block, made: Models | Strips | Solution, stage: str) -> list[Finding]:
+    """What was rejected, what of it has another's number, and what nothing controls.
+
+    Parameters
+    ----------
+    block : Block
+        In the frame of a Solution.
+    stage : str
+        Its role.
+    """
+    exchanged = exchanged_numbers(block, made) if isinstance(made, Solution) else []
+    return [*rejections(made.suspects, stage), *exchanged, *uncontrolled_observations(made.uncontrolled)]

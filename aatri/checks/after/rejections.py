@@ -1,0 +1,110 @@
+"""What a stage has rejected as gross errors, by name and size; what of it fits under another's number.
+
+Seen: observations that the stage leaves out; control that never reached it; two of one kind with each other's number.
+Test: that of the stage; numbers are exchanged where each of two rejected observations lies where the other is given, to
+a twentieth of their distance (`adjustment.statistics.exchanged`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adjustment.statistics.exchanged import exchanged_pairs
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects
+from aatri.checks.finding import Finding
+from aatri.checks.limits import SMALL_TEST
+from aatri.observations.control import control_of
+
+
+def rejections(suspects: Suspects, stage: str) -> list[Finding]:
+    """A warning for each kind of observation of which a stage rejected some, the largest first.
+
+    Image points of an initial orientation are a note: the bundle tests them again.
+
+    Parameters
+    ----------
+    suspects : Suspects
+    stage : str
+        Role of the stage.
+    """
+    mine, findings = suspects.take(suspects.stage == stage), []
+    open_ = np.unique(mine.point[mine.verdict == "undecidable"])
+    if len(open_):
+        text = f"{len(open_)} points whose observations contradict each other are not decided"
+        findings.append(Finding("rejections", "note", text, ids=tuple(open_.tolist())))
+    for kind in np.unique(mine.kind[mine.verdict == "rejected"]).tolist():
+        rows = np.flatnonzero((mine.kind == kind) & (mine.verdict == "rejected"))
+        rows = rows[np.argsort(-np.nan_to_num(np.abs(mine.test[rows])), kind="stable")]
+        again = stage == "initial_orientation" and kind == "image_point"
+        findings.append(Finding(
+            "rejections", "note" if again else "warning", f"{len(rows)} rejected as gross errors", where=kind,
+            ids=tuple(_named(mine, int(row)) for row in rows), rows={kind: mine.row[rows]},
+            statistic=float(np.nanmax(np.abs(mine.test[rows]), initial=0.0)),
+        ))  # fmt: skip
+    return findings
+
+
+def _named(suspects: Suspects, row: int) -> str:
+    name = "/".join(part for part in (str(suspects.image[row]), str(suspects.point[row])) if part)
+    size, test = float(abs(suspects.size[row])), float(abs(suspects.test[row]))
+    if not np.isfinite(size) or not np.isfinite(test):
+        return name
+    if suspects.stage[row] == "relative_orientation" and test < SMALL_TEST:
+        return f"{name} (its rays meet behind the cameras)"
+    return f"{name} ({size:.3g} {suspects.unit[row]}, {test:.3g} sigma)"
+
+
+def exchanged_numbers(block: Block, solution: Solution) -> list[Finding]:
+    """Pairs of rejected control points or positions that fit with their numbers exchanged.
+
+    Parameters
+    ----------
+    block : Block
+        In the frame of the adjustment.
+    solution : Solution
+        In the same frame.
+    """
+    control, r = control_of(block), solution.residuals
+    given = {"control": np.full((len(block.ground_points), 3), np.nan), "position": block.exterior.position_m}
+    given["control"][control.row] = np.where(control.given, control.xyz_m, np.nan)
+    findings = []
+    for kind, given_m in given.items():
+        rows = np.flatnonzero((r.kind == kind) & (r.row >= 0) & ~r.active)
+        X = given_m[r.row[rows]]
+        pairs = exchanged_pairs(X + r.residual[rows], X, range(len(rows)))
+        names = np.where(r.point[rows] != "", r.point[rows], r.image[rows])
+        for pair in pairs:
+            both = [pair.first, pair.second]
+            text = "two that are rejected fit with their numbers exchanged"
+            findings.append(Finding(
+                "rejections", "warning", text, "exchange the two ids", where=kind, ids=tuple(names[both].tolist()),
+                rows={kind: r.row[rows[both]]}, statistic=pair.exchanged_m / pair.as_given_m,
+            ))  # fmt: skip
+    return findings
+
+
+def control_left_behind(block: Block, solution: Solution, before: Suspects) -> list[Finding]:
+    """Control points that are measured, and take no part: why.
+
+    Parameters
+    ----------
+    before : Suspects
+        Of the stages before.
+    """
+    control, measured = control_of(block), block.image_points
+    used = measured.active & block.images.active[measured.image]
+    shows = np.bincount(measured.point[used], minlength=len(block.points))
+    taken = np.isin(control.row, solution.residuals.row[solution.residuals.kind == "control"])
+    rejected = set(before.point[(before.verdict == "rejected") & (before.point != "")].tolist())
+    names = []
+    for k in control.point[~taken & (shows[control.point] > 0)].tolist():
+        name, count = str(block.points.id[k]), int(shows[k])
+        why = f"rejected before, {count} images show it" if name in rejected else f"in no model, {count} images show it"
+        names.append(f"{name} ({'one image shows it' if count == 1 else why})")
+    if not names:
+        return []
+    text = "control that takes no part here, for relative orientation gave no model point of it"
+    remedy = "measure it in a second image of a model"
+    return [Finding("rejections", "warning", text, remedy, ids=tuple(names))]

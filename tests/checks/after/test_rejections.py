@@ -1,0 +1,62 @@
+"""What is rejected is told by name and size; exchanged numbers are recognised, mere blunders are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.artifacts.solution import Residuals
+from aatri.artifacts.suspects import Suspects
+from aatri.checks.after.rejections import control_left_behind, exchanged_numbers, rejections
+from aatri.observations.control import control_of
+from tests.made_solutions import made_block, made_solution
+
+
+def _suspects() -> Suspects:
+    n = 4
+    return Suspects(
+        kind=np.array(["control", "control", "image_point", "control"]), row=np.arange(n, dtype=np.int32),
+        image=np.array(["", "", "i1", ""]), point=np.array(["A", "B", "p", "C"]),
+        stage=np.array(["absolute_orientation"] * 3 + ["strip_formation"]), size=np.array([0.5, 2.0, 0.03, 9.0]),
+        unit=np.array(["m", "m", "mm", "m"]), sigma=np.full(n, 0.1), test=np.array([5.0, 20.0, 6.0, 90.0]),
+        verdict=np.array(["rejected", "rejected", "kept", "rejected"]),
+    )  # fmt: skip
+
+
+def test_rejections_of_the_stage_are_warnings_the_largest_first() -> None:
+    (finding,) = rejections(_suspects(), "absolute_orientation")
+    assert finding.level == "warning"
+    assert str(finding) == "control: 2 rejected as gross errors: B (2 m, 20 sigma), A (0.5 m, 5 sigma)"
+    assert finding.rows["control"].tolist() == [1, 0]
+
+
+def _rejected(given: np.ndarray, seen: np.ndarray, rows: list[int]) -> list[tuple[str, ...]]:
+    """Ids of exchanged control points, the first rows given and found elsewhere."""
+    block = made_block()
+    control = control_of(block)
+    xyz = block.ground_points.xyz_m.copy()
+    n = len(given)
+    xyz[control.row[:n]] = given
+    block = replace(block, ground_points=replace(block.ground_points, xyz_m=xyz))
+    residuals = Residuals(
+        kind=np.full(n, "control"), row=control.row[:n], image=np.full(n, ""), point=block.points.id[control.point[:n]],
+        residual=seen - given, sigma=np.full((n, 3), 0.01), active=~np.isin(np.arange(n), rows), unit=np.full(n, "m"),
+    )  # fmt: skip
+    return [f.ids for f in exchanged_numbers(block, made_solution(block, residuals=residuals))]
+
+
+def test_exchanged_numbers_are_recognised_and_single_blunders_are_not() -> None:
+    seen = np.array([[0.0, 0, 0], [500, 0, 10], [0, 400, 5], [500, 400, 8]])
+    block = made_block()
+    names = block.points.id[control_of(block).point[:2]]
+    assert _rejected(seen[[1, 0, 2, 3]] + 0.02, seen, [0, 1]) == [tuple(names.tolist())]
+    assert _rejected(seen + np.array([[3.0, 0, 0], [0, 9.0, 0], [0, 0, 0], [0, 0, 0]]), seen, [0, 1]) == []
+    assert _rejected(seen[[1, 0, 2, 3]] + 0.02, seen, []) == []
+
+
+def test_control_that_is_measured_and_takes_no_part_is_named() -> None:
+    block = made_block()
+    (finding,) = control_left_behind(block, made_solution(block, residuals=Residuals.empty()), Suspects.empty())
+    assert len(finding.ids) == len(control_of(block).point)
+    assert "in no model, 10 images show it" in finding.ids[0]
