@@ -6,6 +6,8 @@ A threshold that stands for a test is none: the test is made, with its false-ala
 
 from __future__ import annotations
 
+import math
+
 # --- after: weak datum
 
 WEAK_DATUM = 10.0
@@ -121,6 +123,11 @@ plan."""
 FEWEST_OF_CONVENTION, BETTER_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 20.0
 """Values of a kind that tell a convention; ratio of the median differences from which on another one is told; medians
 below so many standard deviations are no reason to look (starts are approximate)."""
+
+WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.radians(1.0), 0.2, 1.2, 3
+"""Attitudes that scatter by more (the worst MEMS units are good to 0.5 degrees) are in another convention, if one is
+found that scatters by this share of it; readings that agree up to the factor are one: some are the same rotations by
+other names, and the simplest is told. Fewer images say nothing of a convention."""
 
 # --- after: parameters, correlations
 

@@ -41,7 +41,6 @@ from aatri.observations.angle_differences import (
     partial_differences,
     whole_differences,
 )
-from aatri.observations.attitude_notes import remarks_on
 from aatri.observations.coordinates import value_records
 from aatri.observations.drift import free_drift, group_times, time_notes
 from aatri.observations.observed import Given, Observed, named
@@ -139,10 +138,9 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
                 new[DRIFT] = (drift.unknowns, np.zeros((len(drift.unknowns.free), 6)))
             part = rows.take(some)
             records = attitude_records(part, (drift.group[some], time[some]) if drifting else None, exact=exact)
-            remarks = None if exact else remarks_on(block, part, records)
             found.append(
                 Observed(records, part.row, named(image=block.images.id[part.image]), "rad", exact=exact,
-                         unknowns=tuple(u for u, _ in new.values()), remarks=remarks,
+                         unknowns=tuple(u for u, _ in new.values()),
                          start={name: start for name, (_, start) in new.items()})
             )  # fmt: skip
             new = {}

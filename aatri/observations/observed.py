@@ -179,8 +179,6 @@ class Observed:
         Which coordinates of ground points it can see: what no observation sees is no unknown.
     notes : tuple of Note
         What there is to say of them before they are adjusted.
-    remarks : callable, optional
-        (state, before the adjustment) -> what its rows say of orientations, beyond their tests.
     spread : Spread, optional
         Covariances, where they are not those of the records.
     """
@@ -201,7 +199,6 @@ class Observed:
     parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
     sees: tuple[bool, bool, bool] | Bool = (True, True, True)
     notes: tuple[Note, ...] = ()
-    remarks: Callable[[State, bool], tuple[Note, ...]] | None = None
     units: tuple[str, ...] = ()
     refitted: Callable[[Given], Observed] | None = None
     spread: Spread | None = None

@@ -16,6 +16,7 @@ from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.sigmas import sigmas_that_do_not_fit
 from aatri.checks.after.terrain import points_off_the_terrain
 from aatri.checks.after.weak_datum import weak_datum
+from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.finding import Finding
 from aatri.notes import Note
 from aatri.orientation.bundle.groups.search import AcceptedGroup
@@ -37,12 +38,10 @@ def findings_after(
         Observations are tested too.
     """
     given = done.given
-    remarks = [
-        note for o in given.observed if o.remarks is not None for note in o.remarks(result.adjusted.state, False)
-    ]
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     return [
-        *wrong_groups(groups), *remarks, *done.notes, *result.notes, *left_out(given, result),
+        *wrong_groups(groups), *attitude_conventions(given, result.adjusted.state, before=False), *done.notes,
+        *result.notes, *left_out(given, result),
         *sigma0(result, max_sigma0, done.scale), *([] if explained else sigmas_that_do_not_fit(result)),
         *weak_datum(given, result), *hinge_images(given),
         *points_off_the_terrain(given, result), *hidden_distortion(given, result, tests=tests),

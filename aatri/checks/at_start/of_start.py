@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from aatri.adapters.frame.adjustment_frame import poses_out_of
 from aatri.artifacts.block import Block
+from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.at_start.exchanged_control import exchanged_control
 from aatri.checks.at_start.frame import neglected_by_the_frame
@@ -37,7 +38,7 @@ def findings_at_start(block: Block, given: BundleInput, *, of_the_block: bool) -
     ]
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(given)
-        return [*findings, *(note for o in given.observed if o.remarks is not None for note in o.remarks(state, True))]
+        return [*findings, *attitude_conventions(given, state, before=True)]
     if given.rays is None or (frame is not None and frame.geocentric):
         return findings
     return [

@@ -1,0 +1,106 @@
+"""What attitudes tell when they are held against the orientations of the images: a wrong convention.
+
+    exp([b]x) = R_obs' B' R      of every image: the turn of the camera that its attitude lacks
+
+Seen: attitudes that contradict the images, all of them.
+Test: the b of a camera scatter by more than `WRONG_ATTITUDES_RAD` in the median. Then the angles are tried in the other
+conventions in use: the other system, opposite signs, the transposed matrix, another mount; the one in which they agree
+is proposed. What all b of a camera have in common, its boresight, is tested after the adjustment, with the covariance
+of the orientations.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float
+from aatri.artifacts.block import Block
+from aatri.checks.finding import Finding, Level
+from aatri.checks.limits import AGREEING_READING, FEWEST_ATTITUDES, SAME_READING, WRONG_ATTITUDES_RAD
+from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, nearest_rotation
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.attitudes import attitudes_of
+from aatri.observations.poses import POSE
+from aatri.orientation.bundle.block import BundleInput
+
+NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def attitude_conventions(given: BundleInput, state: State, *, before: bool) -> list[Finding]:
+    """Attitudes in another convention than declared: an error before the adjustment, if the right one is found.
+
+    Parameters
+    ----------
+    given : BundleInput
+    state : mapping
+        Orientations: those that an earlier stage has made, or the adjusted ones.
+    before : bool
+        It is before the adjustment.
+    """
+    used = [o.row[o.records.active] for o in given.observed if o.kind == ATTITUDE and not o.exact]
+    if given.given is None or not used:
+        return []
+    block, rows = given.given.block, attitudes_of(given.given)
+    rotation = rows.axes.swapaxes(1, 2) @ state[POSE].ground_from_image[rows.image]
+    usable = finite_rows(rotation) & finite_rows(rows.observed) & np.isin(rows.row, np.concatenate(used))
+    findings = list[Finding]()
+    for camera in np.unique(rows.camera[usable]).tolist():
+        some = np.flatnonzero(usable & (rows.camera == camera))
+        if len(some) < FEWEST_ATTITUDES:
+            continue
+        scatter = _scatter(rows.observed[some], rotation[some])
+        if scatter > WRONG_ATTITUDES_RAD:
+            angles = block.exterior.angles_rad[rows.row[some]]
+            findings.append(_of_camera(block, str(block.cameras.id[camera]), angles, rotation[some], scatter, before))
+    return findings
+
+
+def _of_camera(block: Block, camera: str, angles: Float, rotation: Float, scatter: float, before: bool) -> Finding:
+    readings = [(_scatter(R, rotation), what) for what, R in _readings(angles)]
+    least = min(readings)[0]
+    best, what = next(reading for reading in readings if reading[0] <= SAME_READING * least)
+    text = f"attitudes as {block.rotation} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
+    text += "beyond any common offset"
+    level: Level = "warning"
+    remedy = "check the angle system, its unit and the times of the attitudes"
+    if best <= AGREEING_READING * scatter:
+        level = "error" if before else "warning"
+        text += f"; read as {what} they agree to {np.degrees(best):.2g} deg"
+        remedy = f"declare them as {what} (rotation, heading, mount in block.yaml)"
+    return Finding("attitude_convention", level, text, remedy, where=f"camera {camera}", statistic=scatter)
+
+
+def _scatter(observed: Float, rotation: Float) -> float:
+    """Median turn between attitudes and orientations beyond a common one, rad."""
+    lacking = observed.swapaxes(1, 2) @ rotation
+    common = nearest_rotation(np.median(lacking, axis=0))
+    return float(np.median(np.linalg.norm(log_rotation(lacking @ common.T), axis=1)))
+
+
+def _readings(angles: Float) -> Iterator[tuple[str, Float]]:
+    """The same angles in other conventions: what it is called, and R_obs; the simplest first."""
+    names = {"omega-phi-kappa": ("omega", "phi", "kappa"), "phi-omega-kappa": ("phi", "omega", "kappa"),
+             "roll-pitch-heading": ("roll", "pitch", "heading")}  # fmt: skip
+    flips = sorted(itertools.product((1, -1), repeat=3), key=lambda s: -sum(s))
+    for transposed, signs, system in itertools.product((False, True), flips, names):
+        R, _ = angle_axes(angles * np.array(signs), system)
+        turned = [name for name, sign in zip(names[system], signs) if sign < 0]
+        what = system + (f" with {', '.join(turned)} of opposite sign" if turned else "")
+        if transposed:
+            what, R = f"{what}, the transposed matrix (image from ground)", R.swapaxes(1, 2)
+        if system == "roll-pitch-heading":
+            R = NED @ R @ body_from_mount(np.zeros(len(R)))
+        yield what, R
+    for a, b in ((0, 1), (1, 2), (0, 2)):
+        order = [0, 1, 2]
+        order[a], order[b] = order[b], order[a]
+        for system in names:
+            R, _ = angle_axes(angles[:, order], system)
+            if system == "roll-pitch-heading":
+                R = NED @ R @ body_from_mount(np.zeros(len(R)))
+            yield f"{system} with a{a + 1} and a{b + 1} exchanged", R
