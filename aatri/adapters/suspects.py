@@ -59,7 +59,9 @@ def after(suspects: Suspects, done: Round) -> Suspects:
     given = done.given
     before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
     out = {key for o in given.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
-    adjusted = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
+    adjusted = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not in the block at all
+    for o in given.observed:
+        adjusted |= (suspects.kind == o.kind) & (suspects.row >= 0) & np.isin(suspects.row, o.row)
     known = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
     back = adjusted & ~known & staying_out(suspects)
     told, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
@@ -75,7 +77,7 @@ def after(suspects: Suspects, done: Round) -> Suspects:
             continue
         error, test = _errors(found, done.result.adjusted.state, rows)
         made = _table(o, rows, error, test, _verdicts(done, o, rows))
-        told = _restated(told, earlier, made)
+        told = _restated(_rejected_now(told, earlier[known[earlier]], made), earlier, made)
         parts.append(made.take([key not in before for key in keys_of(o, rows)]))
     return assemble.stacked([told, *parts])
 
@@ -113,6 +115,15 @@ def _table(o: Observed, rows: Int, error: Float, test: Float, verdict: Text) -> 
         verdict=verdict,
         error=wide,
     )
+
+
+def _rejected_now(suspects: Suspects, out: Int, made: Suspects) -> Suspects:
+    """Suspects that an earlier stage kept, and that are out now, with the verdict of this adjustment."""
+    verdict = dict(zip(made.row.tolist(), made.verdict.tolist()))
+    new = suspects.verdict.astype(np.result_type(suspects.verdict, made.verdict))
+    for k in out[~staying_out(suspects)[out]].tolist():
+        new[k] = verdict[int(suspects.row[k])]
+    return replace(suspects, verdict=new)
 
 
 def _restated(suspects: Suspects, earlier: Int, made: Suspects) -> Suspects:

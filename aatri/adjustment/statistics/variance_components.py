@@ -130,11 +130,8 @@ def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -
     count = np.bincount(group, minlength=n_groups)
     r = np.asarray(np.bincount(group, redundancy, minlength=n_groups), dtype=np.float64)
     estimable = np.asarray(r >= ESTIMABLE)
-    order, first = np.argsort(group, kind="stable"), np.concatenate([[0], np.cumsum(count)])
-    factor = np.ones(n_groups)
-    for g in np.flatnonzero(estimable):
-        mine = order[first[g] : first[g + 1]]
-        factor[g] = common_sigma(squares[mine, None], np.zeros((len(mine), 1)), redundancy[mine])
+    whole = np.bincount(group, squares, minlength=n_groups)
+    factor = np.sqrt(np.divide(np.maximum(whole, 0.0), r, out=np.ones(n_groups), where=estimable))
     return GroupSigmas(count, r, factor, estimable)
 
 

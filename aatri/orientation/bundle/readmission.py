@@ -1,8 +1,7 @@
 """Re-admission: observations that an earlier stage rejected are held against the adjusted block.
 
-A rejected record with the whitened prediction error w has the covariance S = I + R, R that of its whitened prediction
-from everything else. It is re-admitted if w'S^-1 w / m is within `limit` squared, m its components. So it is with
-every kind of observation: each record predicts itself.
+A record is taken back where its test, of the prediction from everything else (`adjustment.statistics.record_tests`), is
+within a limit. So it is with every kind of observation: each record predicts itself.
 """
 
 from __future__ import annotations
@@ -10,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool
 
@@ -34,16 +35,10 @@ def readmitted(found: AdjustedObservations, state: State, limit: float = 3.0) ->
     if rejected is None:
         return fits
     rows = found.rows[rejected[found.rows]]
-    R = found.covariance[rows]
+    covariance = found.covariance[rows]
     if not np.isfinite(found.covariance[found.rows]).any():
-        R = np.zeros_like(R)  # adjusted without standard deviations: held against the measurement's alone
-    known = np.isfinite(R).all(axis=(1, 2))
-    rows, R = rows[known], R[known]
-    records = found.observed.records
-    v = records.evaluate(state, rows)[0]
-    L = records.whitener[rows]
-    w = L * v if L.ndim == 2 else np.einsum("nij,nj->ni", L, v)
-    used = records.observed_components()[rows]
-    size = np.einsum("ni,nij,nj->n", w, np.linalg.inv(np.eye(records.rows) + R), w) / np.maximum(used.sum(axis=1), 1)
-    fits[rows[(size <= limit**2) & used.any(axis=1)]] = True
+        covariance = np.zeros_like(covariance)  # adjusted without: held against the measurement's own alone
+    records = found.observed.records.take(rows)
+    tests = record_tests(records, state, covariance, whitened_residuals(records, state, np.arange(len(rows))))
+    fits[rows[tests.test <= limit]] = True
     return fits

@@ -65,6 +65,17 @@ def test_a_control_point_off_by_a_metre_that_absolute_orientation_rejects_stays_
     assert (_truth_rmse_m(wrong, wrong.bundle) < 1.3 * _truth_rmse_m(chain, chain.bundle) + 0.01).all()
 
 
+def test_what_an_earlier_stage_kept_and_the_bundle_rejects_is_rejected(chain: Chain) -> None:
+    g = chain.block.ground_points
+    row = int(np.flatnonzero((g.role == 1).any(axis=1))[2])
+    xyz = g.xyz_m.copy()
+    xyz[row, 0] += 1.0
+    block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
+    kept = _suspected(chain.strip_block, "control", [row])
+    kept = replace(kept, suspects=replace(kept.suspects, verdict=np.array(["kept"])))
+    assert _verdicts(bundle(block, chain.refined, kept, options=BOTH), "control") == ["rejected"]
+
+
 @pytest.mark.parametrize("exact", [False, True])
 def test_rejected_control_that_is_wrong_stays_out_and_that_fits_comes_back(chain: Chain, exact: bool) -> None:
     g = chain.block.ground_points

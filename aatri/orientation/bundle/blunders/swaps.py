@@ -19,6 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.statistics.exchanged import exchanged_pairs
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.image_points import ImagePointRows
@@ -28,9 +29,6 @@ from aatri.orientation.bundle.result import BundleResult
 
 MOST_IN_AN_IMAGE = 200
 """Rejected image points of an image up to which pairs are tried: with more the image itself is wrong."""
-
-EXCHANGED = 0.02
-"""Share of the distance of two points by which they may miss each other's place."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,7 @@ def _parallax(result: BundleResult, rays: ImagePointRows, a: int, b: int) -> flo
 def exchanged_coordinates(
     observed: tuple[Observed, ...], out: tuple[Bool, ...], state: State, seen_m: Float
 ) -> list[Bool]:
-    """Given coordinates that are exchanged beyond doubt: each is where the other should be, to 2 % of their distance.
+    """Given coordinates that are exchanged beyond doubt: each is where the other should be.
 
     Parameters
     ----------
@@ -144,10 +142,8 @@ def exchanged_coordinates(
         rows = np.flatnonzero(suspected & o.records.observed_components().all(axis=1))
         point = dict(o.records.touches)[POINT][rows]
         given, seen = state[POINT][point] - o.records.evaluate(state, rows)[0], seen_m[point]
-        for a, b in combinations(range(len(rows)), 2):
-            most = EXCHANGED * np.linalg.norm(given[a] - given[b])
-            if max(np.linalg.norm(seen[a] - given[b]), np.linalg.norm(seen[b] - given[a])) < most:
-                exchanged[rows[[a, b]]] = True
+        for pair in exchanged_pairs(seen, given, range(len(rows))):
+            exchanged[rows[[pair.first, pair.second]]] = True
     return found
 
 
