@@ -59,11 +59,12 @@ def after(suspects: Suspects, done: Round) -> Suspects:
     given = done.given
     before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
     out = {key for o in given.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
-    adjusted = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not in the block at all
-    for o in given.observed:
-        adjusted |= (suspects.kind == o.kind) & (suspects.row >= 0) & np.isin(suspects.row, o.row)
+    adjusted = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
+    used = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not, though nothing rejects it
+    for found in done.result.observations:
+        used |= (suspects.kind == found.observed.kind) & np.isin(suspects.row, found.observed.row[found.used])
     known = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
-    back = adjusted & ~known & staying_out(suspects)
+    back = adjusted & used & ~known & staying_out(suspects)
     told, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
     for found in done.result.observations:
         o = found.observed
