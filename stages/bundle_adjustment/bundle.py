@@ -57,6 +57,7 @@ from aatri.checks.finding import report
 from aatri.notes import tell
 from aatri.observations.kinds import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
@@ -64,7 +65,7 @@ from aatri.plugin import SILENT, Context, Field, Need, stage
 from ._adjusting import adjusted, adjusted_in_rounds
 from ._blunders import GONE, Blunders
 from ._ideal_coordinates import at_ideal_coordinates
-from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
+from ._self_calibration import ChosenSet, SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
 from ._variance_components import VarianceComponents, with_variance_components
 
@@ -184,12 +185,7 @@ def bundle(
         suspects = taken_back(suspects)
         initial = replace(initial, suspects=suspects)
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
-    parameters = (
-        parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
-    )
-    given = bundle_input(block, image_points, initial, options, parameters)
-    tell([*options_without_data(block, options), *given.notes, *(n for o in given.observed for n in o.notes)], context)
-    report(findings_at_start(block, given, of_the_block=initial is None), context)
+    given = _given(block, image_points, initial, calibration, chosen, options, context)
     adjust = partial(adjusted, options=options, context=context)
     done, groups = adjusted_in_rounds(given, options, context)
     done = at_ideal_coordinates(block, image_points, chosen, done, adjust)
@@ -210,3 +206,17 @@ def bundle(
                    contradictions=sum(map(contradicts, groups)),
                    proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None)  # fmt: skip
     return with_datum(block, made, options.datum, options.datum_over)
+
+
+def _given(
+    block: Block, image_points: ImagePoints | None, initial: Solution | None, calibration: Solution | None,
+    chosen: ChosenSet | None, options: BundleOptions, context: Context,
+) -> BundleInput:  # fmt: skip
+    """What is to be adjusted, and what there is to say of it before."""
+    parameters = (
+        parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
+    )
+    given = bundle_input(block, image_points, initial, options, parameters)
+    notes = [*options_without_data(block, options), *given.notes, *(n for o in given.observed for n in o.notes)]
+    report([*notes, *findings_at_start(block, given, of_the_block=initial is None)], context)
+    return given
