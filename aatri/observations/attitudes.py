@@ -41,7 +41,7 @@ from aatri.observations.angle_differences import (
     partial_differences,
     whole_differences,
 )
-from aatri.observations.coordinates import value_records
+from aatri.observations.carried_vectors import BORESIGHT, BORESIGHTS
 from aatri.observations.drift import free_drift, group_times, time_notes
 from aatri.observations.observed import Given, Observed, named
 from aatri.observations.parameters import uses_of_vector
@@ -49,12 +49,10 @@ from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
 
 if TYPE_CHECKING:
-    from aatri.artifacts.block import Block
+    pass
 
 KIND = "attitude"
-BORESIGHT, DRIFT = "boresight", "attitude drift"
-
-AXES = "xyz"
+DRIFT = "attitude drift"
 
 USES = ("exterior.angles_rad", "cameras.boresight_rad", "cameras.mount_deg", *uses_of_vector("boresight"))
 
@@ -125,8 +123,8 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
     if options.drift == "linear":
         time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
     drift = _drift(group, time, rows.sigma_rad, LABELS[block.rotation])
-    boresights = _boresights(block, np.unique(rows.camera))
-    new = {BORESIGHT: (boresights.unknowns, block.cameras.boresight_rad.copy())}
+    boresights = BORESIGHTS.unknowns(block, np.unique(rows.camera))
+    new = {BORESIGHT: (boresights, block.cameras.boresight_rad.copy())}
     found: list[Observed] = []
     for drifting in (False, True):
         for exact in (False, True):
@@ -146,7 +144,7 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
             new = {}
     if options.drift == "linear" and found:
         found[0] = replace(found[0], notes=time_notes(block.images, rows.image, group))
-    return (*found, *boresights.priors)
+    return (*found, *BORESIGHTS.priors(block, block.cameras.boresight_rad, boresights))
 
 
 @dataclass(frozen=True)
@@ -186,38 +184,6 @@ def ground_of_angles(given: Given, place: Float) -> Float:
     if given.block.rotation != CARRIER:
         return np.broadcast_to(np.eye(3), (n, 3, 3))
     return given.north_east_down_at(place)
-
-
-@dataclass(frozen=True)
-class _Boresights:
-    unknowns: Unknowns
-    priors: tuple[Observed, ...]
-
-
-def _boresights(block: Block, cameras: Int) -> _Boresights:
-    """The unknown boresights of the cameras that have attitudes, and the priors of the weighted ones."""
-    n = len(block.cameras)
-    free, sigma = np.zeros((n, 3), dtype=bool), np.zeros((n, 3))
-    p = block.camera_parameters
-    for k, axis in enumerate(AXES):
-        mine = p.name == f"boresight.{axis}"
-        open_ = p.free[mine] | (np.nan_to_num(p.sigma[mine]) > 0)
-        free[p.camera[mine], k] = open_
-        sigma[p.camera[mine], k] = np.where(p.free[mine], 0.0, np.nan_to_num(p.sigma[mine]))
-    has = np.isin(np.arange(n), cameras)
-    free &= has[:, None]
-    labels = tuple(f"boresight {axis}" for axis in AXES)
-    unknowns = Unknowns(BORESIGHT, free, labels, block.cameras.id, add_step)
-    weighted = free & (sigma > 0)
-    row = np.flatnonzero(weighted.any(axis=1)).astype(np.int32)
-    priors: tuple[Observed, ...] = ()
-    if len(row):
-        covariance = np.where(sigma[row][:, :, None] > 0, sigma[row][:, :, None] ** 2, 1.0) * np.eye(3)
-        records = value_records(f"{BORESIGHT}_prior", BORESIGHT, row, block.cameras.boresight_rad[row], covariance,
-                                weighted[row])  # fmt: skip
-        priors = (Observed(records, np.full(len(row), -1), named(image=block.cameras.id[row]), "rad",
-                           components=labels),)  # fmt: skip
-    return _Boresights(unknowns, priors)
 
 
 def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None, *, exact: bool = False) -> Records:

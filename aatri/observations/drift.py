@@ -7,7 +7,7 @@ D turns into the axes of the block (`positions`), along which shift and drift ru
 unit of time that the positions of a group, of the block, of a strip or of a flight share, both free along the
 coordinates that its positions give; t is the time of
 exposure in seconds, where a group has none the sequence of its images; t_mean the mean over the group. A group whose
-images have one time has no drift. The lever arm a is unknown where the block says so (`lever_arms`), dt where the
+images have one time has no drift. The lever arm a is unknown where the block says so (`carried_vectors`), dt where the
 options do (`exposure_time`). Differences of the positions of a group, with their correlations, say the same as the
 positions with a free shift: `drift: shift`.
 
@@ -27,11 +27,11 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA
 from aatri.geometry.rotations import skew
 from aatri.notes import Note
+from aatri.observations.carried_vectors import ARMS, LEVER_ARM
 from aatri.observations.exposure_time import offset_unknowns, velocities
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
-from aatri.observations.lever_arms import LEVER_ARM, arm_priors, arm_unknowns, open_arms
-from aatri.observations.lever_arms import USES as OF_ARMS
 from aatri.observations.observed import Given, Observed, named
+from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE
 from aatri.observations.positions import (
     PositionOptions,
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 DRIFT = "drift"
 
-USES = ("exterior.drift_group", *OF_ARMS)
+USES = ("exterior.drift_group", *uses_of_vector(ARMS.name))
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,9 @@ def drift(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
         notes = time_notes(block.images, found.image, drift_groups(block, found, options))
         observed = (replace(observed[0], notes=notes), *observed[1:])
     touched = {group for o in observed for group, _ in o.records.touches}
-    return (*observed, *(arm_priors(block) if LEVER_ARM in touched else ()))
+    if LEVER_ARM not in touched:
+        return observed
+    return (*observed, *ARMS.priors(block, block.cameras.lever_arm_m, ARMS.unknowns(block)))
 
 
 def terms_of(given: Given, found: Positions, options: PositionOptions) -> list[Term]:
@@ -96,9 +98,9 @@ def terms_of(given: Given, found: Positions, options: PositionOptions) -> list[T
         time = group_times(block.images.time_s[found.image], block.images.sequence[found.image], group)
         terms.append(drift_term(group, time, found.given, linear=options.drift == "linear"))
     camera = block.images.camera[found.image]
-    armed = np.asarray(open_arms(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[found.row] == ANTENNA)
+    armed = np.asarray(ARMS.open(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[found.row] == ANTENNA)
     if armed.any():
-        terms.append(Term(arm_unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1)))
+        terms.append(Term(ARMS.unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1)))
     if options.time_offset:
         u = velocities(block, found.image, found.position_m)
         terms.append(Term(offset_unknowns(block), np.zeros((len(block.cameras), 1)), camera, u[:, :, None]))

@@ -26,8 +26,8 @@ from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.geometry.rotations import skew
 from aatri.ids import shown
+from aatri.observations.carried_vectors import ARMS
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
-from aatri.observations.lever_arms import open_arms
 from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
@@ -124,7 +124,7 @@ def with_unknowns(block: Block, found: Positions, options: PositionOptions) -> B
     """Which positions have a drift, an unknown lever arm or an exposure-time offset, (n,)."""
     if options.time_offset:
         return np.ones(len(found.row), dtype=bool)
-    armed = np.asarray(open_arms(block)[0].any(axis=1))[block.images.camera[found.image]]
+    armed = np.asarray(ARMS.open(block)[0].any(axis=1))[block.images.camera[found.image]]
     armed &= block.exterior.refers_to[found.row] == ANTENNA
     return np.asarray(armed | (drift_groups(block, found, options) != ""))
 

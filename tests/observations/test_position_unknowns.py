@@ -12,9 +12,9 @@ from aatri.artifacts.solution import Solution
 from aatri.codes import ANTENNA
 from aatri.errors import InputError
 from aatri.geometry.rotations import rotation_from_angles, skew
+from aatri.observations.carried_vectors import ARMS, LEVER_ARM
 from aatri.observations.drift import DRIFT, Term, drift_term, observed_terms
 from aatri.observations.exposure_time import EXPOSURE_TIME, offset_unknowns
-from aatri.observations.lever_arms import LEVER_ARM, arm_unknowns
 from aatri.observations.poses import POSE, Poses
 from aatri.observations.positions import PositionOptions, Positions, drift_groups, positions_of
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -55,7 +55,7 @@ def test_derivatives_are_those_of_the_complex_step(block: Block) -> None:
     of_camera = np.zeros(n, np.int64)
     terms = [
         drift_term(np.full(n, "g"), time),
-        Term(arm_unknowns(block), block.cameras.lever_arm_m, of_camera),
+        Term(ARMS.unknowns(block), block.cameras.lever_arm_m, of_camera),
         Term(offset_unknowns(block), np.zeros((2, 1)), of_camera, u[:, :, None]),
     ]
     (o,) = observed_terms(rows, np.zeros(3), terms, np.array(list("abc")))
