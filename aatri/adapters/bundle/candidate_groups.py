@@ -26,8 +26,8 @@ from aatri.adapters.bundle.neighbourhoods import moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.residuals import whitened_residuals
 from aatri.arrays import Float, Int, Text
-from aatri.observations.attitudes import BORESIGHT
 from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.drift import group_times
 from aatri.observations.image_points import KIND as IMAGE_POINT
