@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -77,8 +79,8 @@ def joined(
     runs, gaps = unbroken_runs(block, models)
     if not runs:
         raise GeometryError(
-            f"no strip: none of {len(models.unformed)} pairs of neighbouring images makes a model",
-            remedy="see the reasons in the table `unformed` of the relative orientation; check strip and sequence",
+            f"no strip: none of {len(models.unformed)} pairs of neighbouring images makes a model{_commonest(models)}",
+            remedy="check strip and sequence of the images, and the ids of their points",
         )
     table = model_table(models)
     first = np.array([model for run in runs for model in run.models[:-1]], dtype=np.int64)
@@ -97,6 +99,16 @@ def joined(
     notes.append(Note("note", f"{len(chains)} free strips", tuple(strips.strips.id.tolist())))
     report([*notes, *findings_of(block, strips, "strip_formation")], context)
     return strips
+
+
+def _commonest(models: Models) -> str:
+    """The commonest reason of pairs without model, whatever its numbers, and how many have it."""
+    reasons = models.unformed.reason.tolist()
+    if not reasons:
+        return ""
+    kinds = [re.sub(r"[0-9.]+", "#", reason) for reason in reasons]
+    kind, count = Counter(kinds).most_common(1)[0]
+    return f"; {count} of them: {reasons[kinds.index(kind)]}"
 
 
 def _open_joints(models: Models, joints: JointTable, needed: int) -> dict[int, str]:
