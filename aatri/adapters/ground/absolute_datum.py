@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
-from aatri.adapters.ground.initial_datum import datum_of, known_of
+from aatri.adapters.ground.initial_datum import Known, datum_of, known_of, without_drifting
 from aatri.adapters.strips import strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
@@ -31,14 +31,29 @@ def oriented_part(
 ) -> tuple[OrientedPart, list[Note]]:
     """A component by control and positions; by attitudes as well where these leave something open.
 
+    Positions of drift groups take part only where nothing else determines the component.
+
     Raises
     ------
     GeometryError
         If something is not determined.
     """
-    block, strips = ground.block, ground.strips
-    body = _body(block, strips, component)
+    body = _body(ground.block, ground.strips, component)
     known = known_of(ground, body)
+    steady = without_drifting(ground.block, ground, known)
+    if steady.placed and len(steady.position) < len(known.position):
+        try:
+            return _by_known(ground, component, body, steady, what, limit, two_points=two_points)
+        except GeometryError:
+            pass  # it hangs on the positions that drift
+    return _by_known(ground, component, body, known, what, limit, two_points=two_points)
+
+
+def _by_known(
+    ground: GroundOfStrips, component: Component, body: FreeBody, known: Known, what: str, limit: float, *,
+    two_points: bool,
+) -> tuple[OrientedPart, list[Note]]:  # fmt: skip
+    block, strips = ground.block, ground.strips
     datum = datum_of(block, ground, body, known)
     before = strips.suspects.take(np.flatnonzero(staying_out(strips.suspects)))
     kinds = ((CONTROL, ground.control.row[known.control]), (POSITION, ground.positions.row[known.position]))

@@ -78,6 +78,12 @@ def known_of(ground: Ground, component: ImageComponent | FreeBody) -> Known:
     )
 
 
+def without_drifting(block: Block, ground: Ground, known: Known) -> Known:
+    """What is known without the positions of drift groups, whose shift is an unknown that only the bundle has."""
+    drifts = block.exterior.drift_group[ground.positions.row[known.position]] != ""
+    return replace(known, position=known.position[~drifts])
+
+
 def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
     """A component as a body: points and images are as precise as rays of typical length."""
     spread = precision(component, rays) ** 2

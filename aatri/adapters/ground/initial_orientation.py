@@ -6,7 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from aatri.adapters.ground.control_fit import height_notes
-from aatri.adapters.ground.initial_datum import Known, body_of, datum_of, held_datum, known_of, precision
+from aatri.adapters.ground.initial_datum import (
+    Known,
+    body_of,
+    datum_of,
+    held_datum,
+    known_of,
+    precision,
+    without_drifting,
+)
 from aatri.adapters.ground.initial_neighbours import ground_of_neighbours
 from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_tests import (
@@ -203,7 +211,16 @@ def _oriented(
     block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, known: Known, what: str,
     limit: float, weakest: float = UNDETERMINED,
 ) -> tuple[OnGround, list[Note]]:  # fmt: skip
-    """By control, positions and distances; by attitudes as well where these leave something open."""
+    """By control, positions and distances; by attitudes as well where these leave something open.
+
+    Positions of drift groups take part only where nothing else determines the component.
+    """
+    steady = without_drifting(block, ground, known)
+    if steady.placed and len(steady.position) < len(known.position):
+        try:
+            return _oriented(block, ground, component, rays, steady, what, limit, weakest)
+        except GeometryError:
+            pass  # it hangs on the positions that drift
     body = body_of(component, rays)
 
     def by(known: Known, *, attitudes: bool = False) -> OrientedComponent:

@@ -155,7 +155,7 @@ def _deformed_covariances(
         why = f"the deformation of the strips is not estimable ({why})"
         return DeformedCovariances(*nothing, sigma, of_component, why)
     brought = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
-    noise = Q @ brought.reshape(len(N), -1)[c]
+    noise = Q @ brought.reshape(len(N), 3 * len(control.point))[c]
     theta, C = found.variance[component], np.zeros_like(N)
     C[np.ix_(c, c)] = found.phi * Q + (A * theta) @ A.T + (1 - found.phi) * noise @ noise.T
     C[np.ix_(c, z)], C[np.ix_(z, c)] = -A * theta, -(A * theta).T

@@ -139,7 +139,7 @@ def of_control(ties: DeformedTies, n_strips: int, inverse: Float, control: Int, 
         rows = np.arange(*np.searchsorted(ties.point, [point, point + 1]))
         brought = ties.weight[rows].swapaxes(1, 2) @ (inverse[point] @ whitener[c].T)
         columns[ties.strip[rows], :, :, c] = brought[:, :, None] * ties.f[rows, None, :, None]
-    return columns.reshape(n_strips, -1, 3 * len(control))
+    return columns.reshape(n_strips, columns.shape[1] * columns.shape[2], 3 * len(control))
 
 
 def pairs_of_strips(strip: Int, point: Int) -> Iterator[tuple[int, int, Int, Int]]:

@@ -10,6 +10,7 @@ from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import StripPoints
 from aatri.orientation.bodies.deformation_components import deformation_components
 from aatri.orientation.bodies.deformed_covariances import _inverses, covariance_notes, deformed_covariances
+from aatri.orientation.bodies.deformed_normals import DeformedTies, of_control
 from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials
 from aatri.orientation.bodies.summed_deformation import covariances
 
@@ -130,3 +131,9 @@ def test_height_control_whose_ties_are_all_rejected_has_a_weight_in_height_alone
     weights = np.stack([np.diag([0.0, 0.0, 4.0]), np.zeros((3, 3)), np.diag([1.0, 2.0, 4.0])])
     np.testing.assert_allclose(_inverses(weights)[[0, 2], 2, 2], 0.25)
     assert np.isfinite(_inverses(weights)).all()
+
+
+def test_without_a_control_point_among_the_ties_nothing_is_brought_in():
+    nothing = np.zeros(0, dtype=np.int64)
+    ties = DeformedTies(nothing, nothing, nothing, np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros((0, 5)))
+    assert of_control(ties, 4, np.zeros((2, 3, 3)), nothing, np.zeros((0, 3, 3))).shape == (4, 15, 0)
