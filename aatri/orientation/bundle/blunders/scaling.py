@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.covariance.score import score
-from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
 from aatri.adjustment.statistics.small_scales import small_class_scale
@@ -159,13 +158,17 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
     used = (records.observed_components()[rows] & (number[rows] >= 0)).ravel()
     if not 1 < used.sum() <= MOST_TOGETHER:
         return 1.0, 0.0
-    v, L = whitened_residuals(records, result.adjusted.state, rows), records.whitener[rows]
+    record = np.repeat(np.arange(len(rows)), records.rows)[used]
+    v, r = residuals_and_redundancy(found, result.adjusted.state, rows)
+    if small_class_scale(v.ravel()[used], np.diag(r.ravel()[used]), record)[0] == 1.0:
+        return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
+    L = records.whitener[rows]
     inverse = np.linalg.pinv(L if L.ndim == 3 else L[:, :, None] * np.eye(records.rows))
     H = np.zeros((len(rows), records.rows, used.size))
     for k, own in enumerate(inverse):
         H[k, :, k * records.rows : (k + 1) * records.rows] = own
     R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
-    return small_class_scale(v.ravel()[used], R, np.repeat(np.arange(len(rows)), records.rows)[used])
+    return small_class_scale(v.ravel()[used], R, record)
 
 
 def _is_prior(o: Observed) -> bool:
