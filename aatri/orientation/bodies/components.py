@@ -18,6 +18,7 @@ from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.errors import GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
@@ -105,15 +106,23 @@ def join_strips(
     use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
     ids = np.arange(int(points.point.max(initial=-1)) + 1).astype(np.str_) if point_ids is None else point_ids
     member, pose, weak = grow_components(points.take(use), len(names), weakly=weakly)
-    components = []
-    for label in np.unique(member):
-        strips = np.flatnonzero(member == label)
-        component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids)
+    components, apart = [], dict[str, bool]()
+    groups = [np.flatnonzero(member == label) for label in np.unique(member)]
+    while groups:
+        strips = groups.pop()
+        try:
+            component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids)
+        except GeometryError as error:  # ties that agree leave a strip open: it stands by itself
+            loose = _loosest(points.take(use & np.isin(points.strip, strips)), strips)
+            groups += [strips[strips != loose], np.array([loose])]
+            member[loose] = member.max() + 1
+            apart[f"strip {names[loose]}: {error.what}"] = False
+            continue
         components.append(component)
         if component.tied is not None:
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
-    reasons = _reasons(components, weak, member, names)
+    reasons = apart or _reasons(components, weak, member, names)
     return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
 
 
@@ -148,6 +157,13 @@ def _adjusted(
     solved = np.isfinite(tied.mean_m).all(1)
     return Component(strips, tuple(component_from_strip), rows, number[solved], tied.mean_m[solved],
                      tied.mean_covariance_m2[solved], tied)  # fmt: skip
+
+
+def _loosest(points: StripPoints, strips: Int) -> int:
+    """The strip that shares the fewest points with the others."""
+    shared = np.bincount(points.point)[points.point] > 1
+    count = np.bincount(points.strip[shared], minlength=int(strips.max()) + 1)[strips]
+    return int(strips[np.argmin(count)])
 
 
 def _means(xyz: Float, of: Int, n: int) -> Float:
