@@ -17,13 +17,17 @@ from aatri.adjustment.statistics.attribution import BlockRecords, Explanation, e
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT
+from aatri.observations.poses import POINT, Poses
 
 PASSES = 3
 
 FAR = 1e9
 """Whitened residual of what cannot be seen from where the point stands."""
+
+UNCERTAIN = 0.1
+"""Share of its distance by which a point of nearly parallel rays is uncertain: its rays tell nothing of each other."""
 
 FIRM = 1e-3
 """Standard deviation of an exact coordinate at its point, over that which the rays give it."""
@@ -182,6 +186,23 @@ def _moved(
 def with_start(xyz_m: Float, points: Int) -> Int:
     """Those of the points whose coordinates are known."""
     return points[finite_rows(xyz_m[points])]
+
+
+def well_intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: Int) -> Int:
+    """Those of the points whose rays meet at a distance known to a share `UNCERTAIN`; none of parallel rays.
+
+    Over the distance, the standard deviation along the rays is the root of the largest eigenvalue of
+    (sum (c / sigma)^2 (I - d d'))^-1, d the directions to the point.
+    """
+    use = np.flatnonzero(rays.active & np.isin(rays.point, points) & finite_rows(xyz_m)[rays.point])
+    point, image = rays.point[use], rays.image[use]
+    away = xyz_m[point] - poses.position_m[image]
+    d = away / np.linalg.norm(away, axis=1, keepdims=True)
+    weight = (rays.c_mm[use] / rays.sigma_mm[use].mean(axis=1)) ** 2
+    N = np.zeros((len(xyz_m), 3, 3))
+    np.add.at(N, point, weight[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :]))
+    least = np.linalg.eigvalsh(N[points])[:, 0]
+    return points[finite_rows(xyz_m[points]) & (least * UNCERTAIN**2 > 1.0)]
 
 
 def without(observed: tuple[Observed, ...], rejected: list[Bool]) -> tuple[Observed, ...]:

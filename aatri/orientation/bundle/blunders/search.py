@@ -36,7 +36,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.attribution_in_kind import attributed_in_kind, is_ray
 from aatri.orientation.bundle.blunders.fitted_sigmas import HARMLESS, MOST_SCALINGS, FittedSigmas
 from aatri.orientation.bundle.blunders.other_numbers import other_numbers
-from aatri.orientation.bundle.blunders.points import with_start
+from aatri.orientation.bundle.blunders.points import well_intersected
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions, robust
 from aatri.orientation.bundle.blunders.search_notes import SearchOutcome, findings
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
@@ -180,11 +180,11 @@ class _Search(FittedSigmas):
             return np.zeros_like(use)
         xyz = result.adjusted.state[POINT].copy()
         xyz[points] = np.nan
-        xyz = intersected(replace(rays, active=result.image_adjusted[rays.image]), result.adjusted.state[POSE], xyz)
+        rays, poses = replace(rays, active=result.image_adjusted[rays.image]), result.adjusted.state[POSE]
+        xyz = intersected(rays, poses, xyz)
         nothing, tails = np.zeros(len(points), dtype=bool), HARMLESS * tried.tails
         wrong = self.wrong_at_points(result, points, nothing, use, tried.test, tails, move=True, xyz_m=xyz)
-        seen = with_start(xyz, points)
-        return out & self.of_points(seen) & ~wrong
+        return out & self.of_points(well_intersected(rays, poses, xyz, points)) & ~wrong
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
