@@ -166,7 +166,8 @@ def _as_given(
     """The block adjusted without the unknowns of the groups."""
     plain = without_groups(given, groups, done.given)
     left_out = options.method != "none"
-    far = [g for g in groups if left_out and g.removable and _beyond(g, given, options.limit)]
+    limit = options.limit * max(1.0, done.result.adjusted.sigma0)
+    far = [g for g in groups if left_out and g.removable and _beyond(g, given, limit)]
     for out in (far, []):
         block = _without(plain, out)
         try:
@@ -188,7 +189,9 @@ def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
 
 
 def _beyond(group: Group, given: BundleInput, limit: float) -> bool:
-    """Whether a single observation with this error would be rejected."""
+    """Whether a single observation with this error would be rejected, and as few would go beside it undecided."""
+    if len(group.undecided) > len(group.rows):
+        return False
     sigma = given.observed[group.place].sigmas()[group.rows]
     return bool((np.isfinite(sigma) & (np.abs(group.effect) > limit * sigma)).any())
 
