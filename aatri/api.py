@@ -140,16 +140,25 @@ def open_run(path: str | Path) -> Run:
     from aatri.pipeline.store import run_folder as store
 
     found = find_run(Path(path))
-    return Run(found.folder, [
-        Stage(str(e["stage"]), str(e["use"]), found.folder, store.current_record(found.folder, str(e["stage"])))
-        for e in found.stages
-    ])  # fmt: skip
+    return Run(
+        found.folder,
+        [
+            Stage(str(e["stage"]), str(e["use"]), found.folder, store.current_record(found.folder, str(e["stage"])))
+            for e in found.stages
+        ],
+    )
 
 
 def run_pipeline(
-    pipeline: str | Path = "pipeline.yaml", *, into: str | Path | None = None, set: Sequence[str] = (),
-    use: Sequence[str] = (), variant: str = "", local_plugins: bool = False, quiet: bool = True,
-) -> Run:  # fmt: skip
+    pipeline: str | Path = "pipeline.yaml",
+    *,
+    into: str | Path | None = None,
+    set: Sequence[str] = (),
+    use: Sequence[str] = (),
+    variant: str = "",
+    local_plugins: bool = False,
+    quiet: bool = True,
+) -> Run:
     """Bring a pipeline up to date, like `aatri run`, and open it.
 
     Parameters

@@ -93,9 +93,11 @@ def did_you_mean(text: str, known: Iterable[str]) -> str:
     if not 0 < len(text) <= MAX_COMPARED_LENGTH:
         return ""
     head, tail, reach = text[:1].casefold(), text[-1:].casefold(), max(2, len(text) // 2)
-    alike = [name for name in itertools.islice(known, MOST_LOOKED_AT)
-             if abs(len(name) - len(text)) <= reach
-             and (name[:1].casefold() == head or name[-1:].casefold() == tail)]  # fmt: skip
+    alike = [
+        name
+        for name in itertools.islice(known, MOST_LOOKED_AT)
+        if abs(len(name) - len(text)) <= reach and (name[:1].casefold() == head or name[-1:].casefold() == tail)
+    ]
     other_case = [name for name in alike if name.casefold() == text.casefold()]
     near = other_case[:1] or difflib.get_close_matches(text, alike[:MOST_COMPARED], n=1, cutoff=0.6)
     return f" - did you mean {near[0]!r}?" if near else ""

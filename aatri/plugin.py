@@ -150,8 +150,11 @@ class StageCard:
         known = frozenset(name for port in self.ports for name in port.kind.offered_names())
         for name in stated:
             if not is_known(name, known):
-                raise PluginError(f"uses {name!r}, which no port offers{did_you_mean(name, known)}", where=self.name,
-                                  remedy=f"its ports offer {', '.join(sorted(known)) or 'nothing'}")  # fmt: skip
+                raise PluginError(
+                    f"uses {name!r}, which no port offers{did_you_mean(name, known)}",
+                    where=self.name,
+                    remedy=f"its ports offer {', '.join(sorted(known)) or 'nothing'}",
+                )
         return tuple(sorted(set(stated)))
 
     @property
@@ -208,9 +211,20 @@ def card_of(function: Callable[..., Any], role: str) -> StageCard:
     if options is not None and not (isinstance(options, type) and issubclass(options, Options)):
         raise PluginError("options are not a model derived from aatri.plugin.Options", where=where)
     module_doc = inspect.getdoc(inspect.getmodule(function)) or ""
-    return StageCard(function, role, function.__name__, version, ports, kind, options,
-                     "context" in parameters, "rng" in parameters, module_doc,
-                     getattr(function, "__aatri_uses__", None), getattr(function, "__aatri_needs__", ()))  # fmt: skip
+    return StageCard(
+        function,
+        role,
+        function.__name__,
+        version,
+        ports,
+        kind,
+        options,
+        "context" in parameters,
+        "rng" in parameters,
+        module_doc,
+        getattr(function, "__aatri_uses__", None),
+        getattr(function, "__aatri_needs__", ()),
+    )
 
 
 def _port(parameter: inspect.Parameter, hints: dict[str, Any], where: str) -> Port:

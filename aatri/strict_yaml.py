@@ -193,11 +193,19 @@ def _node(event: Any, line: int, column: int) -> _Node:
 def _refuse_extras(event: Any, source: _Source, line: int, column: int) -> None:
     if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
         sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
-        source.fail(f"{sign}{clipped(event.anchor)}: anchors and aliases are not allowed", line, column,
-                    remedy="write the value out, or put a text that begins with & or * in quotes")  # fmt: skip
+        source.fail(
+            f"{sign}{clipped(event.anchor)}: anchors and aliases are not allowed",
+            line,
+            column,
+            remedy="write the value out, or put a text that begins with & or * in quotes",
+        )
     if event.tag is not None:
-        source.fail(f"{clipped(event.tag)}: tags are not allowed", line, column,
-                    remedy="remove it, or put a text that begins with ! in quotes")  # fmt: skip
+        source.fail(
+            f"{clipped(event.tag)}: tags are not allowed",
+            line,
+            column,
+            remedy="remove it, or put a text that begins with ! in quotes",
+        )
 
 
 def _new_key(event: Any, parent: _Node, source: _Source, line: int, column: int) -> str:
@@ -205,8 +213,12 @@ def _new_key(event: Any, parent: _Node, source: _Source, line: int, column: int)
         source.fail("a key must be a single name", line, column, remedy="write `name: value`")
     key: str = event.value
     if key in parent.key_places:
-        source.fail(f"key {clipped(key)!r} given twice, first in line {parent.key_places[key][0]}", line, column,
-                    remedy="remove one of them")  # fmt: skip
+        source.fail(
+            f"key {clipped(key)!r} given twice, first in line {parent.key_places[key][0]}",
+            line,
+            column,
+            remedy="remove one of them",
+        )
     parent.key_places[key] = (line, column)
     return key
 
@@ -237,8 +249,9 @@ def _scalar(node: _Node, source: _Source) -> Any:
         source.fail(f"a number of {len(text)} digits", node.line, node.column, remedy="put a text in quotes")
     number = int(text) if _INT.fullmatch(text) else float(text)
     if abs(number) > LARGEST:
-        source.fail(f"{clipped(text)} is too large for a quantity", node.line, node.column,
-                    remedy="put a text in quotes")  # fmt: skip
+        source.fail(
+            f"{clipped(text)} is too large for a quantity", node.line, node.column, remedy="put a text in quotes"
+        )
     return number
 
 

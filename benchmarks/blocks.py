@@ -67,9 +67,18 @@ BLOCKS = {
 
 
 def made_block(
-    strips: int, images: int, points_per_image: int, overlaps: tuple[float, float], c_mm: float, format_mm: float,
-    scale: float, sigma_mm: float, start: tuple[float, float], seed: int = 0, gnss_sigma_m: float = 0.05,
-) -> ArrayBlock:  # fmt: skip
+    strips: int,
+    images: int,
+    points_per_image: int,
+    overlaps: tuple[float, float],
+    c_mm: float,
+    format_mm: float,
+    scale: float,
+    sigma_mm: float,
+    start: tuple[float, float],
+    seed: int = 0,
+    gnss_sigma_m: float = 0.05,
+) -> ArrayBlock:
     """Make a block; `start` disturbs positions (m, twice that for points) and rotations (rad)."""
     rng = np.random.default_rng(seed)
     height, side = c_mm * scale / 1e3, format_mm * scale / 1e3
@@ -85,9 +94,17 @@ def made_block(
     xy += rng.normal(0, sigma_mm, xy.shape)
     turn = exp_rotation(rng.normal(0, start[1], (len(X0), 3)))
     return ArrayBlock(
-        c_mm, image, point, xy, sigma_mm, X0 + rng.normal(0, start[0], X0.shape), turn @ R,
-        X + rng.normal(0, 2 * start[0], X.shape), X0 + rng.normal(0, gnss_sigma_m, X0.shape), gnss_sigma_m,
-    )  # fmt: skip
+        c_mm,
+        image,
+        point,
+        xy,
+        sigma_mm,
+        X0 + rng.normal(0, start[0], X0.shape),
+        turn @ R,
+        X + rng.normal(0, 2 * start[0], X.shape),
+        X0 + rng.normal(0, gnss_sigma_m, X0.shape),
+        gnss_sigma_m,
+    )
 
 
 def _measured(rng: np.random.Generator, X0: Float, R: Float, per_image: int, c: float, format_mm: float, side: float):

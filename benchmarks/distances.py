@@ -25,10 +25,13 @@ CAMERA = {"kind": "digital", "format": (20000.0, 20000.0), "pixel_size_mm": 0.01
 def block_of(strips: int, distances: int) -> Block:
     """Images with angles to begin with, a third as many control points as distances, distances."""
     options = {
-        "camera": CAMERA, "flight": {"strips": strips, "images_per_strip": 2 * strips},
-        "ties": {"per_position": 4, "random_per_image": 60.0}, "known": {"full": -(-distances // 3)},
-        "refraction": "none", "survey": {"distances": distances},
-    }  # fmt: skip
+        "camera": CAMERA,
+        "flight": {"strips": strips, "images_per_strip": 2 * strips},
+        "ties": {"per_position": 4, "random_per_image": 60.0},
+        "known": {"full": -(-distances // 3)},
+        "refraction": "none",
+        "survey": {"distances": distances},
+    }
     block = simulate(options=SimulateOptions.model_validate(options), rng=np.random.default_rng(1))
     assert block.true_images is not None
     R = block.true_images.ground_from_image
@@ -52,8 +55,10 @@ def with_exact(block: Block) -> Block:
     number = {str(name): k for k, name in enumerate(block.points.id)}
     xyz = np.empty((len(block.points), 3))
     xyz[truth.point] = truth.xyz_m
-    ends = [xyz[[number[name] for name in ids.tolist()]] + h[:, None] * [0, 0, 1.0]
-            for ids, h in ((g.start, g.start_height_m), (g.end, g.end_height_m))]  # fmt: skip
+    ends = [
+        xyz[[number[name] for name in ids.tolist()]] + h[:, None] * [0, 0, 1.0]
+        for ids, h in ((g.start, g.start_height_m), (g.end, g.end_height_m))
+    ]
     length = np.linalg.norm(ends[1] - ends[0], axis=1)
     return replace(block, geodetic=replace(g, value=length, sigma=np.zeros(len(g))))
 

@@ -85,8 +85,9 @@ def ours(trials: list[Trial]) -> tuple[float, list[float]]:
     began = time.perf_counter()
     found = essential_orientations(rays, start).orientations
     spent = time.perf_counter() - began
-    return 1e3 * spent / len(trials), [off(t, found.left_from_right[k], found.base[k]) if found.formed[k] else 180.0
-                                       for k, t in enumerate(trials)]  # fmt: skip
+    return 1e3 * spent / len(trials), [
+        off(t, found.left_from_right[k], found.base[k]) if found.formed[k] else 180.0 for k, t in enumerate(trials)
+    ]
 
 
 def main() -> None:

@@ -26,15 +26,22 @@ from aatri.pipeline.methods.registry import find_stages
 
 BLOCKS: dict[str, dict[str, Any]] = {
     "demo, 3 + 1 strips of 6 film images": {
-        "preset": "rc30", "earth": "tangent", "false_origin_m": (0.0, 0.0),
-        "camera": {"fiducials": 8}, "flight": {"strips": 3, "images_per_strip": 6, "cross_strips": 1},
-        "ties": {"new_points": 300}, "known": {"full": 16, "check_full": 0},
+        "preset": "rc30",
+        "earth": "tangent",
+        "false_origin_m": (0.0, 0.0),
+        "camera": {"fiducials": 8},
+        "flight": {"strips": 3, "images_per_strip": 6, "cross_strips": 1},
+        "ties": {"new_points": 300},
+        "known": {"full": 16, "check_full": 0},
     },
     "UAV, 3 strips of 8 images": {
-        "preset": "uav", "earth": "tangent", "flight": {"strips": 3, "images_per_strip": 8},
-        "ties": {"random_per_image": 60.0}, "known": {"full": 16, "check_full": 0},
+        "preset": "uav",
+        "earth": "tangent",
+        "flight": {"strips": 3, "images_per_strip": 8},
+        "ties": {"random_per_image": 60.0},
+        "known": {"full": 16, "check_full": 0},
     },
-}  # fmt: skip
+}
 ROLES = ("interior_orientation", "relative_orientation", "strip_formation")
 LAST = ("strip_adjustment", "model_adjustment")
 BUNDLES = ("bundle", "alternating", "resection", "intersection")
@@ -168,8 +175,12 @@ def table(title: str, options: dict[str, Any]) -> str:
             tried[name] += 1
             if solution is not None:
                 found[name].append(errors(block, solution))
-    lines = [f"## {title}", "", "| variant | ran | plan mm (worst) | height mm (worst) | theory mm: plan, height | s |",
-             "|---|---|---|---|---|---|"]  # fmt: skip
+    lines = [
+        f"## {title}",
+        "",
+        "| variant | ran | plan mm (worst) | height mm (worst) | theory mm: plan, height | s |",
+        "|---|---|---|---|---|---|",
+    ]
     for name in sorted(tried, key=lambda n: (next(k for k, role in enumerate(ORDER) if n.startswith(role)), n)):
         e = 1e3 * np.array(found[name]).reshape(-1, 4)
         told = ["", ""] if not len(e) else [f"{np.median(c):.1f} ({c.max():.1f})" for c in e[:, :2].T]

@@ -69,9 +69,12 @@ def run_aatri(block: ArrayBlock, *, covariances: bool) -> Run:
     factorised, factor_wall, factor_cpu = _timed(lambda: factorise(_tree_alone(problem), result.adjusted.state))
     del factorised
     more = {
-        "flops": problem.tree.flops, "factor_wall_s": factor_wall, "factor_cpu_s": factor_cpu,
-        "factor_mb": problem.tree.factor_bytes / 1e6, "dgemm_flops": dgemm_rate(problem.threads),
-    }  # fmt: skip
+        "flops": problem.tree.flops,
+        "factor_wall_s": factor_wall,
+        "factor_cpu_s": factor_cpu,
+        "factor_mb": problem.tree.factor_bytes / 1e6,
+        "dgemm_flops": dgemm_rate(problem.threads),
+    }
     poses_wall = poses_cpu = 0.0
     if covariances:
         _, poses_wall, poses_cpu = _timed(lambda: marginal_covariances(result.adjusted, blocks=False))
@@ -162,9 +165,14 @@ def _tree_alone(problem: IndexedProblem) -> IndexedProblem:
 def _bundle_input(block: ArrayBlock) -> BundleInput:
     n, m = len(block.position_m), len(block.image)
     rays = ImagePointRows(
-        block.image, block.point, block.xy_mm, np.full((m, 2), block.sigma_mm), np.full(m, block.c_mm),
-        np.zeros((m, 2)), np.ones(m, dtype=bool),
-    )  # fmt: skip
+        block.image,
+        block.point,
+        block.xy_mm,
+        np.full((m, 2), block.sigma_mm),
+        np.full(m, block.c_mm),
+        np.zeros((m, 2)),
+        np.ones(m, dtype=bool),
+    )
     covariance = np.tile(block.gnss_sigma_m**2 * np.eye(3), (n, 1, 1))
     images = np.arange(n, dtype=np.int32)
     positions = Positions(images, images, block.gnss_m, covariance, np.zeros((n, 3)))
@@ -203,11 +211,13 @@ def _reconstruction(block: ArrayBlock) -> tuple[Any, list[Any], Float]:
         found.add_image_with_trivial_frame(image, pose)
         priors.append(
             pycolmap.PosePrior(
-                pose_prior_id=i + 1, corr_data_id=found.image(i + 1).data_id, position=block.gnss_m[i] - origin,
+                pose_prior_id=i + 1,
+                corr_data_id=found.image(i + 1).data_id,
+                position=block.gnss_m[i] - origin,
                 position_covariance=block.gnss_sigma_m**2 * np.eye(3),
                 coordinate_system=pycolmap.PosePriorCoordinateSystem.CARTESIAN,
             )
-        )  # fmt: skip
+        )
     by_point = np.argsort(block.point, kind="stable")
     start = np.searchsorted(block.point[by_point], np.arange(len(block.xyz_m) + 1))
     for p, X in enumerate(block.xyz_m):

@@ -56,9 +56,12 @@ def _measured(name: str) -> dict[str, Any]:
     result, *whole = _timed(lambda: adjust_bundle(given, BundleSettings()))
     _, *reliability = _timed(lambda: _tests(result))
     return {
-        "rays": len(result.ray_used), "iterations": n, "bundle": bundle, "reliability": reliability,
+        "rays": len(result.ray_used),
+        "iterations": n,
+        "bundle": bundle,
+        "reliability": reliability,
         "covariances": [a - b for a, b in zip(whole, bundle)],
-    }  # fmt: skip
+    }
 
 
 def _tests(result: BundleResult) -> list[Any]:

@@ -77,8 +77,13 @@ def _watched(tree: Path, folder: Path, options: list[str]) -> dict[str, list[flo
     command = [sys.executable, "-c", "from aatri.cli.main import main; main()", "run", "--quiet", *options]
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     before, started = children.ru_utime + children.ru_stime, time.perf_counter()
-    process = subprocess.Popen(command, cwd=folder, env={**os.environ, "PYTHONPATH": str(tree.resolve())},
-                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(tree.resolve())},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     found: dict[str, list[float]] = {}
     while process.poll() is None:
         now, memory = time.perf_counter() - started, _resident_gb(process.pid)
@@ -111,8 +116,9 @@ def _table(run: Path, made: dict[str, list[float]], again: dict[str, list[float]
     for stage, (begun, written, ended, memory) in made.items():
         record = json.loads(next((run / "objects" / stage).glob("*/record.json")).read_text(encoding="utf-8"))
         writing = ended - written if written == written else 0.0
-        lines.append(f"| {stage} | {ended - begun:.2f} | {writing:.2f} | {record['processor_seconds']:.2f} "
-                     f"| {memory:.2f} |")  # fmt: skip
+        lines.append(
+            f"| {stage} | {ended - begun:.2f} | {writing:.2f} | {record['processor_seconds']:.2f} | {memory:.2f} |"
+        )
     first, last = min(v[0] for v in made.values()), max(v[2] for v in made.values())
     lines.append(f"| before the first, after the last | {first:.2f}, {seconds - last:.2f} | | | |")
     lines.append(f"| all | {seconds:.2f} | | {processor:.2f} | |")

@@ -99,40 +99,65 @@ class MadeBlock:
         n_images, n_points = len(self.truth_X0), len(self.truth)
         tables = {f: cls.empty() for f, cls in _tables().items()}
         tables["cameras"] = b.Cameras(
-            id=["rc30"], kind=["film"], image_coordinates=["photo"], pixel_size_mm=[[np.nan] * 2], pixel_origin=[""],
-            pixel_y=[""], format=[[230.0, 230.0]], principal_distance_mm=[C_MM], principal_point_mm=[[0.0, 0.0]],
-            symmetry_point_mm=[[0.0, 0.0]], distortion=["none"],
-            lever_arm_m=[getattr(self, "lever_arm_m", np.zeros(3))], boresight_rad=[[0.0] * 3],
+            id=["rc30"],
+            kind=["film"],
+            image_coordinates=["photo"],
+            pixel_size_mm=[[np.nan] * 2],
+            pixel_origin=[""],
+            pixel_y=[""],
+            format=[[230.0, 230.0]],
+            principal_distance_mm=[C_MM],
+            principal_point_mm=[[0.0, 0.0]],
+            symmetry_point_mm=[[0.0, 0.0]],
+            distortion=["none"],
+            lever_arm_m=[getattr(self, "lever_arm_m", np.zeros(3))],
+            boresight_rad=[[0.0] * 3],
             mount_deg=[0],
-        )  # fmt: skip
+        )
         tables["strips"] = b.Strips(id=[str(k + 1) for k in range(len(self.frames))])
         text = [""] * n_images
         tables["images"] = b.Images(
-            id=[f"{i:03d}" for i in range(n_images)], camera=np.zeros(n_images, np.int32), strip=self.image_strip,
-            sequence=np.arange(n_images, dtype=float), time_s=np.full(n_images, np.nan), flight=text, session=text,
-            rig=text, member=text, active=np.ones(n_images, bool), file=np.full(n_images, -1),
+            id=[f"{i:03d}" for i in range(n_images)],
+            camera=np.zeros(n_images, np.int32),
+            strip=self.image_strip,
+            sequence=np.arange(n_images, dtype=float),
+            time_s=np.full(n_images, np.nan),
+            flight=text,
+            session=text,
+            rig=text,
+            member=text,
+            active=np.ones(n_images, bool),
+            file=np.full(n_images, -1),
             line=np.full(n_images, -1),
-        )  # fmt: skip
+        )
         tables["points"] = b.Points(id=[f"p{k:03d}" for k in range(n_points)])
         points = sorted(self.given)
         if points:
             tables["ground_points"] = b.GroundPoints(
-                point=points, xyz_m=[np.where(self.given[p][0] == 1, self.given[p][1], np.nan) for p in points],
+                point=points,
+                xyz_m=[np.where(self.given[p][0] == 1, self.given[p][1], np.nan) for p in points],
                 covariance_m2=[np.eye(3) * self.given[p][2] ** 2 for p in points],
                 role=[np.where(self.given[p][0] == 1, CONTROL, NO_ROLE) for p in points],
-                datum=np.ones(len(points), bool), file=np.full(len(points), -1), line=np.full(len(points), -1),
-            )  # fmt: skip
+                datum=np.ones(len(points), bool),
+                file=np.full(len(points), -1),
+                line=np.full(len(points), -1),
+            )
         images = sorted(self.observed_positions)
         if images:
             n = len(images)
             tables["exterior"] = b.Exterior(
-                image=images, position_m=[self.observed_positions[i][0] for i in images],
+                image=images,
+                position_m=[self.observed_positions[i][0] for i in images],
                 position_covariance_m2=[np.eye(3) * self.observed_positions[i][1] ** 2 for i in images],
-                angles_rad=np.full((n, 3), np.nan), angle_sigma_rad=np.full((n, 3), np.nan),
-                position_use=np.ones(n, np.int32), angle_use=np.zeros(n, np.int32),
-                refers_to=np.full(n, int(self.lever_arm_m.any())), drift_group=[""] * n,
-                file=np.full(n, -1), line=np.full(n, -1),
-            )  # fmt: skip
+                angles_rad=np.full((n, 3), np.nan),
+                angle_sigma_rad=np.full((n, 3), np.nan),
+                position_use=np.ones(n, np.int32),
+                angle_use=np.zeros(n, np.int32),
+                refers_to=np.full(n, int(self.lever_arm_m.any())),
+                drift_group=[""] * n,
+                file=np.full(n, -1),
+                line=np.full(n, -1),
+            )
         return Block(
             name="made",
             rotation="omega-phi-kappa",
@@ -146,14 +171,20 @@ class MadeBlock:
     def image_points(self):
         block, m = self.block(), len(self.rows)
         return ImagePoints(
-            images=ImageIds(id=block.images.id), points=PointIds(id=block.points.id),
+            images=ImageIds(id=block.images.id),
+            points=PointIds(id=block.points.id),
             measurements=Measurements(
-                image=self.rows[:, 0].astype(int), point=self.rows[:, 1].astype(int), xy_mm=self.rows[:, 2:],
-                sigma_mm=np.full((m, 2), 0.005), active=np.ones(m, bool),
+                image=self.rows[:, 0].astype(int),
+                point=self.rows[:, 1].astype(int),
+                xy_mm=self.rows[:, 2:],
+                sigma_mm=np.full((m, 2), 0.005),
+                active=np.ones(m, bool),
             ),
-            interior=Interior.empty(), fiducial_residuals=FiducialResiduals.empty(), corrections=Corrections.empty(),
+            interior=Interior.empty(),
+            fiducial_residuals=FiducialResiduals.empty(),
+            corrections=Corrections.empty(),
             suspects=Suspects.empty(),
-        )  # fmt: skip
+        )
 
     def strips(self, sigma_m=0.015):
         block = self.block()
@@ -162,20 +193,27 @@ class MadeBlock:
         shape = np.diag([1.0, 1.0, 3.0]) * sigma_m**2
         turned = np.array([self.frames[k][2] @ shape @ self.frames[k][2].T for k in strip])
         return s.Strips(
-            images=ImageIds(id=block.images.id), points=PointIds(id=block.points.id),
+            images=ImageIds(id=block.images.id),
+            points=PointIds(id=block.points.id),
             strips=s.FreeStrips(id=block.strips.id),
             strip_images=s.StripImages(
-                strip=self.image_strip, image=np.arange(len(self.truth_X0)),
+                strip=self.image_strip,
+                image=np.arange(len(self.truth_X0)),
                 position=[self._into(self.frames[k], X) for k, X in zip(self.image_strip, self.truth_X0)],
                 strip_from_image=[self.frames[k][2] @ R for k, R in zip(self.image_strip, self.truth_R)],
             ),
             strip_points=s.StripPoints(
-                strip=strip, point=[row[1] for row in self.strip_points], xyz=[row[2] for row in self.strip_points],
-                covariance=scale[:, None, None] ** 2 * turned, models=np.ones(len(strip), np.int32),
+                strip=strip,
+                point=[row[1] for row in self.strip_points],
+                xyz=[row[2] for row in self.strip_points],
+                covariance=scale[:, None, None] ** 2 * turned,
+                models=np.ones(len(strip), np.int32),
             ),
-            joints=s.Joints.empty(), discrepancies=s.Discrepancies.empty(), gaps=s.Gaps.empty(),
+            joints=s.Joints.empty(),
+            discrepancies=s.Discrepancies.empty(),
+            gaps=s.Gaps.empty(),
             suspects=Suspects.empty(),
-        )  # fmt: skip
+        )
 
 
 def _tables():

@@ -22,8 +22,13 @@ cameras:
     principal_point: [0.00222, 0.01883]
     distortion: {model: brown, k1: 8.654e-4, k2: -8.593e-5}
 """
-TIES = {"Tie_points_for_AO.txt": "T", "Matching.txt": "M1-", "MatchingB2.txt": "M2-", "MatchingB3.txt": "M3-",
-        "GCP_ImageCs.txt": "G"}  # fmt: skip
+TIES = {
+    "Tie_points_for_AO.txt": "T",
+    "Matching.txt": "M1-",
+    "MatchingB2.txt": "M2-",
+    "MatchingB3.txt": "M3-",
+    "GCP_ImageCs.txt": "G",
+}
 
 
 def block_folder(data: Path, folder: Path) -> Path:

@@ -135,9 +135,16 @@ ROLES = {
     "loop": Role(ports={"total": Total, "numbers": Numbers}, kind=Numbers),
 }
 STAGES = {
-    "source/fixed": fixed, "source/random": random, "sum/add": add, "sum/stubborn": stubborn, "sum/buggy": buggy,
-    "sum/liar": liar, "sum/interrupted": interrupted, "sum/stranger": stranger, "loop/report_size": report_size,
-}  # fmt: skip
+    "source/fixed": fixed,
+    "source/random": random,
+    "sum/add": add,
+    "sum/stubborn": stubborn,
+    "sum/buggy": buggy,
+    "sum/liar": liar,
+    "sum/interrupted": interrupted,
+    "sum/stranger": stranger,
+    "loop/report_size": report_size,
+}
 
 
 def made_up_registry(local: Path | None = None) -> Registry:

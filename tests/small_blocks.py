@@ -83,29 +83,56 @@ class Small:
         """The block folder."""
         folder.mkdir(parents=True)
         head = {
-            "aatri_block": 1, "name": "small", "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
-            "earth_curvature": "ignore", "terrain_height": 20.0, "rotation": "omega-phi-kappa",
-            "units": {"ground": "m", "angle": "deg", "sigma_image": "um", "sigma_ground": "m", "sigma_angle": "deg",
-                      "time": "s"},
+            "aatri_block": 1,
+            "name": "small",
+            "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
+            "earth_curvature": "ignore",
+            "terrain_height": 20.0,
+            "rotation": "omega-phi-kappa",
+            "units": {
+                "ground": "m",
+                "angle": "deg",
+                "sigma_image": "um",
+                "sigma_ground": "m",
+                "sigma_angle": "deg",
+                "time": "s",
+            },
             "sigma": {"image": 1e3 * SIGMA_MM, "control": [0.02] * 3, "position": [0.05] * 3, "attitude": [0.005] * 3},
-            "cameras": {"a": {"kind": "digital", "image_coordinates": "photo", "principal_distance": C_MM,
-                              "principal_point": [0.0, 0.0], "format": [30000, 30000],
-                              "pixel": {"size": 0.005, "origin": "image-centre", "y": "up"}, **self.camera},
-                        **self.more_cameras},
-        }  # fmt: skip
+            "cameras": {
+                "a": {
+                    "kind": "digital",
+                    "image_coordinates": "photo",
+                    "principal_distance": C_MM,
+                    "principal_point": [0.0, 0.0],
+                    "format": [30000, 30000],
+                    "pixel": {"size": 0.005, "origin": "image-centre", "y": "up"},
+                    **self.camera,
+                },
+                **self.more_cameras,
+            },
+        }
         errors = np.random.default_rng(1).normal(0, self.noise, (1000, 6))
         angles_deg = dict(zip(self.strip, errors[500:, 3:] * 0.005))
         places_m = dict(zip(self.strip, errors[500:, :3] * 0.05))
         write = {
             "images.csv": ["image,camera,strip,sequence", *(f"{i},a,{s},{k}" for i, (s, k) in self.strip.items())],
-            "image_points.csv": ["image,point,x,y", *(f"{i},{p},{x!r},{y!r}" for (i, p), (x, y) in
-                                                      ((key, xy.tolist()) for key, xy in self.rays.items()))],
-            "ground_points.csv": ["point,X,Y,Z", *(f"{p}," + _cells(self.xyz_m[p] + 0.02 * off[:3], axes)
-                                                   for (p, axes), off in zip(self.control.items(), errors))],
-            "exterior.csv": ["image,X,Y,Z,sX,sY,sZ,a1,a2,a3,s1,s2,s3",
-                             *(self._exterior(i, places_m[i], angles_deg[i]) for i in self.strip)],
+            "image_points.csv": [
+                "image,point,x,y",
+                *(f"{i},{p},{x!r},{y!r}" for (i, p), (x, y) in ((key, xy.tolist()) for key, xy in self.rays.items())),
+            ],
+            "ground_points.csv": [
+                "point,X,Y,Z",
+                *(
+                    f"{p}," + _cells(self.xyz_m[p] + 0.02 * off[:3], axes)
+                    for (p, axes), off in zip(self.control.items(), errors)
+                ),
+            ],
+            "exterior.csv": [
+                "image,X,Y,Z,sX,sY,sZ,a1,a2,a3,s1,s2,s3",
+                *(self._exterior(i, places_m[i], angles_deg[i]) for i in self.strip),
+            ],
             "geodetic.csv": ["type,from,to,value,sigma,via,from_kind,to_kind,set", *self.geodetic],
-        }  # fmt: skip
+        }
         (folder / "block.yaml").write_text(yaml.safe_dump(head, sort_keys=False))
         for name, lines in write.items():
             lines = [line for line in lines if line]
@@ -135,8 +162,17 @@ def omega_phi_kappa_deg(R: Any) -> Any:
     return Rotation.from_matrix(R).as_euler("XYZ", degrees=True)
 
 
-def flown(strips: int = 1, per_strip: int = 3, *, tilt_deg: float = 0.0, seed: int = 1, points: int = 14,
-          apart_m: float = 450.0, noise: float = 1.0, relief_m: float = 60.0) -> Small:  # fmt: skip
+def flown(
+    strips: int = 1,
+    per_strip: int = 3,
+    *,
+    tilt_deg: float = 0.0,
+    seed: int = 1,
+    points: int = 14,
+    apart_m: float = 450.0,
+    noise: float = 1.0,
+    relief_m: float = 60.0,
+) -> Small:
     """Strips of images over hilly ground, with control at the corners and positions of all images; one camera tilted.
 
     Parameters
@@ -232,8 +268,9 @@ def adjusted_by(chain: str, folder: Path, **options: Any) -> Done:
         initial = graph(block, interior, options=GraphOptions(**chosen), context=told, rng=np.random.default_rng(1))
         points = interior
     else:
-        points = systematic(block, interior, options=SystematicOptions(refraction=False, earth_curvature=False),
-                            context=told)  # fmt: skip
+        points = systematic(
+            block, interior, options=SystematicOptions(refraction=False, earth_curvature=False), context=told
+        )
         models = dependent(block, points, context=told)
         strips = scale_transfer(block, models, context=told)
         absolute = similarity(block, strips, points, context=told)
@@ -251,6 +288,7 @@ def off_m(small: Small, solution: Solution, *, free: bool = False) -> float:
     if free:
         known = np.isfinite(solution.points.xyz_m).all(axis=1)
         of_points = np.array([small.xyz_m[p] for p in solution.points.id[known]])
-        x = transform(closed_form(np.concatenate([x, solution.points.xyz_m[known]]),
-                                  np.concatenate([true, of_points])), x)  # fmt: skip
+        x = transform(
+            closed_form(np.concatenate([x, solution.points.xyz_m[known]]), np.concatenate([true, of_points])), x
+        )
     return float(np.linalg.norm(x - true, axis=1).max())

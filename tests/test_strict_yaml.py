@@ -14,14 +14,40 @@ from aatri.strict_yaml import Document, load, loads
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-6", 1e-6), ("1E5", 1e5), (".5", 0.5), ("1.", 1.0), ("-0.25", -0.25), ("0", 0), ("-7", -7), ("+3", 3),
-        ("0123", "0123"), ("007.5", "007.5"), ("0x1F", "0x1F"), ("1_000", "1_000"), ("12:30:00", "12:30:00"),
-        ("on", "on"), ("no", "no"), ("NO", "NO"), ("y", "y"), ("true", True), ("FALSE", False),
-        ("null", None), ("~", None), ("", None), ("'1'", "1"), ('"null"', "null"), (".inf", math.inf),
-        ("-.inf", -math.inf), ("2024-01-02", "2024-01-02"),
-        ("１２", "１２"), ("{block}", {"block": None}), ("[]", []), ("=", "="), ("{<<: 1}", {"<<": 1}),
+        ("1e-6", 1e-6),
+        ("1E5", 1e5),
+        (".5", 0.5),
+        ("1.", 1.0),
+        ("-0.25", -0.25),
+        ("0", 0),
+        ("-7", -7),
+        ("+3", 3),
+        ("0123", "0123"),
+        ("007.5", "007.5"),
+        ("0x1F", "0x1F"),
+        ("1_000", "1_000"),
+        ("12:30:00", "12:30:00"),
+        ("on", "on"),
+        ("no", "no"),
+        ("NO", "NO"),
+        ("y", "y"),
+        ("true", True),
+        ("FALSE", False),
+        ("null", None),
+        ("~", None),
+        ("", None),
+        ("'1'", "1"),
+        ('"null"', "null"),
+        (".inf", math.inf),
+        ("-.inf", -math.inf),
+        ("2024-01-02", "2024-01-02"),
+        ("１２", "１２"),
+        ("{block}", {"block": None}),
+        ("[]", []),
+        ("=", "="),
+        ("{<<: 1}", {"<<": 1}),
     ],
-)  # fmt: skip
+)
 def test_scalars_follow_the_core_schema_with_leading_zeros_as_text(text: str, value: object) -> None:
     assert loads(text).value == value
     assert type(loads(text).value) is type(value)
@@ -116,8 +142,38 @@ def test_files_may_have_a_byte_order_mark_but_must_be_utf8(tmp_path: Path) -> No
     assert caught.value.where == f"{path}:2:1"
 
 
-_PIECES = st.sampled_from(["a", "b: ", "- ", "[", "]", "{", "}", ", ", ": ", "\n", "  ", "\t", "'", '"', "&x", "*x",
-                           "!t ", "1e9", "0", "\0", "#", "|\n", ">", "---", "%", "?", "\ud800", "\x85"])  # fmt: skip
+_PIECES = st.sampled_from(
+    [
+        "a",
+        "b: ",
+        "- ",
+        "[",
+        "]",
+        "{",
+        "}",
+        ", ",
+        ": ",
+        "\n",
+        "  ",
+        "\t",
+        "'",
+        '"',
+        "&x",
+        "*x",
+        "!t ",
+        "1e9",
+        "0",
+        "\0",
+        "#",
+        "|\n",
+        ">",
+        "---",
+        "%",
+        "?",
+        "\ud800",
+        "\x85",
+    ]
+)
 
 
 @settings(max_examples=400, deadline=None)

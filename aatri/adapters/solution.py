@@ -80,9 +80,15 @@ def solved_cameras(block: Block) -> SolvedCameras:
 
 
 def residuals(
-    kind: str, row: Int, image: Text, point: Text, value: Float, sigma: Float,
-    active: Bool | None = None, unit: str | Text | None = None,
-) -> Residuals:  # fmt: skip
+    kind: str,
+    row: Int,
+    image: Text,
+    point: Text,
+    value: Float,
+    sigma: Float,
+    active: Bool | None = None,
+    unit: str | Text | None = None,
+) -> Residuals:
     """Residuals of one kind; values of fewer than three coordinates are filled with NaN.
 
     Parameters
@@ -117,9 +123,18 @@ def stacked(tables: Sequence[T]) -> T:
 
 
 def suspect_rows(
-    stage: str, kind: str, *, image: Text, point: Text, row: npt.ArrayLike = -1, size: npt.ArrayLike = np.nan,
-    unit: str = "mm", sigma: npt.ArrayLike = np.nan, test: npt.ArrayLike = np.nan, verdict: str = "rejected",
-) -> Suspects:  # fmt: skip
+    stage: str,
+    kind: str,
+    *,
+    image: Text,
+    point: Text,
+    row: npt.ArrayLike = -1,
+    size: npt.ArrayLike = np.nan,
+    unit: str = "mm",
+    sigma: npt.ArrayLike = np.nan,
+    test: npt.ArrayLike = np.nan,
+    verdict: str = "rejected",
+) -> Suspects:
     """Suspects of one kind and verdict, named by a stage.
 
     Parameters
@@ -134,10 +149,17 @@ def suspect_rows(
         return np.broadcast_to(np.asarray(values, dtype=np.float64), n)
 
     return Suspects(
-        kind=np.full(n, kind), row=np.broadcast_to(np.asarray(row, dtype=np.int32), n), image=image, point=point,
-        stage=np.full(n, stage), size=numbers(size), unit=np.full(n, unit), sigma=numbers(sigma), test=numbers(test),
+        kind=np.full(n, kind),
+        row=np.broadcast_to(np.asarray(row, dtype=np.int32), n),
+        image=image,
+        point=point,
+        stage=np.full(n, stage),
+        size=numbers(size),
+        unit=np.full(n, unit),
+        sigma=numbers(sigma),
+        test=numbers(test),
         verdict=np.full(n, verdict),
-    )  # fmt: skip
+    )
 
 
 def rejected_rows(suspects: Suspects, image_points: ImagePoints) -> Bool:

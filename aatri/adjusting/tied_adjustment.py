@@ -105,8 +105,11 @@ class TiedResult:
 
     def of(self, kind: str) -> Int:
         """Where the observations of a kind are among all, in the order of their rows."""
-        mine = [(o.row, first + np.arange(len(o))) for o, first in zip(self.problem.observed, self.problem.edges)
-                if o.kind == kind]  # fmt: skip
+        mine = [
+            (o.row, first + np.arange(len(o)))
+            for o, first in zip(self.problem.observed, self.problem.edges)
+            if o.kind == kind
+        ]
         if not mine:
             return np.zeros(0, dtype=np.int64)
         row, place = (np.concatenate(parts) for parts in zip(*mine))
@@ -245,8 +248,9 @@ def _counted(problem: TiedProblem, used: Bool) -> tuple[Bool, int]:
     """Observations in use that more than themselves determine, and how many unknowns there are with what they touch."""
     counted, unknowns = used.copy(), 0
     for group in (POINT, POSE):
-        touched = [(first, b) for o, first in zip(problem.observed, problem.edges) for g, b in o.records.touches
-                   if g == group]  # fmt: skip
+        touched = [
+            (first, b) for o, first in zip(problem.observed, problem.edges) for g, b in o.records.touches if g == group
+        ]
         if touched:
             size = 1 + max(int(b.max(initial=0)) for _, b in touched)
             mine = np.concatenate([b[used[first : first + len(b)]] for first, b in touched])

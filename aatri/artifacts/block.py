@@ -51,12 +51,41 @@ from aatri.tables.offers import Offer
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 __all__ = [
-    "ANTENNA", "APPROXIMATE", "APPROXIMATE_VALUE", "CHECK", "CONTROL", "NOT_SEEN", "NO_ROLE", "OBSERVED_VALUE",
-    "PROJECTION_CENTRE", "TRUTH", "Block", "CameraParameters", "Cameras", "DistortionTable", "Exterior",
-    "FiducialPoints", "Fiducials", "Files", "Frames", "Geodetic", "GeodeticCovariances", "GrossErrors",
-    "GroundPointCovariances", "GroundPoints", "Images", "MeasuredPoints", "Points", "Rejects", "RelativeControl",
-    "RelativeControlMembers", "RigMembers", "Strips", "TrueImages", "TruePoints",
-]  # fmt: skip
+    "ANTENNA",
+    "APPROXIMATE",
+    "APPROXIMATE_VALUE",
+    "CHECK",
+    "CONTROL",
+    "NOT_SEEN",
+    "NO_ROLE",
+    "OBSERVED_VALUE",
+    "PROJECTION_CENTRE",
+    "TRUTH",
+    "Block",
+    "CameraParameters",
+    "Cameras",
+    "DistortionTable",
+    "Exterior",
+    "FiducialPoints",
+    "Fiducials",
+    "Files",
+    "Frames",
+    "Geodetic",
+    "GeodeticCovariances",
+    "GrossErrors",
+    "GroundPointCovariances",
+    "GroundPoints",
+    "Images",
+    "MeasuredPoints",
+    "Points",
+    "Rejects",
+    "RelativeControl",
+    "RelativeControlMembers",
+    "RigMembers",
+    "Strips",
+    "TrueImages",
+    "TruePoints",
+]
 
 NOT_SEEN = "seen in no image"
 """Reason of a reject: a ground point that no image shows."""

@@ -50,19 +50,31 @@ Columns = Mapping[str, Any]
 """Columns of a table by name."""
 
 PLAIN: Mapping[str, Any] = {
-    "rotation": "omega-phi-kappa", "earth_curvature": "ignore", "terrain_height_m": np.nan, "undulation_m": np.nan,
+    "rotation": "omega-phi-kappa",
+    "earth_curvature": "ignore",
+    "terrain_height_m": np.nan,
+    "undulation_m": np.nan,
     "heading": "true",
-}  # fmt: skip
+}
 
 
 def block_of(
-    *, name: str, files: Sequence[Path | str] = (), cameras: Columns | Table | None = None,
-    camera_parameters: Columns | Table | None = None, images: Columns | None = None,
-    image_points: Columns | None = None, points: Iterable[str] = (),
-    ground_points: Columns | None = None, ground_point_covariances: Columns | None = None,
-    exterior: Columns | None = None, geodetic: Columns | None = None, geodetic_covariances: Columns | None = None,
-    fiducial_points: Columns | None = None, **others: Any,
-) -> Block:  # fmt: skip
+    *,
+    name: str,
+    files: Sequence[Path | str] = (),
+    cameras: Columns | Table | None = None,
+    camera_parameters: Columns | Table | None = None,
+    images: Columns | None = None,
+    image_points: Columns | None = None,
+    points: Iterable[str] = (),
+    ground_points: Columns | None = None,
+    ground_point_covariances: Columns | None = None,
+    exterior: Columns | None = None,
+    geodetic: Columns | None = None,
+    geodetic_covariances: Columns | None = None,
+    fiducial_points: Columns | None = None,
+    **others: Any,
+) -> Block:
     """The Block of some columns.
 
     Parameters
@@ -93,11 +105,12 @@ def block_of(
     point_ids = _Ids("point", np.unique(np.concatenate(named)), _texts_in(local), paths)
     strip_ids = np.unique([text for text in _texts_in(images.get("strip", ())).tolist() if text]).astype(np.str_)
     tables: dict[str, Any] = {
-        "frames": Frames(id=_texts_in(["local"]), axes=_texts_in(["x,y,z"]), crs=_texts_in(["local"]),
-                         vertical=_texts_in([""])),
+        "frames": Frames(
+            id=_texts_in(["local"]), axes=_texts_in(["x,y,z"]), crs=_texts_in(["local"]), vertical=_texts_in([""])
+        ),
         "strips": Strips(id=strip_ids if len(strip_ids) else _texts_in([])),
         "points": Points(id=point_ids.sorted),
-    }  # fmt: skip
+    }
     if cameras:
         tables["cameras"] = _sorted_by_id(Cameras.of(**cameras))
     if images:
@@ -137,8 +150,19 @@ def image_point_order(rows: MeasuredPoints) -> Int:
     same = (np.diff(rows.image[order]) == 0) & (np.diff(rows.point[order]) == 0)
     if not same.any():
         return order
-    return np.lexsort((rows.row_time_s, rows.active, rows.group, rows.sigma_mm[:, 1], rows.sigma_mm[:, 0],
-                       rows.xy[:, 1], rows.xy[:, 0], rows.point, rows.image))  # fmt: skip
+    return np.lexsort(
+        (
+            rows.row_time_s,
+            rows.active,
+            rows.group,
+            rows.sigma_mm[:, 1],
+            rows.sigma_mm[:, 0],
+            rows.xy[:, 1],
+            rows.xy[:, 0],
+            rows.point,
+            rows.image,
+        )
+    )
 
 
 def geodetic_order(rows: Geodetic) -> Int:
@@ -166,8 +190,11 @@ class _Ids:
         if len(in_order) < len(local):
             twice = str(in_order[count > 1][0])
             at = int(np.flatnonzero(local == twice)[-1])
-            raise InputError(f"{kind} {printable(twice)} stands twice", where=_place(columns, at, paths),
-                             remedy="remove one, or give it another name")  # fmt: skip
+            raise InputError(
+                f"{kind} {printable(twice)} stands twice",
+                where=_place(columns, at, paths),
+                remedy="remove one, or give it another name",
+            )
         return cls(kind, in_order, local, paths)
 
     def rows(self, values: npt.ArrayLike, columns: Columns) -> Int:
@@ -182,8 +209,11 @@ class _Ids:
             unknown = self.sorted[np.minimum(rows, len(self.sorted) - 1)] != ids
         if unknown.any():
             at = int(np.argmax(unknown))
-            raise InputError(f"{self.kind} {printable(str(ids[at]))} is named, but not given",
-                             where=_place(columns, at, self._paths), remedy="give it, or mend the id")  # fmt: skip
+            raise InputError(
+                f"{self.kind} {printable(str(ids[at]))} is named, but not given",
+                where=_place(columns, at, self._paths),
+                remedy="give it, or mend the id",
+            )
         return np.asarray(rows.astype(np.int32) if given.ndim else rows[0])
 
 
@@ -246,8 +276,11 @@ def _between_sights(columns: Columns, order: Int) -> GeodeticCovariances:
 def _pairs(columns: Columns, order: Int, per_row: int) -> tuple[Int, Int, Float]:
     """Places of each pair in canonical order, the smaller one first, and its value."""
     place = np.argsort(order)
-    ends = [per_row * place[np.asarray(columns[f"row_{side}"], dtype=np.intp)]
-            + np.asarray(columns.get(f"axis_{side}", 0), dtype=np.intp) for side in "ab"]  # fmt: skip
+    ends = [
+        per_row * place[np.asarray(columns[f"row_{side}"], dtype=np.intp)]
+        + np.asarray(columns.get(f"axis_{side}", 0), dtype=np.intp)
+        for side in "ab"
+    ]
     a, b = np.sort(np.stack(ends), axis=0)
     sorted_ = np.lexsort((b, a))
     return a[sorted_], b[sorted_], np.asarray(columns["value"], dtype=np.float64)[sorted_]

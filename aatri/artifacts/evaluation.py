@@ -25,8 +25,9 @@ class Differences(Table):
 
     point: Text = column("str", doc="id of the point")
     kind: Text = column("str", doc="control, left_out (control predicted without itself), check or truth")
-    difference_m: Float = column("f8", 3, unit="m", doc="difference; NaN where the coordinate does not take part",
-                                 optional=True)  # fmt: skip
+    difference_m: Float = column(
+        "f8", 3, unit="m", doc="difference; NaN where the coordinate does not take part", optional=True
+    )
     sigma_m: Float = column("f8", 3, unit="m", doc="theoretical standard deviation; NaN unknown", optional=True)
     rays: Int = column("i4", doc="image points used")
 

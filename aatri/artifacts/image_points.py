@@ -34,8 +34,9 @@ class Measurements(Table):
 
     image: Int = column("i4", doc="row in images", refers="images")
     point: Int = column("i4", doc="row in points", refers="points")
-    xy_mm: Float = column("f8", 2, unit="mm", doc="photo coordinates from the principal point; NaN if not determined",
-                          optional=True)  # fmt: skip
+    xy_mm: Float = column(
+        "f8", 2, unit="mm", doc="photo coordinates from the principal point; NaN if not determined", optional=True
+    )
     sigma_mm: Float = column("f8", 2, unit="mm", doc="standard deviation")
     active: Bool = column("bool", doc="to be used")
 

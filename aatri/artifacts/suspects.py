@@ -32,9 +32,12 @@ class Suspects(Table):
         "image or kind so called); used: readmitted, kept",
     )
     error: Float = column(
-        "f8", 3, optional=True, absent=True,
+        "f8",
+        3,
+        optional=True,
+        absent=True,
         doc="estimated gross error by component (x, y; X, Y, Z), observed minus what it should be",
-    )  # fmt: skip
+    )
 
 
 LEFT_OUT = ("rejected", "undecidable", "swapped")

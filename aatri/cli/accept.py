@@ -37,8 +37,11 @@ def accept(
                     say(f"{name} is up to date")
                 continue
             if decision.key is None:
-                raise SpecError(f"{name}: stages above it are not up to date", where=str(opened.spec.run),
-                                remedy="accept or run those first")  # fmt: skip
+                raise SpecError(
+                    f"{name}: stages above it are not up to date",
+                    where=str(opened.spec.run),
+                    remedy="accept or run those first",
+                )
             last = store.last_record(opened.spec.run, name)
             path = write(opened.spec.run, name, last, decision.parts, decision.key, message)
             say(f"{name}: accepted, see {path}")

@@ -48,10 +48,13 @@ def say_parameters(stage: str, solution: Solution) -> None:
     if not rows:
         return
     cells = [
-        [f"{p.object[k]} {p.name[k]}",
-         *(("removed", "") if removed[k] else (f"{p.value[k]:.6g}", number(float(p.sigma[k])))),
-         units[k]] for k in rows[:MOST_ROWS]
-    ]  # fmt: skip
+        [
+            f"{p.object[k]} {p.name[k]}",
+            *(("removed", "") if removed[k] else (f"{p.value[k]:.6g}", number(float(p.sigma[k])))),
+            units[k],
+        ]
+        for k in rows[:MOST_ROWS]
+    ]
     say()
     say_table((f"{stage}: parameters", "value", "sigma", "unit"), cells, ("value", "sigma"))
     if len(rows) > MOST_ROWS:

@@ -40,15 +40,22 @@ def compare(
             f for folder in folders for f in (folder, *(folder / VARIANTS / n for n in names_in(folder, VARIANTS)))
         ]
     if len(folders) < 2:
-        raise SpecError("one run only", where=str(folders[0]),
-                        remedy="give another, or --variants after `aatri run --variant NAME`")  # fmt: skip
+        raise SpecError(
+            "one run only", where=str(folders[0]), remedy="give another, or --variants after `aatri run --variant NAME`"
+        )
     names = _names(folders)
     compared = [read_run(folder, name) for folder, name in zip(folders, names)]
     options, metrics = option_rows(compared), metric_rows(compared)
     partings = {run.name: parting(compared[0], run) for run in compared[1:]}
     if json:
-        say_json({"runs": {run.name: str(run.folder) for run in compared}, "options": dict(options),
-                  "metrics": dict(metrics), "differences": {n: _plain(p) for n, p in partings.items()}})  # fmt: skip
+        say_json(
+            {
+                "runs": {run.name: str(run.folder) for run in compared},
+                "options": dict(options),
+                "metrics": dict(metrics),
+                "differences": {n: _plain(p) for n, p in partings.items()},
+            }
+        )
         return
     if len(compared) > 2 and not everything:
         say_side_by_side(compared)
@@ -57,8 +64,12 @@ def compare(
         shown = [(name, row) for name, row in metrics if everything or len(set(map(shown_value, row))) > 1]
         if not everything:
             shown.sort(key=lambda pair: -relative_spread(pair[1]))
-        _say_values("figure (largest change first)" if shown and not everything else "figure", names,
-                    shown if everything else shown[:MOST_FIGURES], "the figures are equal")  # fmt: skip
+        _say_values(
+            "figure (largest change first)" if shown and not everything else "figure",
+            names,
+            shown if everything else shown[:MOST_FIGURES],
+            "the figures are equal",
+        )
         if len(shown) > MOST_FIGURES and not everything:
             say(f"{len(shown) - MOST_FIGURES} more figures differ by less: --all\n")
     for run in compared[1:]:
@@ -104,6 +115,10 @@ def _told(found: Parting | None, first: Compared) -> str:
 def _plain(found: Parting | None) -> dict[str, Any] | None:
     if found is None:
         return None
-    return {"stage": found.stage, "reasons": [reason.plain() for reason in found.reasons],
-            "environment": found.environment, "only_last_bits": found.only_last_bits,
-            "largest_relative_difference": found.largest if found.largest < float("inf") else None}  # fmt: skip
+    return {
+        "stage": found.stage,
+        "reasons": [reason.plain() for reason in found.reasons],
+        "environment": found.environment,
+        "only_last_bits": found.only_last_bits,
+        "largest_relative_difference": found.largest if found.largest < float("inf") else None,
+    }

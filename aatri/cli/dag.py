@@ -29,8 +29,18 @@ def dag(
     plan = opened.plan()
     if json:
         pairs = zip(opened.nodes, plan.decisions)
-        say_json([{**plain_decision(d), "use": n.method.name, "from": dict(n.inputs), "unused": dict(n.unused),
-                   "kind": n.method.kind} for n, d in pairs])  # fmt: skip
+        say_json(
+            [
+                {
+                    **plain_decision(d),
+                    "use": n.method.name,
+                    "from": dict(n.inputs),
+                    "unused": dict(n.unused),
+                    "kind": n.method.kind,
+                }
+                for n, d in pairs
+            ]
+        )
     elif dot:
         _say_dot(opened, plan)
     else:

@@ -45,9 +45,12 @@ def exec_(
     opened = open_run(run, local_plugins=local_plugins) if run.is_dir() else open_request(given)
     select(opened.nodes, only=[stage])
     settings = RunSettings(
-        Selection(forced=frozenset({stage} if force else ())), lock=not no_lock, command=f"aatri exec {stage}",
-        source=opened.source, request=opened.request.plain(),
-    )  # fmt: skip
+        Selection(forced=frozenset({stage} if force else ())),
+        lock=not no_lock,
+        command=f"aatri exec {stage}",
+        source=opened.source,
+        request=opened.request.plain(),
+    )
     with Narrator(quiet=False) as narrator:
         record, made = make_stage(opened.spec, opened.nodes, stage, narrator, settings)
     if not made:

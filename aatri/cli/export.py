@@ -74,8 +74,11 @@ def _refuse_links(folder: Path) -> None:
     """Writing over a link would change a file elsewhere; over a pipe it would wait for a reader."""
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            raise SpecError("is a link or no file, and would be written through", where=str(path),
-                            remedy="remove it, or another folder")  # fmt: skip
+            raise SpecError(
+                "is a link or no file, and would be written through",
+                where=str(path),
+                remedy="remove it, or another folder",
+            )
 
 
 def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
@@ -114,8 +117,9 @@ def _write(run: LocatedRun, name: str, folder: Path) -> None:
 
         write_evaluation_tables(store.load(run.folder, name, Evaluation), folder)
     else:
-        raise SpecError(f"{name} gives {kind}; a Solution, a Block or an Evaluation can be exported",
-                        where=str(run.folder))  # fmt: skip
+        raise SpecError(
+            f"{name} gives {kind}; a Solution, a Block or an Evaluation can be exported", where=str(run.folder)
+        )
 
 
 def _write_model(run: LocatedRun, name: str, form: ExportForm, folder: Path) -> None:
@@ -127,8 +131,9 @@ def _write_model(run: LocatedRun, name: str, form: ExportForm, folder: Path) -> 
 
     record = _record(run, name)
     if record["output"]["kind"] != "Solution":
-        raise SpecError(f"{name} gives {record['output']['kind']}; only a Solution can be written as {form}",
-                        where=str(run.folder))  # fmt: skip
+        raise SpecError(
+            f"{name} gives {record['output']['kind']}; only a Solution can be written as {form}", where=str(run.folder)
+        )
     inputs = {port: source["stage"] for port, source in record["inputs"].items()}
     solution, block = store.load(run.folder, name, Solution), _block(run, inputs["block"])
     points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
@@ -152,8 +157,9 @@ def _write_wucaps(run: LocatedRun, name: str, folder: Path) -> None:
     record = _record(run, name)
     inputs = {port: source["stage"] for port, source in record["inputs"].items()}
     if record["output"]["kind"] not in ("Block", "Solution"):
-        raise SpecError(f"{name} gives {record['output']['kind']}; a Solution or a Block can be exported",
-                        where=str(run.folder))  # fmt: skip
+        raise SpecError(
+            f"{name} gives {record['output']['kind']}; a Solution or a Block can be exported", where=str(run.folder)
+        )
     points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
     for note in write_wucaps(_block(run, inputs.get("block", name)), folder, points):
         narrate(f"{note.level}: {note}")

@@ -60,14 +60,20 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     from aatri.pipeline.spec.spec import USE
 
     if not USE.fullmatch(use) or keyword.iskeyword(use.rpartition("/")[2]):
-        raise SpecError(f"{use!r} is not ROLE/NAME", where="--plugin",
-                        remedy="small letters, digits and _, beginning with a letter; see `aatri stages`")  # fmt: skip
+        raise SpecError(
+            f"{use!r} is not ROLE/NAME",
+            where="--plugin",
+            remedy="small letters, digits and _, beginning with a letter; see `aatri stages`",
+        )
     registry = find_stages()
     role, _, name = use.partition("/")
     declared = registry.role(role)
     if use in registry.variants:
-        raise SpecError(f"there is a stage {use} already: {registry.origins[use].where}", where="--plugin",
-                        remedy="choose another name")  # fmt: skip
+        raise SpecError(
+            f"there is a stage {use} already: {registry.origins[use].where}",
+            where="--plugin",
+            remedy="choose another name",
+        )
     cards = [registry.card(variant) for variant in registry.variants_of(role)]
     usual = demo_path().read_text(encoding="utf-8")
     cards.sort(key=lambda card: f"use: {card.name}," not in usual)  # what others of the chain are made to go with
@@ -91,8 +97,11 @@ def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
     extras.append("context: Context = SILENT")
     if start is not None:
         handed = [port.name for port in start.ports]
-        handed += [f"{extra}={extra}" for extra, wanted in (("rng", start.wants_rng), ("context", start.wants_context))
-                   if wanted]  # fmt: skip
+        handed += [
+            f"{extra}={extra}"
+            for extra, wanted in (("rng", start.wants_rng), ("context", start.wants_context))
+            if wanted
+        ]
         call = f"return {start.variant}({', '.join(handed)})"
     else:
         call = 'raise NotImplementedError("your method")'

@@ -84,14 +84,26 @@ def run(
     share_cores(jobs)
     pipeline = in_folder(pipeline)
     if all_variants and (variant or json or dry_run or pipeline.is_dir()):
-        raise SpecError("all variants are run of a pipeline file, and compared", where=str(pipeline),
-                        remedy="--all-variants without --variant, --json and --dry-run")  # fmt: skip
+        raise SpecError(
+            "all variants are run of a pipeline file, and compared",
+            where=str(pipeline),
+            remedy="--all-variants without --variant, --json and --dry-run",
+        )
     if pipeline.is_dir():
         if into is not None or variant:
-            raise SpecError("a run has its folder and its variant", where=str(pipeline),
-                            remedy="give the pipeline file with --into or --variant")  # fmt: skip
-        opened = open_run(pipeline, local_plugins=local_plugins, set_=tuple(set_ or ()), use=tuple(use or ()),
-                          quiet=quiet or json, background=not dry_run)  # fmt: skip
+            raise SpecError(
+                "a run has its folder and its variant",
+                where=str(pipeline),
+                remedy="give the pipeline file with --into or --variant",
+            )
+        opened = open_run(
+            pipeline,
+            local_plugins=local_plugins,
+            set_=tuple(set_ or ()),
+            use=tuple(use or ()),
+            quiet=quiet or json,
+            background=not dry_run,
+        )
     else:
         given = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
         opened = open_request(Request(str(pipeline), *given), quiet=quiet or json, background=not dry_run)
@@ -106,8 +118,14 @@ def run(
     records, report = _carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
     verdicts = judge(opened.spec, records, selection.stages)
     if json:
-        say_json({"run": str(opened.spec.run), "report": str(report), "stages": records,
-                  "gates": [verdict.plain() for verdict in verdicts]})  # fmt: skip
+        say_json(
+            {
+                "run": str(opened.spec.run),
+                "report": str(report),
+                "stages": records,
+                "gates": [verdict.plain() for verdict in verdicts],
+            }
+        )
     else:
         _say_end(opened.spec.run, records, report, verdicts)
     failed = failure_of(verdicts)
@@ -124,9 +142,7 @@ def run(
         raise failed
 
 
-def _say_end(
-    folder: Path, records: list[dict[str, Any]], report: Path | None, verdicts: tuple[Verdict, ...]
-) -> None:  # fmt: skip
+def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None, verdicts: tuple[Verdict, ...]) -> None:
     """The result of a run and where it lies."""
     from aatri.cli.calibration import say_calibration
     from aatri.cli.terminal.figures import say_result
@@ -151,8 +167,9 @@ def _carry_out(
     folder, events = opened.spec.run, opened.spec.run / "events.jsonl"
     before = events.stat().st_size if events.exists() else 0
     compiled = opened.compilation.wait if opened.compilation else None
-    settings = RunSettings(selection, command=_command(), source=opened.source, request=opened.request.plain(),
-                           compiled=compiled, **how)  # fmt: skip
+    settings = RunSettings(
+        selection, command=_command(), source=opened.source, request=opened.request.plain(), compiled=compiled, **how
+    )
     try:
         with Narrator(quiet, opened.compilation) as narrator:
             records = run_pipeline(opened.spec, opened.nodes, narrator, settings)

@@ -14,9 +14,7 @@ from aatri.errors import AatriError, GateError
 from aatri.pipeline.plan.compare import read_run
 
 
-def run_variants(
-    base: Opened, gates: GateError | None, carry_out: Callable[[Opened], GateError | None]
-) -> None:  # fmt: skip
+def run_variants(base: Opened, gates: GateError | None, carry_out: Callable[[Opened], GateError | None]) -> None:
     """Run the variants one after the other; one that fails is named and the others go on.
 
     `gates` says which gates of the pipeline itself failed, `carry_out` gives those of a variant: its results are there.

@@ -118,7 +118,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
             },
             **{_key(card): _options_schema(card) for card in cards if card.options is not None},
         },
-    }  # fmt: skip
+    }
 
 
 def _uses(card: StageCard) -> dict[str, Any]:
@@ -219,10 +219,13 @@ def _column_schema(column: Column) -> dict[str, Any]:
         item = {"type": "array", "items": item, "minItems": length, "maxItems": length}
     told = {"x-unit": column.unit, "x-refers": column.refers}
     return {
-        "type": "array", "items": item, "description": column.doc, "x-dtype": column.dtype,
+        "type": "array",
+        "items": item,
+        "description": column.doc,
+        "x-dtype": column.dtype,
         **{key: text for key, text in told.items() if text},
         **({} if column.digest else {"x-provenance": True}),
-    }  # fmt: skip
+    }
 
 
 def _first_line(cls: type) -> str:

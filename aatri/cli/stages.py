@@ -90,8 +90,16 @@ def _line(told: dict[str, Any]) -> str:
 def _described(card: StageCard) -> dict[str, Any]:
     schema = card.options.model_json_schema() if card.options else {}
     ports = {port.name: {"kind": port.kind.kind, "optional": port.optional} for port in card.ports}
-    return {"name": card.name, "version": card.version, "kind": card.kind.kind, "ports": ports,
-            "uses": _used(card), "random": card.wants_rng, "method": card.doc, "options": schema}  # fmt: skip
+    return {
+        "name": card.name,
+        "version": card.version,
+        "kind": card.kind.kind,
+        "ports": ports,
+        "uses": _used(card),
+        "random": card.wants_rng,
+        "method": card.doc,
+        "options": schema,
+    }
 
 
 def _used(card: StageCard) -> list[str] | None:

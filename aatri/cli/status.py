@@ -48,8 +48,14 @@ def _state(opened: Opened, decision: Decision, use: str) -> dict[str, Any]:
     head = {**plain_decision(decision), "use": use, "why": why(decision)}
     record = decision.record
     if record is not None:
-        return {**head, "state": "done", "key": record["key"], "ended": record["ended"], "seconds": record["seconds"],
-                "warnings": len(record["warnings"])}  # fmt: skip
+        return {
+            **head,
+            "state": "done",
+            "key": record["key"],
+            "ended": record["ended"],
+            "seconds": record["seconds"],
+            "warnings": len(record["warnings"]),
+        }
     reasons = {reason["why"] for reason in head["reasons"]}
     failure = store.failure(opened.spec.run, decision.stage)
     if failure is not None and ("failed_before" in reasons or decision.key is None):

@@ -93,13 +93,19 @@ def _apply(transformer: Any, xyz: Float, source: Frame, target: Frame) -> Float:
     try:
         result = transformer.transform(xyz[:, 0], xyz[:, 1], xyz[:, 2], errcheck=True)
     except Exception as error:  # pyproj.exceptions.ProjError; pyproj is not imported here
-        raise InputError(f"cannot convert from frame {source.name} to {target.name}: {error}", where=source.name,
-                         remedy="check crs, vertical and axes of both frames in block.yaml") from error  # fmt: skip
+        raise InputError(
+            f"cannot convert from frame {source.name} to {target.name}: {error}",
+            where=source.name,
+            remedy="check crs, vertical and axes of both frames in block.yaml",
+        ) from error
     converted = np.stack(result, axis=1)
     if not np.isfinite(converted).all():
         row = int(np.argwhere(~np.isfinite(converted).all(axis=1))[0, 0])
-        raise InputError(f"{xyz[row].tolist()} of frame {source.name} has no place in {target.name}", where=source.name,
-                         remedy="check that the axes of the frame are in the order of the table")  # fmt: skip
+        raise InputError(
+            f"{xyz[row].tolist()} of frame {source.name} has no place in {target.name}",
+            where=source.name,
+            remedy="check that the axes of the frame are in the order of the table",
+        )
     return converted
 
 
@@ -114,8 +120,9 @@ def crs_of(frame: Frame) -> Any:
     try:
         import pyproj
     except ImportError as error:
-        raise InputError(f"converting coordinates of frame {frame.name} needs pyproj", where=frame.name,
-                         remedy="pip install pyproj") from error  # fmt: skip
+        raise InputError(
+            f"converting coordinates of frame {frame.name} needs pyproj", where=frame.name, remedy="pip install pyproj"
+        ) from error
     if frame.crs == "local":
         what = f"frame {frame.name} is local: nothing can be converted from or to it"
         raise InputError(what, where=frame.name, remedy="give its crs in block.yaml")
@@ -127,8 +134,11 @@ def crs_of(frame: Frame) -> Any:
             return pyproj.crs.CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
         return system if system.is_geocentric or system.is_compound else system.to_3d()
     except pyproj.exceptions.CRSError as error:
-        raise InputError(f"crs of frame {frame.name} is not understood: {error}", where=frame.name,
-                         remedy="write it as EPSG:32650, PROJ or WKT text") from error  # fmt: skip
+        raise InputError(
+            f"crs of frame {frame.name} is not understood: {error}",
+            where=frame.name,
+            remedy="write it as EPSG:32650, PROJ or WKT text",
+        ) from error
 
 
 def transformer_between(source: Frame, target: Frame) -> Any:
@@ -145,5 +155,8 @@ def transformer_between(source: Frame, target: Frame) -> Any:
     try:
         return Transformer.from_crs(systems[0], systems[1], always_xy=True, only_best=True, allow_ballpark=False)
     except Exception as error:
-        raise InputError(f"no transformation from frame {source.name} to {target.name}: {error}", where=source.name,
-                         remedy="install the grid pyproj names (projsync), or use other frames") from error  # fmt: skip
+        raise InputError(
+            f"no transformation from frame {source.name} to {target.name}: {error}",
+            where=source.name,
+            remedy="install the grid pyproj names (projsync), or use other frames",
+        ) from error

@@ -27,5 +27,6 @@ def utm_of(frame: Frame, latitude_deg: float, longitude_deg: float) -> Frame:
     name = f"{datum.name} / UTM zone {zone}{half}"
     made = ProjectedCRS(conversion=UTMConversion(str(zone), half), name=name, geodetic_crs=datum)
     code = made.to_authority(min_confidence=SURE)
-    return Frame(f"utm{zone}{half.lower()}", ("east", "north", "up"), ":".join(code) if code else made.to_wkt(),
-                 frame.vertical)  # fmt: skip
+    return Frame(
+        f"utm{zone}{half.lower()}", ("east", "north", "up"), ":".join(code) if code else made.to_wkt(), frame.vertical
+    )

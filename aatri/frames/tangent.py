@@ -153,8 +153,11 @@ def tangent_frame(source: Frame, centre: Float, undulation_m: float = 0.0) -> Ta
     else:
         G = ellipsoid.geocentric(frame._to_geographic(np.asarray(centre, dtype=np.float64)[None]), frame.body)
     if not np.isfinite(G).all():
-        raise InputError(f"{centre.tolist()} has no place in frame {source.name}", where=source.name,
-                         remedy="check crs, vertical and axes of the frame in block.yaml")  # fmt: skip
+        raise InputError(
+            f"{centre.tolist()} has no place in frame {source.name}",
+            where=source.name,
+            remedy="check crs, vertical and axes of the frame in block.yaml",
+        )
     longitude, latitude, _ = ellipsoid.geographic(G, frame.body)[0]
     frame = TangentFrame(source, undulation_m, frame.body, G[0], ellipsoid.local_axes(longitude, latitude))
     if frame.geocentric:

@@ -56,9 +56,17 @@ class UncertainIntersection:
 
 
 def intersect_uncertain(
-    xy_mm: Float, sigma_mm: Float, c_mm: Float, image: Int, point: Int, active: Bool, position_m: Float,
-    ground_from_image: Float, covariance: Float, n_points: int,
-) -> UncertainIntersection:  # fmt: skip
+    xy_mm: Float,
+    sigma_mm: Float,
+    c_mm: Float,
+    image: Int,
+    point: Int,
+    active: Bool,
+    position_m: Float,
+    ground_from_image: Float,
+    covariance: Float,
+    n_points: int,
+) -> UncertainIntersection:
     """Intersect points from poses with covariances.
 
     Parameters
@@ -96,14 +104,32 @@ def intersect_uncertain(
     known = finite_rows(xyz)
     covariance_m2 = np.full((n_points, 3, 3), np.nan)
     covariance_m2[known] = np.linalg.inv(N[known])
-    return _with_residuals(xy_mm, sigma_mm, c_mm, use[known[p]], image, point, xyz, covariance_m2, position_m,
-                           ground_from_image, covariance)  # fmt: skip
+    return _with_residuals(
+        xy_mm,
+        sigma_mm,
+        c_mm,
+        use[known[p]],
+        image,
+        point,
+        xyz,
+        covariance_m2,
+        position_m,
+        ground_from_image,
+        covariance,
+    )
 
 
 def _linearised(
-    xy_mm: Float, sigma_mm: Float, c_mm: Float, use: Int, image: Int, xyz: Float, position_m: Float,
-    ground_from_image: Float, covariance: Float,
-) -> tuple[Float, Float, Float]:  # fmt: skip
+    xy_mm: Float,
+    sigma_mm: Float,
+    c_mm: Float,
+    use: Int,
+    image: Int,
+    xyz: Float,
+    position_m: Float,
+    ground_from_image: Float,
+    covariance: Float,
+) -> tuple[Float, Float, Float]:
     found, A, J = collinearity(position_m[image], ground_from_image[image], xyz, c_mm[use])
     C = A @ covariance[image] @ A.swapaxes(1, 2) + (sigma_mm[use] ** 2)[:, :, None] * np.eye(2)
     return found - xy_mm[use], J, np.asarray(np.linalg.inv(C), dtype=np.float64)
@@ -121,13 +147,23 @@ def _summed(values: Float, point: Int, n_points: int) -> Float:
 
 
 def _with_residuals(
-    xy_mm: Float, sigma_mm: Float, c_mm: Float, use: Int, image: Int, point: Int, xyz: Float, covariance_m2: Float,
-    position_m: Float, ground_from_image: Float, covariance: Float,
-) -> UncertainIntersection:  # fmt: skip
+    xy_mm: Float,
+    sigma_mm: Float,
+    c_mm: Float,
+    use: Int,
+    image: Int,
+    point: Int,
+    xyz: Float,
+    covariance_m2: Float,
+    position_m: Float,
+    ground_from_image: Float,
+    covariance: Float,
+) -> UncertainIntersection:
     m = len(xy_mm)
     whitened, residual, sigma = (np.full((m, 2), np.nan) for _ in range(3))
-    v, _, W = _linearised(xy_mm, sigma_mm, c_mm, use, image[use], xyz[point[use]], position_m, ground_from_image,
-                             covariance)  # fmt: skip
+    v, _, W = _linearised(
+        xy_mm, sigma_mm, c_mm, use, image[use], xyz[point[use]], position_m, ground_from_image, covariance
+    )
     residual[use] = v
     whitened[use] = np.einsum("nji,nj->ni", np.linalg.cholesky(W), v)
     sigma[use] = np.sqrt(np.einsum("nii->ni", np.linalg.inv(W)))

@@ -137,10 +137,16 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
             part = rows.take(some)
             records = attitude_records(part, (drift.group[some], time[some]) if drifting else None, exact=exact)
             found.append(
-                Observed(records, part.row, named(image=block.images.id[part.image]), "rad", exact=exact,
-                         unknowns=tuple(u for u, _ in new.values()),
-                         start={name: start for name, (_, start) in new.items()})
-            )  # fmt: skip
+                Observed(
+                    records,
+                    part.row,
+                    named(image=block.images.id[part.image]),
+                    "rad",
+                    exact=exact,
+                    unknowns=tuple(u for u, _ in new.values()),
+                    start={name: start for name, (_, start) in new.items()},
+                )
+            )
             new = {}
     if options.drift == "linear" and found:
         found[0] = replace(found[0], notes=time_notes(block.images, rows.image, group))
@@ -170,10 +176,14 @@ def attitudes_of(given: Given) -> Attitudes:
     row = np.flatnonzero(known)
     image = e.image[row]
     camera = block.images.camera[image]
-    place = np.where(finite_rows(e.position_m)[row, None], given.placed(e.position_m[row])[0],
-                     given.start[POSE].position_m[image] + given.origin_m)  # fmt: skip
-    angles = ObservedAngles(e.angles_rad[row], block.rotation, ground_of_angles(given, place),
-                            block.cameras.mount_deg[camera])  # fmt: skip
+    place = np.where(
+        finite_rows(e.position_m)[row, None],
+        given.placed(e.position_m[row])[0],
+        given.start[POSE].position_m[image] + given.origin_m,
+    )
+    angles = ObservedAngles(
+        e.angles_rad[row], block.rotation, ground_of_angles(given, place), block.cameras.mount_deg[camera]
+    )
     observed, turning = angles.rotations()
     return Attitudes(row, image, camera, observed, turning, e.angle_sigma_rad[row], given.axes_at(place), angles)
 

@@ -166,10 +166,15 @@ def observed_positions(
     """Weighted and exact positions, given the names of their images and their coordinates in the adjustment."""
     given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
     return tuple(
-        Observed(position_records(rows.take(some), given.take(some), exact=exact), rows.row[some],
-                 named(image=names[some]), "m", exact=exact)
+        Observed(
+            position_records(rows.take(some), given.take(some), exact=exact),
+            rows.row[some],
+            named(image=names[some]),
+            "m",
+            exact=exact,
+        )
         for exact, some in rows.by_exactness()
-    )  # fmt: skip
+    )
 
 
 def position_records(rows: Positions, coordinates: GivenCoordinates, *, exact: bool) -> Records:

@@ -107,10 +107,15 @@ def _verdict(run: RunView) -> str:
 def _gates(run: RunView) -> PageTable | None:
     """Every quality gate with its bounds and value, passed or failed."""
     rows = [
-        (v.gate.stage, v.gate.metric, v.gate.bounds, "passed" if v.passed else "failed",
-         "no value" if v.value is None else number(v.value))
+        (
+            v.gate.stage,
+            v.gate.metric,
+            v.gate.bounds,
+            "passed" if v.passed else "failed",
+            "no value" if v.value is None else number(v.value),
+        )
         for v in verdicts_in(run.overview)
-    ]  # fmt: skip
+    ]
     return PageTable("Gates", ("stage", "metric", "wanted", "", "value"), rows, 4) if rows else None
 
 
@@ -119,8 +124,17 @@ def _counts(run: RunView) -> Mapping[str, str]:
     blocks, solutions = run.of_kind(Block), run.of_kind(Solution)
     given: Mapping[str, Any] = blocks[-1].metrics if blocks else {}
     solved: Mapping[str, Any] = solutions[-1].metrics if solutions else {}
-    names = ("images", "points", "image_points", "strips", "control_points", "check_points", "observations", "unknowns",
-             "redundancy")  # fmt: skip
+    names = (
+        "images",
+        "points",
+        "image_points",
+        "strips",
+        "control_points",
+        "check_points",
+        "observations",
+        "unknowns",
+        "redundancy",
+    )
     counts = {}
     for name in names:
         if name in solved and name in given and solved[name] != given[name]:

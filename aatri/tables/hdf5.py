@@ -175,8 +175,11 @@ def size_of(artifact: Artifact) -> int:
 def _describe(group: h5py.Group) -> dict[str, Any]:
     columns = {}
     for name, dataset in group.items():
-        columns[name] = {"shape": dataset.shape, "units": scalar_of(dataset.attrs.get("units", "")),
-                         "description": scalar_of(dataset.attrs.get("description", ""))}  # fmt: skip
+        columns[name] = {
+            "shape": dataset.shape,
+            "units": scalar_of(dataset.attrs.get("units", "")),
+            "description": scalar_of(dataset.attrs.get("description", "")),
+        }
     rows = next(iter(columns.values()))["shape"][0] if columns else 0
     return {"rows": int(rows), "description": scalar_of(group.attrs.get("description", "")), "columns": columns}
 

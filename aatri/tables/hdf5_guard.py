@@ -135,8 +135,11 @@ def _attributes(owner: Any, where: str) -> None:
         if kind.get_class() != h5py.h5t.STRING:
             _dtype(kind, f"{where}, attribute {_name(attribute)}")
         elif kind.is_variable_str():
-            raise ArtifactError(f"attribute {_name(attribute)} is a text of variable length", where=where,
-                                remedy="run it again: older versions wrote such")  # fmt: skip
+            raise ArtifactError(
+                f"attribute {_name(attribute)} is a text of variable length",
+                where=where,
+                remedy="run it again: older versions wrote such",
+            )
         elif kind.get_size() > LONGEST:
             raise ArtifactError(f"attribute {_name(attribute)} is a text of {kind.get_size()} bytes", where=where)
 

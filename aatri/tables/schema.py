@@ -128,8 +128,10 @@ class Table:
         unknown = sorted(columns.keys() - declared.keys())
         missing = [name for name, c in declared.items() if name not in columns and c.default is None]
         if unknown or missing:
-            raise ArtifactError(f"{cls.__name__}: no column {', '.join(unknown) or 'is unknown'}; "
-                                f"missing: {', '.join(missing) or 'none'}")  # fmt: skip
+            raise ArtifactError(
+                f"{cls.__name__}: no column {', '.join(unknown) or 'is unknown'}; "
+                f"missing: {', '.join(missing) or 'none'}"
+            )
         stated = {name: np.asarray(values) for name, values in columns.items()}
         lengths = [len(v) if v.size else 0 for name, v in stated.items() if _has_rows(v, declared[name])]
         n = max(lengths, default=1 if stated else 0)

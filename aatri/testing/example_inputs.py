@@ -55,9 +55,13 @@ _CHAIN: Mapping[str, tuple[str, Mapping[str, str]]] = {
 _OPTIONS: Mapping[str, Mapping[str, Any]] = {"calibration": {"self_calibration": {"set": "brown_conrady"}}}
 
 _BY_KIND = {
-    "Block": "block", "ImagePoints": "refined", "Models": "models", "Strips": "strips", "Solution": "absolute",
+    "Block": "block",
+    "ImagePoints": "refined",
+    "Models": "models",
+    "Strips": "strips",
+    "Solution": "absolute",
     "Evaluation": "accuracy",
-}  # fmt: skip
+}
 
 
 def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str, Artifact]:
@@ -78,8 +82,10 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
     for port, kind in declared.ports.items():
         name = _name_of(role, port, kind)
         if name is None:
-            raise PluginError(f"no example of kind {kind.kind} for port {port} of role {role}",
-                              remedy="give one: check_stage(..., inputs={PORT: ARTIFACT})")  # fmt: skip
+            raise PluginError(
+                f"no example of kind {kind.kind} for port {port} of role {role}",
+                remedy="give one: check_stage(..., inputs={PORT: ARTIFACT})",
+            )
         inputs[port] = _made(name, example)
     return inputs
 

@@ -63,10 +63,17 @@ class SimilarityOptions(Options):
 
 @stage(
     version=2,
-    uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m",
-          "cameras.lever_arm_m", "earth_curvature:frame", "undulation"),
+    uses=(
+        "images.strip",
+        "ground_points.xyz_m",
+        "ground_points.covariance_m2",
+        "exterior.position_m",
+        "cameras.lever_arm_m",
+        "earth_curvature:frame",
+        "undulation",
+    ),
     needs=lambda options: datum_needed(positions=options.use_positions),
-)  # fmt: skip
+)
 def similarity(
     block: Block,
     strips: Strips,

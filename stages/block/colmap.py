@@ -31,8 +31,11 @@ class ColmapOptions(Options):
 def colmap(*, options: ColmapOptions, context: Context = SILENT) -> Block:
     """Read a sparse model."""
     block = read_colmap(
-        options.path, image_sigma_px=options.image_sigma_px, position_sigma_m=options.position_sigma,
-        control=options.control, calibrate=options.calibrate,
+        options.path,
+        image_sigma_px=options.image_sigma_px,
+        position_sigma_m=options.position_sigma,
+        control=options.control,
+        calibrate=options.calibrate,
         reporter=context,
-    )  # fmt: skip
+    )
     return screened(block, context, options.max_reject_share)

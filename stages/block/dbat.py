@@ -34,8 +34,12 @@ class DbatOptions(Options):
 def dbat(*, options: DbatOptions, context: Context = SILENT) -> Block:
     """Read a PhotoModeler export and its control points."""
     block = read_dbat(
-        options.path, options.control, camera_model=options.camera_model, calibrate=options.calibrate,
-        image_sigma_px=options.image_sigma_px, set_aside=options.undetermined_points == "set_aside",
+        options.path,
+        options.control,
+        camera_model=options.camera_model,
+        calibrate=options.calibrate,
+        image_sigma_px=options.image_sigma_px,
+        set_aside=options.undetermined_points == "set_aside",
         reporter=context,
-    )  # fmt: skip
+    )
     return screened(block, context, options.max_reject_share)

@@ -26,8 +26,12 @@ class PairsOptions(Options):
 def pairs(*, options: PairsOptions, context: Context = SILENT) -> Block:
     """Read a folder of pair files."""
     block = read_pairs(
-        options.path, unit_um=options.unit_um, image_sigma_um=options.image_sigma_um, control=options.control,
-        check=options.check, control_sigma_m=options.control_sigma or 0.0,
+        options.path,
+        unit_um=options.unit_um,
+        image_sigma_um=options.image_sigma_um,
+        control=options.control,
+        check=options.check,
+        control_sigma_m=options.control_sigma or 0.0,
         reporter=context,
-    )  # fmt: skip
+    )
     return screened(block, context, options.max_reject_share)

@@ -23,6 +23,10 @@ class WucapsOptions(Options):
 @stage(version=1, uses=())
 def wucaps(*, options: WucapsOptions, context: Context = SILENT) -> Block:
     """Read a folder of WuCAPS files."""
-    block = read_wucaps(options.path, image_sigma_mm=options.image_sigma_um * 1e-3, reporter=context,
-                        control_sigma_m=options.control_sigma)  # fmt: skip
+    block = read_wucaps(
+        options.path,
+        image_sigma_mm=options.image_sigma_um * 1e-3,
+        reporter=context,
+        control_sigma_m=options.control_sigma,
+    )
     return screened(block, context, options.max_reject_share)

@@ -59,5 +59,6 @@ class Blunders(Options):
     def search_options(self) -> SearchOptions:
         """The same as the methods take it."""
         limit = LEAST_LIMIT if self.limit is None else self.limit
-        return SearchOptions(self.method, self.weights, self.bound, limit, self.limit is None, self.tau, self.max_share,
-                    self.sigmas)  # fmt: skip
+        return SearchOptions(
+            self.method, self.weights, self.bound, limit, self.limit is None, self.tau, self.max_share, self.sigmas
+        )

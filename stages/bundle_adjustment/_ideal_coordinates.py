@@ -34,9 +34,12 @@ MOST_ROUNDS = 10
 
 
 def at_ideal_coordinates(
-    block: Block, image_points: ImagePoints | None, chosen: ChosenSet | None, done: Round,
+    block: Block,
+    image_points: ImagePoints | None,
+    chosen: ChosenSet | None,
+    done: Round,
     adjust: Callable[[BundleInput], BundleResult],
-) -> Round:  # fmt: skip
+) -> Round:
     """The adjusted block with the terms of an ideal set at its ideal coordinates; other sets are what they are."""
     if image_points is None or chosen is None or not any(part.parameters.ideal for part in chosen.parts):
         return done

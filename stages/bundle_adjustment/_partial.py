@@ -46,9 +46,14 @@ class PartialOptions(KindOptions):
 
 
 def resected(
-    block: Block, image_points: ImagePoints, initial: Solution, options: PartialOptions, weighted: bool, linear: bool,
+    block: Block,
+    image_points: ImagePoints,
+    initial: Solution,
+    options: PartialOptions,
+    weighted: bool,
+    linear: bool,
     context: Context,
-) -> Solution:  # fmt: skip
+) -> Solution:
     """Images on known points; those without orientation start by the linear transformation or three points."""
     image_points = _corrected(block, image_points, context)
     given = bundle_input(block, image_points, initial, options, linear_start=linear)
@@ -120,9 +125,14 @@ def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
 
 
 def _made(
-    block: Block, initial: Solution | None, given: BundleInput, options: PartialOptions, context: Context, variant: str,
+    block: Block,
+    initial: Solution | None,
+    given: BundleInput,
+    options: PartialOptions,
+    context: Context,
+    variant: str,
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],
-) -> Solution:  # fmt: skip
+) -> Solution:
     tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)
     tell(inherited(initial.suspects) if initial is not None else [], context)
     settings = BundleSettings(

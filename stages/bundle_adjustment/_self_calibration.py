@@ -37,9 +37,9 @@ from aatri.plugin import CodePath, Field, Options
 class SelfCalibration(Options):
     """A set of additional parameters."""
 
-    set: Literal[
-        "brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"
-    ] = Field(description="set of parameters")  # fmt: skip
+    set: Literal["brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"] = (
+        Field(description="set of parameters")
+    )
     per: Sharing | dict[Sharing, list[str]] = Field(
         "camera",
         description="what shares a set: camera, flight, session, image; or which of its parameters each of them shares",
@@ -55,9 +55,11 @@ class SelfCalibration(Options):
         False, description="leave out what is not determined, not separable or not significant, and adjust again"
     )
     balance_radius_mm: float | None = Field(
-        None, gt=0, description="r0 of aicon and bauer3, mm, where the radial terms vanish; null: 2/3 of half the "
+        None,
+        gt=0,
+        description="r0 of aicon and bauer3, mm, where the radial terms vanish; null: 2/3 of half the "
         "diagonal (aicon), or orthogonal to c over the format (bauer3)",
-    )  # fmt: skip
+    )
     orders: tuple[int, int] | None = Field(
         None, description="orders in x and y of fourier (null: 1, 1), degrees of legendre (null: 4, 4)"
     )
@@ -148,8 +150,13 @@ def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> Cho
             )
     if wanted is not None and wanted.remove:
         raise SpecError("self_calibration.remove with a calibration: its parameters are known", remedy="remove: false")
-    return ChosenSet(calibration.set, calibration.interior, _sigma_mm(wanted or SelfCalibration(set="brown_conrady")),
-                     parts, calibration)  # fmt: skip
+    return ChosenSet(
+        calibration.set,
+        calibration.interior,
+        _sigma_mm(wanted or SelfCalibration(set="brown_conrady")),
+        parts,
+        calibration,
+    )
 
 
 def _wanted_set(wanted: SelfCalibration) -> ParameterSet:
@@ -172,8 +179,9 @@ def parameters_of(
         if chosen.calibration is not None and part.per != "image":
             groups.append(calibrated_parameters(block, image_points, part, chosen.calibration.parts[k]))
         else:
-            groups.append(additional_parameters(block, image_points, part.parameters, part.per, chosen.sigma_mm,
-                                                part.group))  # fmt: skip
+            groups.append(
+                additional_parameters(block, image_points, part.parameters, part.per, chosen.sigma_mm, part.group)
+            )
     known = solution is not None and has_camera_models(solution)
     camera = camera_parameters(block, image_points, calibrated=known)
     if camera is not None and solution is not None and known:
@@ -198,15 +206,24 @@ def _left_out_by_name(chosen: ChosenSet) -> list[Note]:
     """Parameters of the set that no unit of `per` names: not adjusted."""
     if not chosen.unnamed:
         return []
-    return [Note("note", f"self_calibration.per names no unit for some parameters of {chosen.name}, which stay zero: "
-                 f"{', '.join(chosen.unnamed)}")]  # fmt: skip
+    return [
+        Note(
+            "note",
+            f"self_calibration.per names no unit for some parameters of {chosen.name}, which stay zero: "
+            f"{', '.join(chosen.unnamed)}",
+        )
+    ]
 
 
 def _units_without_names(block: Block, chosen: ChosenSet) -> list[Note]:
     """Warnings of flights and sessions that the block does not name: then a camera is one."""
     names = {"flight": block.images.flight, "session": block.images.session}
     return [
-        Note("warning", f"self_calibration: no image has a {part.per} (images.csv): all images of a camera share "
-             f"{', '.join(part.parameters.parameters)}")
-        for part in chosen.parts if part.per in names and not (names[part.per] != "").any()
-    ]  # fmt: skip
+        Note(
+            "warning",
+            f"self_calibration: no image has a {part.per} (images.csv): all images of a camera share "
+            f"{', '.join(part.parameters.parameters)}",
+        )
+        for part in chosen.parts
+        if part.per in names and not (names[part.per] != "").any()
+    ]

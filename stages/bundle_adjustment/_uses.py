@@ -8,8 +8,9 @@ from aatri.adapters.cameras.unknowns import MODELS
 from aatri.camera.models.calibration import PARAMETERS
 from aatri.observations import kinds
 
-CAMERAS = tuple(f"camera_parameters:{distortion}.{name}" for distortion, model in MODELS.items()
-                for name in PARAMETERS[model])  # fmt: skip
+CAMERAS = tuple(
+    f"camera_parameters:{distortion}.{name}" for distortion, model in MODELS.items() for name in PARAMETERS[model]
+)
 """Standard deviations of the parameters that the camera models of the adjustment have."""
 
 
@@ -29,7 +30,9 @@ def used(*, marked: bool, sessions: bool, levels: Collection[str] = (), flights:
     """
     own = ("images.strip", "cameras.distortion", "earth_curvature:frame", "undulation", *CAMERAS)
     optional = (
-        ("ground_points.datum", marked), ("images.session", sessions), ("images.flight", flights or "flight" in levels),
+        ("ground_points.datum", marked),
+        ("images.session", sessions),
+        ("images.flight", flights or "flight" in levels),
         ("image_points.group", "group" in levels),
-    )  # fmt: skip
+    )
     return (*kinds.USES, *own, *(name for name, wanted in optional if wanted))

@@ -202,16 +202,25 @@ def bundle(
     made = bundle_solution(block, given, result, suspects, of_cameras, orderings, tests=options.reliability)
     uncontrolled, of_film = uncontrolled_of(done.result)
     report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
-    made = replace(made, variance_components=components, uncontrolled=uncontrolled,
-                   contradictions=sum(map(contradicts, groups)),
-                   proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None)  # fmt: skip
+    made = replace(
+        made,
+        variance_components=components,
+        uncontrolled=uncontrolled,
+        contradictions=sum(map(contradicts, groups)),
+        proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None,
+    )
     return with_datum(block, made, options.datum, options.datum_over)
 
 
 def _given(
-    block: Block, image_points: ImagePoints | None, initial: Solution | None, calibration: Solution | None,
-    chosen: ChosenSet | None, options: BundleOptions, context: Context,
-) -> BundleInput:  # fmt: skip
+    block: Block,
+    image_points: ImagePoints | None,
+    initial: Solution | None,
+    calibration: Solution | None,
+    chosen: ChosenSet | None,
+    options: BundleOptions,
+    context: Context,
+) -> BundleInput:
     """What is to be adjusted, and what there is to say of it before."""
     parameters = (
         parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()

@@ -52,9 +52,13 @@ def collocation(
     rows = np.flatnonzero(np.isfinite(m.xy_mm).all(axis=1))
     units = units_of(block, options.per)
     correction, _, signals = collocate_groups(
-        units.of_image[m.image[rows]], m.xy_mm[rows], residual_mm[rows], used[rows],
-        model=options.model, cells_per_side=options.cells_per_side,
-    )  # fmt: skip
+        units.of_image[m.image[rows]],
+        m.xy_mm[rows],
+        residual_mm[rows],
+        used[rows],
+        model=options.model,
+        cells_per_side=options.cells_per_side,
+    )
     notes = []
     if not used.any():
         notes.append(Note("warning", "the solution has no residuals of image points: nothing is corrected"))

@@ -112,9 +112,16 @@ def graph(
     observed = np.full((len(block.images), 3), np.nan)
     observed[ground.positions.image] = ground.positions.position_m
     free = orient_free(
-        pairs, turns_of(models), rays, block.images.id, block.points.id,
-        start=options.positions, observed_m=observed, rng=rng, reporter=context,
-    )  # fmt: skip
+        pairs,
+        turns_of(models),
+        rays,
+        block.images.id,
+        block.points.id,
+        start=options.positions,
+        observed_m=observed,
+        rng=rng,
+        reporter=context,
+    )
 
     def on_the_ground(block: Block) -> tuple[Solution, list[Note]]:
         ground = ground_of(block, given, use_positions=options.use_positions)
@@ -122,8 +129,9 @@ def graph(
         more = len(given.geodetic) or len(given.relative_control_members)
         parts, notes = to_ground(block, ground, free.components, rays, options.control_limit, by_all if more else None)
         method = "initial_orientation/graph"
-        made = initial_solution(block, image_points, rays, ground, parts, method, image_points.suspects,
-                                tests=options.reliability)  # fmt: skip
+        made = initial_solution(
+            block, image_points, rays, ground, parts, method, image_points.suspects, tests=options.reliability
+        )
         return made, list(notes)
 
     solution, notes = on_the_ground(block)
@@ -131,8 +139,17 @@ def graph(
         inside = in_tangent_frame(given, inside.back(solution))
         solution, notes = on_the_ground(inside.block)
     findings = findings_of(inside.block, solution, "initial_orientation")
-    report([*of_lens, *free.notes, *shown_components(free.components, block), *notes, *findings,
-            *not_oriented(block, solution)], context)  # fmt: skip
+    report(
+        [
+            *of_lens,
+            *free.notes,
+            *shown_components(free.components, block),
+            *notes,
+            *findings,
+            *not_oriented(block, solution),
+        ],
+        context,
+    )
     return inside.back(solution)
 
 
@@ -145,9 +162,12 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         images = images[kept]
     pairs = pairs_of(block, image_points, images)
     made = essential_orientations(
-        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, min_points=options.min_points,
+        pairs.rays,
+        pairs.start,
+        snooping_limit=options.snooping_limit,
+        min_points=options.min_points,
         reporter=context,
-    )  # fmt: skip
+    )
     context.progress(len(images), len(images), "models")
     context.log(f"{int(made.orientations.formed.sum())} of {len(images)} pairs make a model")
     return essential_models(block, image_points, pairs, made)

@@ -42,8 +42,9 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         tell([Note("note", text)], context)
     marks = film_marks(block, np.flatnonzero(film))
     nominal = np.einsum("nii->ni", marks.nominal)
-    fit = snooped_fiducials(model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal,
-                            limit=options.test_limit)  # fmt: skip
+    fit = snooped_fiducials(
+        model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal, limit=options.test_limit
+    )
     usable, of_marks = check_film(block, marks, fit, options.max_sigma0)
     fit = replace(fit, determined=usable)
     calibrated = calibrated_interior(block, np.flatnonzero(block.images.active & ~film))

@@ -71,8 +71,17 @@ class IndependentModelsOptions(Options):
         return {"sigma": value} if isinstance(value, str | float | int) else value
 
 
-@stage(version=2, uses=("ground_points.xyz_m", "ground_points.covariance_m2", "exterior.position_m",
-                       "cameras.lever_arm_m", "earth_curvature:frame", "undulation"))  # fmt: skip
+@stage(
+    version=2,
+    uses=(
+        "ground_points.xyz_m",
+        "ground_points.covariance_m2",
+        "exterior.position_m",
+        "cameras.lever_arm_m",
+        "earth_curvature:frame",
+        "undulation",
+    ),
+)
 def independent_models(
     block: Block,
     image_points: ImagePoints,

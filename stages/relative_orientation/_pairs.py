@@ -81,9 +81,12 @@ def oriented(
     image_points = checked_image_points(block, image_points, context)
     pairs = pairs_of_strips(block, image_points, context)
     orient = partial(
-        relative_orientations, snooping_limit=options.snooping_limit, max_iterations=options.max_iterations,
-        min_points=options.min_points, reporter=context,
-    )  # fmt: skip
+        relative_orientations,
+        snooping_limit=options.snooping_limit,
+        max_iterations=options.max_iterations,
+        min_points=options.min_points,
+        reporter=context,
+    )
     if options.orientation_points is None:
         orients, orientations = np.ones(len(pairs.point), dtype=bool), orient(pairs.rays, pairs.start)
     else:

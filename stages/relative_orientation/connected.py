@@ -59,9 +59,13 @@ def connected(
     image_points = checked_image_points(block, image_points, context)
     pairs = pairs_of_strips(block, image_points, context)
     orientations = relative_orientations(
-        pairs.rays, pairs.start, snooping_limit=options.snooping_limit, max_iterations=options.max_iterations,
-        min_points=options.min_points, reporter=context,
-    )  # fmt: skip
+        pairs.rays,
+        pairs.start,
+        snooping_limit=options.snooping_limit,
+        max_iterations=options.max_iterations,
+        min_points=options.min_points,
+        reporter=context,
+    )
     pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
     refuse_misfits(orientations, options.max_sigma0)
     connections, loose = connected_pairs(pairs, orientations, limit_of(pairs.rays, options.snooping_limit))

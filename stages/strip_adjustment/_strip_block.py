@@ -40,9 +40,17 @@ class StripBlockOptions(Options):
 
 
 def strip_block(
-    block: Block, image_points: ImagePoints, strips: Strips, initial: Solution, form: Form, options: StripBlockOptions,
-    context: Context, *, full: bool = False, narrow: bool = False,
-) -> Solution:  # fmt: skip
+    block: Block,
+    image_points: ImagePoints,
+    strips: Strips,
+    initial: Solution,
+    form: Form,
+    options: StripBlockOptions,
+    context: Context,
+    *,
+    full: bool = False,
+    narrow: bool = False,
+) -> Solution:
     """Adjust the strips of a block together, with deformations of a form."""
     check_same_block(block, image_points.images.id, "image_points")
     check_same_block(block, strips.images.id, "strips")
@@ -51,10 +59,16 @@ def strip_block(
     block, start = inside.block, inside.initial or initial
     basis = strip_basis(form, highest_degree(options.degree, options.degrees), full=full, narrow=narrow)
     adjusted = adjust_strips(
-        block, strips, start, basis, degree=options.degree, degrees=options.degrees,
-        asked=bool({"degree", "degrees"} & options.model_fields_set), limit=options.limit,
+        block,
+        strips,
+        start,
+        basis,
+        degree=options.degree,
+        degrees=options.degrees,
+        asked=bool({"degree", "degrees"} & options.model_fields_set),
+        limit=options.limit,
         max_sigma0=options.max_sigma0,
-    )  # fmt: skip
+    )
     method = f"strip_adjustment/{form}"
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, method, tests=options.reliability

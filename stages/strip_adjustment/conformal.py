@@ -27,8 +27,10 @@ class ConformalOptions(StripBlockOptions):
     narrow: bool = Field(False, description="without the terms in V^2 and V^3 of the plan: conformal on the axis only")
 
 
-@stage(version=2, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
-                       "earth_curvature:frame", "undulation"))  # fmt: skip
+@stage(
+    version=2,
+    uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2", "earth_curvature:frame", "undulation"),
+)
 def conformal(
     block: Block,
     image_points: ImagePoints,

@@ -38,8 +38,10 @@ class PolynomialOptions(StripBlockOptions):
     )
 
 
-@stage(version=4, uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2",
-                       "earth_curvature:frame", "undulation"))  # fmt: skip
+@stage(
+    version=4,
+    uses=("images.strip", "ground_points.xyz_m", "ground_points.covariance_m2", "earth_curvature:frame", "undulation"),
+)
 def polynomial(
     block: Block,
     image_points: ImagePoints,

@@ -58,9 +58,15 @@ def limit_of_joints(models: Models, limit: float | None) -> float:
 
 
 def joined(
-    block: Block, models: Models, method: Callable[[ModelTable, JointTable], JointTable], options: JoiningOptions,
-    context: Context, *, limit: float, rejecting: bool,
-) -> Strips:  # fmt: skip
+    block: Block,
+    models: Models,
+    method: Callable[[ModelTable, JointTable], JointTable],
+    options: JoiningOptions,
+    context: Context,
+    *,
+    limit: float,
+    rejecting: bool,
+) -> Strips:
     """Join the models of every strip.
 
     Parameters

@@ -47,6 +47,11 @@ def scale_transfer(
     """Join the models of every strip."""
     plain, limit = options.estimator == "mean", limit_of_joints(models, options.snooping_limit)
     return joined(
-        block, models, lambda _, joints: with_mean_scales(joints) if plain else joints, options, context, limit=limit,
+        block,
+        models,
+        lambda _, joints: with_mean_scales(joints) if plain else joints,
+        options,
+        context,
+        limit=limit,
         rejecting=options.estimator == "robust",
-    )  # fmt: skip
+    )

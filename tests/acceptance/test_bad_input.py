@@ -18,8 +18,10 @@ from tests.acceptance.small_block import SIMULATE, STAGES, TABLES, Edit, aatri, 
 POINTS, IMAGES, GROUND, EXTERIOR = "image_points.csv", "images.csv", "ground_points.csv", "exterior.csv"
 BEFORE_ABSOLUTE = {"block", "interior", "refined", "models", "strips"}
 ALL = BEFORE_ABSOLUTE | {"absolute", "strip_block", "bundle", "accuracy"}
-FLAT = STAGES.replace("image_points: interior}}", "image_points: interior},\n"
-                      "                with: {refraction: false, earth_curvature: false}}")  # fmt: skip
+FLAT = STAGES.replace(
+    "image_points: interior}}",
+    "image_points: interior},\n                with: {refraction: false, earth_curvature: false}}",
+)
 """Without corrections that want a flying height: the datum is first asked for by the absolute orientation."""
 
 

@@ -22,16 +22,47 @@ OWN = {"aatri_block", "name"}
 """Keys that are no values."""
 
 WORDS: dict[str, Any] = {
-    "image": "i9", "point": "p99", "camera": "other", "strip": "t", "flight": "h", "session": "night", "rig": "Q",
-    "member": "middle", "group": "x", "fiducial": "9", "role": "check", "datum": "no", "frame": "elsewhere",
-    "use": "approximate", "drift_group": "h", "type": "dX", "from": "p27", "to": "p27", "via": "p27", "set": "s9",
-    "reduced": "horizon", "row_a": "p24", "row_b": "p24", "coord_a": "Z", "coord_b": "Z", "axis": "X",
-}  # fmt: skip
+    "image": "i9",
+    "point": "p99",
+    "camera": "other",
+    "strip": "t",
+    "flight": "h",
+    "session": "night",
+    "rig": "Q",
+    "member": "middle",
+    "group": "x",
+    "fiducial": "9",
+    "role": "check",
+    "datum": "no",
+    "frame": "elsewhere",
+    "use": "approximate",
+    "drift_group": "h",
+    "type": "dX",
+    "from": "p27",
+    "to": "p27",
+    "via": "p27",
+    "set": "s9",
+    "reduced": "horizon",
+    "row_a": "p24",
+    "row_b": "p24",
+    "coord_a": "Z",
+    "coord_b": "Z",
+    "axis": "X",
+}
 """What stands in stead of a text."""
 
-TURNED = {"yes": "no", "no": "yes", "projection_centre": "antenna", "antenna": "projection_centre", "dX": "dY",
-          "image": "point", "point": "image", "ground_points": "geodetic", "geodetic": "ground_points",
-          "true": "grid"}  # fmt: skip
+TURNED = {
+    "yes": "no",
+    "no": "yes",
+    "projection_centre": "antenna",
+    "antenna": "projection_centre",
+    "dX": "dY",
+    "image": "point",
+    "point": "image",
+    "ground_points": "geodetic",
+    "geodetic": "ground_points",
+    "true": "grid",
+}
 
 ROWS = {"image_points": (0, 1, 7, 8, 11, 12), "fiducials": (0, 1, 2, 5)}
 """Rows of the long tables that are looked at, of each kind one; of the others all."""
@@ -159,8 +190,12 @@ def test_the_blocks_use_every_column() -> None:
         for table, rows in made(which).tables.items():
             columns.setdefault(table, set()).update(c for row in rows for c, value in row.items() if value != "")
     declared = {
-        "images": images.IMAGES, "image_points": images.IMAGE_POINTS, "fiducials": images.FIDUCIALS,
-        "ground_points": ground.GROUND_POINTS, "exterior": exterior.EXTERIOR, "geodetic": geodetic.GEODETIC,
-    }  # fmt: skip
+        "images": images.IMAGES,
+        "image_points": images.IMAGE_POINTS,
+        "fiducials": images.FIDUCIALS,
+        "ground_points": ground.GROUND_POINTS,
+        "exterior": exterior.EXTERIOR,
+        "geodetic": geodetic.GEODETIC,
+    }
     for table, known in declared.items():
         assert set(known) - columns[table] <= {"path", "mask", "row_time"}, table

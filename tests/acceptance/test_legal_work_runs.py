@@ -93,8 +93,14 @@ def _scanned(block: Block, marks: np.ndarray, scan: np.ndarray) -> Block:
         moved = 7.0 * np.column_stack([image % 3, image % 2])
         return np.asarray(np.column_stack([np.ones(len(xy_mm)), xy_mm]) @ scan + moved)
 
-    cameras = replace(block.cameras, image_coordinates=["pixel"], pixel_size_mm=[[0.021] * 2],
-                      pixel_origin=["bottom-left-corner"], pixel_y=["up"], format=[[11129.0, 11263.0]])  # fmt: skip
+    cameras = replace(
+        block.cameras,
+        image_coordinates=["pixel"],
+        pixel_size_mm=[[0.021] * 2],
+        pixel_origin=["bottom-left-corner"],
+        pixel_y=["up"],
+        format=[[11129.0, 11263.0]],
+    )
     points = block.image_points
     images = np.repeat(np.arange(len(block.images)), 4)
     return replace(
@@ -103,11 +109,14 @@ def _scanned(block: Block, marks: np.ndarray, scan: np.ndarray) -> Block:
         image_points=replace(points, xy=pixels(points.xy, points.image)),
         fiducials=Fiducials(camera=np.zeros(4, int), id=["1", "2", "3", "4"], xy_mm=marks[:, :2]),
         fiducial_points=FiducialPoints(
-            image=images, fiducial=np.tile(np.arange(4), len(block.images)),
-            xy=pixels(np.tile(marks[:, :2], (len(block.images), 1)), images), sigma_mm=np.full((len(images), 2), 0.005),
-            file=np.full(len(images), -1), line=np.full(len(images), -1),
+            image=images,
+            fiducial=np.tile(np.arange(4), len(block.images)),
+            xy=pixels(np.tile(marks[:, :2], (len(block.images), 1)), images),
+            sigma_mm=np.full((len(images), 2), 0.005),
+            file=np.full(len(images), -1),
+            line=np.full(len(images), -1),
         ),
-    )  # fmt: skip
+    )
 
 
 def test_a_block_of_control_alone_without_any_start(tmp_path: Path, shared_data: Path) -> None:
@@ -144,8 +153,10 @@ def test_an_export_for_dbat_with_standard_deviations_of_zero(tmp_path: Path, sha
 def test_a_dbat3_camera_exported_and_read_back(tmp_path: Path, shared_data: Path) -> None:
     """`aatri export` of the block, and the bundle of what was exported: the digits of DBAT's report again."""
     folder = shared_data / "dbat/camcal"
-    options = (f"path: {folder / 'camcal-pmexport.txt'}, control: {folder / 'camcal-fixed.txt'}, "
-               "camera_model: dbat3, calibrate: true")  # fmt: skip
+    options = (
+        f"path: {folder / 'camcal-pmexport.txt'}, control: {folder / 'camcal-fixed.txt'}, "
+        "camera_model: dbat3, calibrate: true"
+    )
     first = _metrics(tmp_path / "first", _dbat(options))
     target = tmp_path / "second" / "block"
     target.parent.mkdir()

@@ -11,8 +11,14 @@ from typer.testing import CliRunner
 from aatri.cli.main import app
 
 RECIPES = sorted((Path(__file__).parents[2] / "docs" / "recipes").glob("*.yaml"))
-SMALL = ("flight.strips=3", "flight.images_per_strip=6", "flight.cross_strips=1", "ties.new_points=300",
-         "known.full=12", "known.check_full=6")  # fmt: skip
+SMALL = (
+    "flight.strips=3",
+    "flight.images_per_strip=6",
+    "flight.cross_strips=1",
+    "ties.new_points=300",
+    "known.full=12",
+    "known.check_full=6",
+)
 
 AS_THEY_ARE = ("close_range",)
 """Small already; its block has no control."""

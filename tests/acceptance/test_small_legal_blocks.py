@@ -60,9 +60,15 @@ def without_datum(small: Small) -> None:
 
 
 def unused_camera(small: Small) -> None:
-    small.more_cameras = {"b": {"kind": "digital", "image_coordinates": "photo", "principal_distance": 80.0,
-                                "format": [30000, 30000], "pixel": {"size": 0.005, "origin": "image-centre",
-                                                                    "y": "up"}}}  # fmt: skip
+    small.more_cameras = {
+        "b": {
+            "kind": "digital",
+            "image_coordinates": "photo",
+            "principal_distance": 80.0,
+            "format": [30000, 30000],
+            "pixel": {"size": 0.005, "origin": "image-centre", "y": "up"},
+        }
+    }
 
 
 def unseen_control(small: Small) -> None:
@@ -74,9 +80,12 @@ def thin_strip(small: Small) -> None:
     """The third strip shares no point with the others, and few within: its orientations are observed."""
     third = [image for image in small.strip if image.startswith("3")]
     for image in third:
-        own = [p for p in small.seen_by(image)
-               if all((other, p) not in small.rays for other in set(small.strip) - set(third))
-               and sum((other, p) in small.rays for other in third) > 1]  # fmt: skip
+        own = [
+            p
+            for p in small.seen_by(image)
+            if all((other, p) not in small.rays for other in set(small.strip) - set(third))
+            and sum((other, p) in small.rays for other in third) > 1
+        ]
         for point in set(small.seen_by(image)) - set(own[:5]):
             del small.rays[image, point]
     small.attitudes = list(small.strip)
@@ -99,7 +108,10 @@ BLOCKS: dict[str, tuple[Small, tuple[str, ...], list[str], str]] = {
     "an image with two points": (changed(flown(2, 4), points_left("203", 2)), BOTH, ["203"], "203"),
     "an image with three points": (changed(flown(2, 4), no_positions, points_left("204", 3)), BOTH, ["204"], "204"),
     "an image with two points, no position": (
-        changed(flown(2, 4), no_positions, points_left("203", 2)), ("graph",), ["203"], "203",
+        changed(flown(2, 4), no_positions, points_left("203", 2)),
+        ("graph",),
+        ["203"],
+        "203",
     ),
     "a shuffled image at the end": (changed(flown(2, 4), no_positions, shuffled("204")), BOTH, ["204"], "204"),
     "a shuffled image in the middle": (changed(flown(3, 4), shuffled("202")), BOTH, ["202"], "202"),
@@ -108,7 +120,7 @@ BLOCKS: dict[str, tuple[Small, tuple[str, ...], list[str], str]] = {
     "a strip on its observed orientations": (changed(flown(3, 4), thin_strip), ("graph",), [], ""),
     "a camera without images": (changed(flown(2, 4), unused_camera), BOTH, [], "no image of camera b"),
     "control that nothing shows": (changed(flown(2, 4), unseen_control), BOTH, [], "far: seen in no image"),
-}  # fmt: skip
+}
 """Block, chains, images that are left out, what a warning has to name."""
 
 

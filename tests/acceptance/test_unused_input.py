@@ -64,8 +64,10 @@ CASES = {
 
 
 def _used() -> set[str]:
-    cards = [find_stages().card(name) for name in ("absolute_orientation/similarity", "strip_adjustment/polynomial",
-                                                   "bundle_adjustment/bundle")]  # fmt: skip
+    cards = [
+        find_stages().card(name)
+        for name in ("absolute_orientation/similarity", "strip_adjustment/polynomial", "bundle_adjustment/bundle")
+    ]
     return {name for card in cards for name in card.used_with(card.options() if card.options else None) or ()}
 
 

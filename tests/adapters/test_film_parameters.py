@@ -30,8 +30,9 @@ def test_film_with_measured_fiducials_carries_six_an_image() -> None:
 
 @pytest.mark.parametrize(("model", "open_"), [("similarity", 4), ("affine", 6), ("bilinear", 8), ("projective", 8)])
 def test_as_many_are_weighted_as_the_transformation_leaves_open(model: str, open_: int) -> None:
-    block = simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0},
-                      camera={"fiducials": 8})  # fmt: skip
+    block = simulated(
+        preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0}, camera={"fiducials": 8}
+    )
     rows = film_parameters(block, find_stages().card(f"interior_orientation/{model}").function(block))
     assert rows is not None
     assert rows.free.shape == (3, open_)

@@ -24,10 +24,14 @@ SIZE = 40.0
 
 def block_of(known: dict[str, int], per_position: int = 3) -> Any:
     return simulated(
-        4, camera={"kind": "digital", "format": (9000.0, 9000.0), "pixel_size_mm": 0.02}, known=known,
-        flight={"strips": 2, "images_per_strip": 4}, ties={"per_position": per_position}, refraction="none",
+        4,
+        camera={"kind": "digital", "format": (9000.0, 9000.0), "pixel_size_mm": 0.02},
+        known=known,
+        flight={"strips": 2, "images_per_strip": 4},
+        ties={"per_position": per_position},
+        refraction="none",
         gnss={"observed": False},
-    )  # fmt: skip
+    )
 
 
 def before_the_bundle(block: Any, points: Any) -> tuple[Any, ...]:
@@ -35,9 +39,12 @@ def before_the_bundle(block: Any, points: Any) -> tuple[Any, ...]:
     strips = scale_transfer(block, models)
     absolute = similarity(block, strips, points)
     return (
-        models, strips, absolute, polynomial(block, points, strips, absolute),
+        models,
+        strips,
+        absolute,
+        polynomial(block, points, strips, absolute),
         independent_models(block, points, models, absolute),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +94,11 @@ def test_every_image_point_of_one_model_is_listed_once_with_its_row(made: Any) -
     u = u.take(np.isfinite(u.direction[:, 0]))
     counts = np.bincount(p.point[p.active], minlength=len(block.points))
     rows = np.flatnonzero(p.active & (counts[p.point] == 1))
-    wanted = {(str(block.images.id[i]), str(block.points.id[p.point[r]]))
-              for r in rows for i in (o.left[p.model[r]], o.right[p.model[r]])}  # fmt: skip
+    wanted = {
+        (str(block.images.id[i]), str(block.points.id[p.point[r]]))
+        for r in rows
+        for i in (o.left[p.model[r]], o.right[p.model[r]])
+    }
     listed = list(zip(u.image.tolist(), u.point.tolist()))
     assert sorted(listed) == sorted(wanted)
     m = block.image_points
@@ -101,9 +111,10 @@ def test_a_ray_in_no_model_is_listed_by_every_stage_without_direction_and_its_er
     m = points.measurements
     strip, place = block.images.strip[m.image], block.images.sequence[m.image]
     two = next(  # a point in two images of one strip, and in the other strip
-        p for p in range(len(block.points))
+        p
+        for p in range(len(block.points))
         if (strip[m.point == p] == 0).sum() == 2 and (strip[m.point == p] == 1).sum() > 1
-    )  # fmt: skip
+    )
     rows = np.flatnonzero((m.point == two) & (strip == 0))
     active = m.active.copy()
     active[rows[0]] = False

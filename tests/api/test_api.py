@@ -21,9 +21,11 @@ LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
 
 @pytest.fixture
 def opened(tmp_path: Path) -> aatri.api.Run:  # type: ignore[name-defined]
-    stages = [{"stage": "block", "use": "block/tables", "from": {}, "kind": "Block"},
-              {"stage": "bundle", "use": "bundle_adjustment/bundle", "from": {"block": "block"}, "kind": "Solution"},
-              {"stage": "later", "use": "accuracy/evaluation", "from": {}, "kind": "Evaluation"}]  # fmt: skip
+    stages = [
+        {"stage": "block", "use": "block/tables", "from": {}, "kind": "Block"},
+        {"stage": "bundle", "use": "bundle_adjustment/bundle", "from": {"block": "block"}, "kind": "Solution"},
+        {"stage": "later", "use": "accuracy/evaluation", "from": {}, "kind": "Evaluation"},
+    ]
     run = tmp_path / "run"
     store.begin(
         run,

@@ -16,13 +16,32 @@ from tests.stages.chain import simulated
 READ_BY_EVERY_STAGE = {
     "files": {"path"},
     "frames": {"id", "axes", "crs", "vertical"},
-    "cameras": {"id", "kind", "image_coordinates", "pixel_size_mm", "pixel_origin", "pixel_y", "format",
-                "principal_distance_mm", "principal_point_mm", "symmetry_point_mm"},
+    "cameras": {
+        "id",
+        "kind",
+        "image_coordinates",
+        "pixel_size_mm",
+        "pixel_origin",
+        "pixel_y",
+        "format",
+        "principal_distance_mm",
+        "principal_point_mm",
+        "symmetry_point_mm",
+    },
     "camera_parameters": {"camera", "name", "value"},
     "distortion_table": {"camera", "radius_mm", "correction_mm"},
     "fiducials": {"camera", "id", "xy_mm"},
-    "rig_members": {"rig", "member", "is_frame", "position_m", "angles_rad", "position_sigma_m", "position_free",
-                    "angle_sigma_rad", "angle_free"},  # by images.rig
+    "rig_members": {
+        "rig",
+        "member",
+        "is_frame",
+        "position_m",
+        "angles_rad",
+        "position_sigma_m",
+        "position_free",
+        "angle_sigma_rad",
+        "angle_free",
+    },  # by images.rig
     "strips": {"id"},
     "images": {"id", "camera", "sequence", "time_s", "member", "active"},
     "fiducial_points": {"image", "fiducial", "sigma_mm"},
@@ -31,13 +50,25 @@ READ_BY_EVERY_STAGE = {
     "ground_points": {"point", "role"},
     "ground_point_covariances": {"row_a", "axis_a", "row_b", "axis_b", "value"},  # the whole table
     "exterior": {"image", "position_covariance_m2", "angle_sigma_rad", "position_use", "angle_use", "refers_to"},
-    "geodetic": {"type", "start", "end", "via", "start_kind", "end_kind", "value", "sigma", "set", "active",
-                 "start_height_m", "end_height_m"},  # by type, and heights
+    "geodetic": {
+        "type",
+        "start",
+        "end",
+        "via",
+        "start_kind",
+        "end_kind",
+        "value",
+        "sigma",
+        "set",
+        "active",
+        "start_height_m",
+        "end_height_m",
+    },  # by type, and heights
     "geodetic_covariances": {"row_a", "row_b", "value"},
     "relative_control": {"type", "value", "sigma", "axis"},
     "relative_control_members": {"condition", "part", "id"},
     "rejects": {"kind", "id", "reason"},
-}  # fmt: skip
+}
 """Columns that come with another that is offered, identify, or are read whenever there is anything to read."""
 
 WEIGHTED = {"camera_parameters": {"sigma", "free"}}
@@ -54,13 +85,17 @@ def test_a_folder_with_a_bit_of_everything_offers_it_by_name_with_count_and_plac
     assert offers["exterior.drift_group"][0].startswith("drift groups of 1 observed positions")
     assert offers["cameras.lever_arm_m:without_antenna"][1] == "camera uav"
     assert offers["cameras.boresight_rad"][1] == "camera uav"
-    assert offers["geodetic:distance"] == ("1 observations of type distance (geodetic.csv: value, sigma)",
-                                           "geodetic.csv:2")  # fmt: skip
+    assert offers["geodetic:distance"] == (
+        "1 observations of type distance (geodetic.csv: value, sigma)",
+        "geodetic.csv:2",
+    )
     assert offers["geodetic:height_difference_to_image"][1] == "geodetic.csv:7"
     assert {"geodetic:angle", "geodetic:direction", "geodetic:dX", "geodetic:dY"} < set(offers)
     assert {"geodetic.heights", "geodetic.reduced:distance", "geodetic_covariances"} < set(offers)
-    assert {f"relative_control:{t}" for t in ("vertical_plane", "distance", "coordinate_difference", "angle",
-                                              "parallel", "sphere")} < set(offers)  # fmt: skip
+    assert {
+        f"relative_control:{t}"
+        for t in ("vertical_plane", "distance", "coordinate_difference", "angle", "parallel", "sphere")
+    } < set(offers)
     assert offers["image_points.group"][1] == "image_points.csv:4"
     assert {"camera_parameters:brown.k1", "camera_parameters:brown.principal_distance"} < set(offers)
     assert "camera_parameters:brown.k2" not in offers  # sigma 0: fixed
@@ -71,13 +106,21 @@ def test_a_folder_with_a_bit_of_everything_offers_it_by_name_with_count_and_plac
     ("file", "old", "new", "name"),
     [
         ("block.yaml", "earth_curvature: correct", "earth_curvature: frame", "earth_curvature:frame"),
-        ("exterior.csv", ",,,,,,,,antenna,g1", ",,,,,,,approximate,antenna,g1",
-         "exterior.drift_group:without_positions"),
-        ("exterior.csv", "d2,4505179.5,446463.9,385.2,,,,1,2,3,,,,observed,,",
-         "d2,4505179.5,446463.9,385.2,,,,1,2,3,,,,observed,antenna,", "cameras.lever_arm_m"),
+        (
+            "exterior.csv",
+            ",,,,,,,,antenna,g1",
+            ",,,,,,,approximate,antenna,g1",
+            "exterior.drift_group:without_positions",
+        ),
+        (
+            "exterior.csv",
+            "d2,4505179.5,446463.9,385.2,,,,1,2,3,,,,observed,,",
+            "d2,4505179.5,446463.9,385.2,,,,1,2,3,,,,observed,antenna,",
+            "cameras.lever_arm_m",
+        ),
         ("block.yaml", "terrain_height: 6.1", "terrain_height: 6.1\nundulation: 12.3", "undulation:without_effect"),
     ],
-)  # fmt: skip
+)
 def test_what_is_given_otherwise_has_a_name_of_its_own(
     tmp_path: Path, file: str, old: str, new: str, name: str
 ) -> None:
@@ -92,17 +135,25 @@ def test_every_column_of_a_block_is_offered_or_known_to_be_read() -> None:
         if table in TRUTH:
             continue
         columns = set(columns_of(cls)) - {"file", "line"} - WEIGHTED.get(table, set())
-        missing = columns - READ_BY_EVERY_STAGE.get(table, set()) - {n.partition(".")[2] for n in offered
-                                                                     if n.startswith(f"{table}.")}  # fmt: skip
+        missing = (
+            columns
+            - READ_BY_EVERY_STAGE.get(table, set())
+            - {n.partition(".")[2] for n in offered if n.startswith(f"{table}.")}
+        )
         assert not missing, f"{table}: {missing}"
 
 
 def test_the_stages_of_the_demo_use_all_that_the_demo_offers() -> None:
     offers = _offers(simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0}))
     registry, used = find_stages(), set()
-    for name in ("interior_orientation/affine", "image_refinement/systematic", "relative_orientation/dependent",
-                 "absolute_orientation/similarity",
-                 "bundle_adjustment/bundle", "accuracy/evaluation"):  # fmt: skip
+    for name in (
+        "interior_orientation/affine",
+        "image_refinement/systematic",
+        "relative_orientation/dependent",
+        "absolute_orientation/similarity",
+        "bundle_adjustment/bundle",
+        "accuracy/evaluation",
+    ):
         card = registry.card(name)
         used |= set(card.used_with(card.options() if card.options else None) or ())
     assert set(offers) <= used

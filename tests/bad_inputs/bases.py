@@ -83,13 +83,15 @@ def _normal_case(row: Mapping[str, Any]) -> Tables:
     tables["images.csv"] = _table("image,camera,strip,sequence", [f"{i},c,{s},{n}" for i, s, n in numbers])
     tables["image_points.csv"] = _table("image,point,x,y", _seen(stations, points))
     if "control" in row:
-        tables["ground_points.csv"] = _table("point,X,Y,Z,role", [
-            "{},{:.3f},{:.3f},{:.3f},control".format(name, *points[name]) for name in row["control"]
-        ])  # fmt: skip
+        tables["ground_points.csv"] = _table(
+            "point,X,Y,Z,role",
+            ["{},{:.3f},{:.3f},{:.3f},control".format(name, *points[name]) for name in row["control"]],
+        )
     if row.get("positions"):
-        tables["exterior.csv"] = _table("image,X,Y,Z,use", [
-            "{},{:.3f},{:.3f},{:.3f},observed".format(image, *place) for image, place in stations.items()
-        ])  # fmt: skip
+        tables["exterior.csv"] = _table(
+            "image,X,Y,Z,use",
+            ["{},{:.3f},{:.3f},{:.3f},observed".format(image, *place) for image, place in stations.items()],
+        )
     return tables
 
 
@@ -97,8 +99,11 @@ def _points(row: Mapping[str, Any]) -> dict[str, Place]:
     """Points by name; or a grid x, y on ground rolling by `height`; or x along a cylinder of some radius."""
     if "cylinder_m" in row:
         radius, angles = row["cylinder_m"], np.linspace(-1.2, 1.2, 6)
-        return {f"p{i}{j}": (x, float(radius * np.sin(t)), float(radius * (1 - np.cos(t))))
-                for i, x in enumerate(row["x"]) for j, t in enumerate(angles)}  # fmt: skip
+        return {
+            f"p{i}{j}": (x, float(radius * np.sin(t)), float(radius * (1 - np.cos(t))))
+            for i, x in enumerate(row["x"])
+            for j, t in enumerate(angles)
+        }
     if "x" not in row:
         return {name: tuple(place) for name, place in row.items()}
     height = row.get("height", 60.0)

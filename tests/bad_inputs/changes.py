@@ -78,8 +78,9 @@ def _change_rows(change: Change, tables: Tables) -> None:
     assert any(chosen), f"no row fits {change}"
     rows = change_cells(change, rows, chosen)
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(dict.fromkeys(key for row in rows for key in row)), restval="",
-                            lineterminator="\n")  # fmt: skip
+    writer = csv.DictWriter(
+        text, list(dict.fromkeys(key for row in rows for key in row)), restval="", lineterminator="\n"
+    )
     writer.writeheader()
     writer.writerows(rows)
     tables[change["file"]] = text.getvalue()

@@ -16,8 +16,27 @@ from tests.bad_inputs.changes import apply
 
 HERE = Path(__file__).parent
 FILES = sorted(HERE.glob("*.yaml"))
-KEYS = {"id", "what", "base", "stations", "points", "control", "positions", "changes", "folder", "path", "stages",
-        "until", "with", "gates", "shows", "masked", "slow", "exit", "says"}  # fmt: skip
+KEYS = {
+    "id",
+    "what",
+    "base",
+    "stations",
+    "points",
+    "control",
+    "positions",
+    "changes",
+    "folder",
+    "path",
+    "stages",
+    "until",
+    "with",
+    "gates",
+    "shows",
+    "masked",
+    "slow",
+    "exit",
+    "says",
+}
 
 
 @dataclass(frozen=True)

@@ -41,10 +41,13 @@ C_MM, BASE_MM, SIGMA_MM, SCALE = 153.0, 92.0, 0.01, 1e4
 BASE_M, SIGMA_M = BASE_MM * SCALE / 1e3, SIGMA_MM * SCALE / 1e3
 
 OWN = {
-    "c, no drift": (1.00, 1.59), "a, no drift": (0.96, 1.53), "c, drift of the block": (1.76, 2.39),
-    "a, drift of the block": (1.67, 1.74), "a, drift per strip": (2.12, 2.33),
+    "c, no drift": (1.00, 1.59),
+    "a, no drift": (0.96, 1.53),
+    "c, drift of the block": (1.76, 2.39),
+    "a, drift of the block": (1.67, 1.74),
+    "a, drift per strip": (2.12, 2.33),
     "b with cross strips, drift per strip": (1.64, 2.28),
-}  # fmt: skip
+}
 """RMS in plan and height of the reference's own simulation, in sigma0."""
 
 PERIMETER = {2: (0.956, 2.10), 4: (0.861, 2.04), 6: (0.844, 2.42), 8: (0.844, 2.95), 10: (0.849, 3.55)}
@@ -57,7 +60,7 @@ RELIABILITY = {
     1: {"all": 0.292, "2 x": 0.0, "2 y": 0.267, "3 x": 0.246, "3 y": 0.400, "6 x": 0.336, "6 y": 0.323},
     2: {"all": 0.430, "2 x": 0.0, "2 y": 0.362, "3 x": 0.284, "3 y": 0.521, "6 x": 0.543, "6 y": 0.518},
     4: {"all": 0.514, "2 x": 0.0, "2 y": 0.421, "3 x": 0.306, "3 y": 0.589, "6 x": 0.651, "6 y": 0.621},
-}  # fmt: skip
+}
 """Redundancy numbers with so many points at each position, by number of images."""
 
 
@@ -99,9 +102,13 @@ def regular(strips: int, images: int, *, cross: bool = False) -> Regular:
 
 
 def adjusted(
-    block: Regular, control: dict[int, tuple[float, float]], *, sigma_gps: float | None = None, drift: str = "none",
+    block: Regular,
+    control: dict[int, tuple[float, float]],
+    *,
+    sigma_gps: float | None = None,
+    drift: str = "none",
     per_position: int = 1,
-) -> BundleResult:  # fmt: skip
+) -> BundleResult:
     """Adjust a block.
 
     Parameters

@@ -97,8 +97,9 @@ def joints(clean: Chain, spoilt: Chain, after: ImagePairs, active: Any) -> tuple
                 R, base = true_pair(clean.block, pairs, k)
                 X = intersect_pair(R, base, pairs.rays.take(rows))
                 n = len(rows)
-                models.append(ModelRows(X.xyz, X.covariance, np.tile(base, (n, 1)), np.tile(R, (n, 1, 1)),
-                                        np.zeros((n, 5, 5))))  # fmt: skip
+                models.append(
+                    ModelRows(X.xyz, X.covariance, np.tile(base, (n, 1)), np.tile(R, (n, 1, 1)), np.zeros((n, 5, 5)))
+                )
             observed.append(log_scales(*models)[:2])
         change = np.abs(observed[1][0] - observed[0][0]) / observed[0][1] * np.sqrt(1.0 - 1.0 / max(len(of_a), 2))
         found.append((np.full(len(of_a), b), after.point[at[1][of_b]], change > 2 * DELTA0))
@@ -117,8 +118,12 @@ def judged(clean: Chain, spoilt: Chain, wrong: Any) -> dict[str, float]:
     model = np.array([pair_of[int(i), int(j)] for i, j in zip(o.left, o.right)])
     kept = np.isin(of_pair * n_points + after.point, model[p.model[p.active]] * n_points + p.point[p.active])
     is_wrong = bad[after.left_row] | bad[after.right_row]
-    oriented = {"pairs wrong": int(large.sum()), "found": int((~kept & large).sum()),
-                "pairs rejected": int((~kept).sum()), "of these": int((~kept & is_wrong).sum())}  # fmt: skip
+    oriented = {
+        "pairs wrong": int(large.sum()),
+        "found": int((~kept & large).sum()),
+        "pairs rejected": int((~kept).sum()),
+        "of these": int((~kept & is_wrong).sum()),
+    }
     second, point, should = joints(clean, spoilt, after, kept)
     s = spoilt.strips.suspects
     ties = (s.kind == "model_tie") & staying_out(s)
@@ -129,23 +134,41 @@ def judged(clean: Chain, spoilt: Chain, wrong: Any) -> dict[str, float]:
     rejected = np.isin(second * n_points + point, out)
     image_of, at = block.image_points.image, block.image_points.point
     keys = set((image_of[wrong].astype(np.int64) * n_points + at[wrong]).tolist())
-    truly = np.array([
-        any(int(i) * n_points + q in keys for i in (after.left[b - 1], after.left[b], after.right[b]))
-        for b, q in ((k // n_points, k % n_points) for k in out.tolist())
-    ], dtype=bool)  # fmt: skip
+    truly = np.array(
+        [
+            any(int(i) * n_points + q in keys for i in (after.left[b - 1], after.left[b], after.right[b]))
+            for b, q in ((k // n_points, k % n_points) for k in out.tolist())
+        ],
+        dtype=bool,
+    )
     found = int((~kept & large).sum() + (rejected & should).sum())
     right, gone = int((~kept & is_wrong).sum() + truly.sum()), int((~kept).sum() + len(truly))
-    both = {"joints wrong": int(should.sum()), "joints rejected": len(truly), "of these right": int(truly.sum()),
-            "recall": found / max(int(large.sum() + should.sum()), 1), "precision": right / max(gone, 1)}  # fmt: skip
+    both = {
+        "joints wrong": int(should.sum()),
+        "joints rejected": len(truly),
+        "of these right": int(truly.sum()),
+        "recall": found / max(int(large.sum() + should.sum()), 1),
+        "precision": right / max(gone, 1),
+    }
     above = _above(clean, Spoilt(block, "image_point", wrong))
     kept_image_points = ~np.isin(wrong, stays_out(spoilt.strip_block, "image_point"))
     out_at_last = np.isin(wrong, stays_out(spoilt.bundle, "image_point"))
-    missed = [int(i) * n_points + q for b, q in zip(second[should & ~rejected], point[should & ~rejected])
-              for i in (after.left[b - 1], after.left[b], after.right[b])]  # fmt: skip
+    missed = [
+        int(i) * n_points + q
+        for b, q in zip(second[should & ~rejected], point[should & ~rejected])
+        for i in (after.left[b - 1], after.left[b], after.right[b])
+    ]
     why = reasons(spoilt, after, wrong[kept_image_points], kept, large, np.array(missed, dtype=np.int64))
-    return {**oriented, **both, "wrong": len(wrong), "left": int(kept_image_points.sum()), **why,
-            "found by the bundle": float((out_at_last & above).sum() / max(above.sum(), 1)),
-            "iterations": spoilt.bundle.iterations, "sigma0": spoilt.bundle.sigma0}  # fmt: skip
+    return {
+        **oriented,
+        **both,
+        "wrong": len(wrong),
+        "left": int(kept_image_points.sum()),
+        **why,
+        "found by the bundle": float((out_at_last & above).sum() / max(above.sum(), 1)),
+        "iterations": spoilt.bundle.iterations,
+        "sigma0": spoilt.bundle.sigma0,
+    }
 
 
 def reasons(spoilt: Chain, after: ImagePairs, left: Any, kept: Any, large: Any, missed: Any) -> dict[str, int]:

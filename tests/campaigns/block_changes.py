@@ -17,11 +17,15 @@ from tests.stages.chain import simulated
 def digital(seed: int = 3, *, gnss: bool = False, **more: Any) -> Block:
     """A small block of digital images; positions are approximate unless they are wanted as observations."""
     given: dict[str, Any] = {
-        "preset": "rc30", "flight": {"strips": 3, "images_per_strip": 5, "cross_strips": 0},
+        "preset": "rc30",
+        "flight": {"strips": 3, "images_per_strip": 5, "cross_strips": 0},
         "camera": {"kind": "digital", "distortion": "none", "format": (20000.0, 20000.0), "pixel_size_mm": 0.0115},
-        "earth": "flat", "refraction": "none", "ties": {"new_points": 120}, "known": {"full": 12},
+        "earth": "flat",
+        "refraction": "none",
+        "ties": {"new_points": 120},
+        "known": {"full": 12},
         "gnss": {"observed": gnss},
-    }  # fmt: skip
+    }
     for name, value in more.items():
         given[name] = {**given[name], **value} if isinstance(given.get(name), dict) else value
     return with_approximate_angles(simulated(seed, **given))
@@ -67,9 +71,12 @@ def sigmas(block: Block, free: tuple[str, ...]) -> Block:
     """With some camera parameters free."""
     n, p = len(free), block.camera_parameters
     rows = {
-        "camera": np.zeros(n, np.int32), "name": np.array(free), "value": np.full(n, np.nan),
-        "sigma": np.full(n, np.nan), "free": np.ones(n, bool),
-    }  # fmt: skip
+        "camera": np.zeros(n, np.int32),
+        "name": np.array(free),
+        "value": np.full(n, np.nan),
+        "sigma": np.full(n, np.nan),
+        "free": np.ones(n, bool),
+    }
     return replace(block, camera_parameters=type(p)(**rows))
 
 

@@ -25,8 +25,12 @@ DIGITAL = {"kind": "digital", "distortion": "none", "format": (20000.0, 20000.0)
 
 PLANNED = {"observed": False, "approximate_positions": True}
 LENS = {"k1": 1e-8, "k2": -4e-13, "p1": 1e-7, "p2": -6e-8, "b1": 1e-4, "b2": -5e-5}
-SMALL = {"camera": DIGITAL, "flight": {"strips": 2, "images_per_strip": 5, "cross_strips": 0},
-         "ties": {"per_position": 2, "new_points": 60}, "known": {"full": 8, "check_full": 0}}  # fmt: skip
+SMALL = {
+    "camera": DIGITAL,
+    "flight": {"strips": 2, "images_per_strip": 5, "cross_strips": 0},
+    "ties": {"per_position": 2, "new_points": 60},
+    "known": {"full": 8, "check_full": 0},
+}
 
 
 @dataclass(frozen=True)
@@ -73,10 +77,15 @@ def _two_cameras(block: Block, rng: np.random.Generator) -> Block:
     second = camera[points.image] == 1
     more = np.sqrt(3.0) * points.sigma_mm / cameras.pixel_size_mm[0] * rng.normal(size=points.xy.shape)
     return replace(
-        block, cameras=type(cameras)(**twice), images=replace(block.images, camera=camera),
-        image_points=replace(points, xy=points.xy + second[:, None] * more,
-                             sigma_mm=np.where(second[:, None], 2.0, 1.0) * points.sigma_mm),
-    )  # fmt: skip
+        block,
+        cameras=type(cameras)(**twice),
+        images=replace(block.images, camera=camera),
+        image_points=replace(
+            points,
+            xy=points.xy + second[:, None] * more,
+            sigma_mm=np.where(second[:, None], 2.0, 1.0) * points.sigma_mm,
+        ),
+    )
 
 
 def _distances(block: Block, rng: np.random.Generator) -> Block:
@@ -88,26 +97,48 @@ def _distances(block: Block, rng: np.random.Generator) -> Block:
 
 TYPES: dict[str, Type] = {
     "control only": Type({"gnss": PLANNED}, {}),
-    "cross strips": Type({"flight": {"cross_strips": 2, "images_per_cross_strip": 3}, "gnss": PLANNED,
-                          "known": {"full": 5}}, {}),
+    "cross strips": Type(
+        {"flight": {"cross_strips": 2, "images_per_cross_strip": 3}, "gnss": PLANNED, "known": {"full": 5}}, {}
+    ),
     "positions": Type({"known": {"full": 4}}, {}),
     "positions with drift": Type(
-        {"flight": {"cross_strips": 2, "images_per_cross_strip": 3},
-         "gnss": {"shift_m": 0.3, "drift_m_per_s": 0.02}}, {}),
+        {"flight": {"cross_strips": 2, "images_per_cross_strip": 3}, "gnss": {"shift_m": 0.3, "drift_m_per_s": 0.02}},
+        {},
+    ),
     "positions and attitudes": Type({"known": {"full": 2}, "imu": {"observed": True}}, {}),
     "distances": Type({"gnss": PLANNED, "known": {"full": 3}}, {}, _distances),
     "two cameras": Type({"known": {"full": 4}}, {}, _two_cameras),
     "self-calibration": Type(
-        {"camera": {"distortion": "brown", "brown": LENS, "distortion_known": False}, "ties": {"new_points": 100},
-         "flight": {"strips": 3}},
-        {"self_calibration": {"set": "brown_conrady", "sigma_um": None}}),
+        {
+            "camera": {"distortion": "brown", "brown": LENS, "distortion_known": False},
+            "ties": {"new_points": 100},
+            "flight": {"strips": 3},
+        },
+        {"self_calibration": {"set": "brown_conrady", "sigma_um": None}},
+    ),
     "film, fiducials of 5 um": Type(
         {"camera": {"kind": "film", "format": (230.0, 230.0)}, "noise": {"fiducial_um": 5.0}},
-        {"interior_unknowns": True}),
+        {"interior_unknowns": True},
+    ),
     "free datum": Type({"gnss": PLANNED, "known": {"full": 0}, "ties": {"new_points": 70}}, {"datum": "free"}),
-    "single model": Type({"flight": {"strips": 1, "images_per_strip": 2}, "gnss": PLANNED, "known": {"full": 6},
-                          "ties": {"per_position": 6}}, {}),
+    "single model": Type(
+        {
+            "flight": {"strips": 1, "images_per_strip": 2},
+            "gnss": PLANNED,
+            "known": {"full": 6},
+            "ties": {"per_position": 6},
+        },
+        {},
+    ),
     "oblique, pixels": Type(
-        {"preset": "oblique", "flight": {"strips": 1, "images_per_strip": 3}, "ties": {"new_points": 90},
-         "known": {"full": 6, "check_full": 0}, "camera": {"distortion": "none"}, "gnss": PLANNED}, {}),
-}  # fmt: skip
+        {
+            "preset": "oblique",
+            "flight": {"strips": 1, "images_per_strip": 3},
+            "ties": {"new_points": 90},
+            "known": {"full": 6, "check_full": 0},
+            "camera": {"distortion": "none"},
+            "gnss": PLANNED,
+        },
+        {},
+    ),
+}

@@ -84,8 +84,14 @@ def _onto_points(X: Float, X0: Float) -> Float:
 
     def moved(at: Float) -> Float:
         a, zero = (at - middle) / 100.0, np.zeros(len(at))
-        turn = np.stack([np.stack([zero, a[:, 2], -a[:, 1]], 1), np.stack([-a[:, 2], zero, a[:, 0]], 1),
-                         np.stack([a[:, 1], -a[:, 0], zero], 1)], 1)  # fmt: skip
+        turn = np.stack(
+            [
+                np.stack([zero, a[:, 2], -a[:, 1]], 1),
+                np.stack([-a[:, 2], zero, a[:, 0]], 1),
+                np.stack([a[:, 1], -a[:, 0], zero], 1),
+            ],
+            1,
+        )
         return np.concatenate([np.broadcast_to(np.eye(3), (len(at), 3, 3)), turn, a[:, :, None]], axis=2)
 
     turned = np.concatenate([np.zeros((3, 3)), np.eye(3) / 100.0, np.zeros((3, 1))], axis=1)

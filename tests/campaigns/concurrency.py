@@ -50,8 +50,7 @@ def _round(folder: Path, subject: harness.Subject, expected: dict[str, str]) -> 
         os.close(opener)
         os.read(gate, 1)  # returns when the last writer has closed the pipe
 
-    crowd = [harness.start(subject.into(folder / "run"), folder / f"{k}.txt", before=wait)
-             for k in range(AT_ONCE)]  # fmt: skip
+    crowd = [harness.start(subject.into(folder / "run"), folder / f"{k}.txt", before=wait) for k in range(AT_ONCE)]
     time.sleep(0.2)
     os.close(opener)
     os.close(gate)

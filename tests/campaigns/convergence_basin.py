@@ -47,8 +47,11 @@ def well_posed(seed: int, free_c: bool = False) -> tuple[Parts, float]:
         seed,
         camera={"kind": "digital", "format": (6000.0, 6000.0), "pixel_size_mm": 0.01, "principal_distance_mm": 60.0},
         flight={"strips": 3, "images_per_strip": 4, "side_overlap": 60.0, "tilt_sigma_deg": 1.0},
-        terrain={"relief_m": 15.0}, ties={"per_position": 3}, known={"full": 8}, refraction="none",
-    )  # fmt: skip
+        terrain={"relief_m": 15.0},
+        ties={"per_position": 3},
+        known={"full": 8},
+        refraction="none",
+    )
     block = _with_free_c(block) if free_c else block
     off = SystematicOptions(distortion=False, refraction=False, earth_curvature=False)
     image_points = systematic(block, calibrated(block), options=off)
@@ -57,13 +60,15 @@ def well_posed(seed: int, free_c: bool = False) -> tuple[Parts, float]:
     assert block.true_points is not None
     control, positions = control_of(block), positions_of(block)
     given = Parts(
-        block.images.id, block.points.id, rays_of(block, image_points),
+        block.images.id,
+        block.points.id,
+        rays_of(block, image_points),
         Poses(block.true_images.position_m.copy(), block.true_images.ground_from_image.copy()),
         block.true_points.xyz_m.copy(),
         control,
         positions,
         (camera,) if camera else (),
-    )  # fmt: skip
+    )
     return given, 60.0e-3 * 2500.0
 
 
@@ -108,8 +113,10 @@ def outcome(given: Parts, reference: BundleResult) -> str:
 def without_positions(given: Parts) -> Parts:
     """The block with control alone."""
     p, none = given.positions, np.zeros(0, dtype=np.int64)
-    return replace(given, positions=Positions(p.row[none], p.image[none], p.position_m[none], p.covariance_m2[none],
-                                                 p.lever_arm_m[none]))  # fmt: skip
+    return replace(
+        given,
+        positions=Positions(p.row[none], p.image[none], p.position_m[none], p.covariance_m2[none], p.lever_arm_m[none]),
+    )
 
 
 def grid(seeds: range, positions: bool = True) -> dict[tuple[str, float, float], Counter[str]]:
@@ -138,9 +145,12 @@ def grid(seeds: range, positions: bool = True) -> dict[tuple[str, float, float],
 
 def _with_free_c(block: Block) -> Block:
     free = CameraParameters(
-        camera=np.zeros(1, np.int32), name=np.array(["principal_distance"]), value=np.array([np.nan]),
-        sigma=np.array([np.nan]), free=np.ones(1, bool),
-    )  # fmt: skip
+        camera=np.zeros(1, np.int32),
+        name=np.array(["principal_distance"]),
+        value=np.array([np.nan]),
+        sigma=np.array([np.nan]),
+        free=np.ones(1, bool),
+    )
     return replace(block, camera_parameters=free)
 
 

@@ -28,9 +28,16 @@ PAGE = 4096
 WAYS = ("bit flip", "zeroed page", "truncation", "growth", "removal", "symlink", "swap", "stale file", "odd JSON")
 FILES = ("artifact.h5", "artifact.h5", "record.json", "pointer", "link", "silent", "run.json")
 ODD_JSON = (
-    b'{"schema": 2, "x": NaN}', b'{"schema": 2, "x": 1e999}', b'{"schema": 2, "x": "\\ud800"}', b"[]", b"null", b'"x"',
-    b'{"x": ' + b"[" * 100_000 + b"]" * 100_000 + b"}", b'{"schema": 2}', b'{"stages": [1], "status": "done"}',
-)  # fmt: skip
+    b'{"schema": 2, "x": NaN}',
+    b'{"schema": 2, "x": 1e999}',
+    b'{"schema": 2, "x": "\\ud800"}',
+    b"[]",
+    b"null",
+    b'"x"',
+    b'{"x": ' + b"[" * 100_000 + b"]" * 100_000 + b"}",
+    b'{"schema": 2}',
+    b'{"stages": [1], "status": "done"}',
+)
 ELSE = b"a file of somebody else\n"
 
 
@@ -155,9 +162,16 @@ def _hide(path: Path, before: os.stat_result) -> None:
 
 def _reader_of(stage: str) -> str | None:
     """A stage that reads the artifact of another."""
-    readers = {"block": "interior", "interior": "refined", "refined": "models", "models": "strips",
-               "strips": "absolute", "absolute": "accuracy_absolute", "strip_block": "accuracy_strip_block",
-               "bundle": "accuracy"}  # fmt: skip
+    readers = {
+        "block": "interior",
+        "interior": "refined",
+        "refined": "models",
+        "models": "strips",
+        "strips": "absolute",
+        "absolute": "accuracy_absolute",
+        "strip_block": "accuracy_strip_block",
+        "bundle": "accuracy",
+    }
     return readers.get(stage)
 
 

@@ -14,17 +14,27 @@ from tests.stages.chain import simulated
 
 PLANNED = {"position_sigma_m": (0.0, 0.0, 0.0), "tilt_sigma_deg": 0.0, "tilt_max_deg": 0.0, "kappa_sigma_deg": 0.0}
 FLAT = {"mean_height_m": 0.0, "relief_m": 0.0}
-CAMERA = {"kind": "digital", "principal_distance_mm": 100.0, "format": (8000.0, 8000.0), "pixel_size_mm": 0.02,
-          "margin_mm": 0.0}  # fmt: skip
+CAMERA = {
+    "kind": "digital",
+    "principal_distance_mm": 100.0,
+    "format": (8000.0, 8000.0),
+    "pixel_size_mm": 0.02,
+    "margin_mm": 0.0,
+}
 
 
 def flown(seed: int = 3, **more: Any) -> Block:
     """A digital block with angles of the truth to start from, where none are observed."""
     given: dict[str, Any] = {
-        "camera": CAMERA, "flight": {"strips": 3, "images_per_strip": 5, "scale_number": 10_000.0, **PLANNED},
-        "terrain": FLAT, "earth": "flat", "refraction": "none", "known": {"full": 12}, "gnss": {"observed": False},
+        "camera": CAMERA,
+        "flight": {"strips": 3, "images_per_strip": 5, "scale_number": 10_000.0, **PLANNED},
+        "terrain": FLAT,
+        "earth": "flat",
+        "refraction": "none",
+        "known": {"full": 12},
+        "gnss": {"observed": False},
         "ties": {"per_position": 3},
-    }  # fmt: skip
+    }
     for name, value in more.items():
         given[name] = {**given[name], **value} if isinstance(given.get(name), dict) else value
     block = simulated(seed, **given)
@@ -51,9 +61,12 @@ def freed(block: Block, *names: str) -> Block:
     """With some more camera parameters free."""
     n, p = len(names), block.camera_parameters
     rows: dict[str, Any] = {
-        "camera": np.zeros(n, np.int32), "name": np.array(names), "value": np.full(n, np.nan),
-        "sigma": np.full(n, np.nan), "free": np.ones(n, bool),
-    }  # fmt: skip
+        "camera": np.zeros(n, np.int32),
+        "name": np.array(names),
+        "value": np.full(n, np.nan),
+        "sigma": np.full(n, np.nan),
+        "free": np.ones(n, bool),
+    }
     joined = {name: np.concatenate([getattr(p, name), values]) for name, values in rows.items()}
     return replace(block, camera_parameters=type(p)(**joined))
 
@@ -86,17 +99,20 @@ def boresight_about_z() -> tuple[Block, BundleOptions]:
 def principal_point_and_boresight() -> tuple[Block, BundleOptions]:
     """A narrow angle, positions and attitudes observed, flown one way: a shifted principal point is a boresight."""
     block = flown(
-        camera={"principal_distance_mm": 300.0}, flight={"strips": 1, "images_per_strip": 7}, gnss={"observed": True},
+        camera={"principal_distance_mm": 300.0},
+        flight={"strips": 1, "images_per_strip": 7},
+        gnss={"observed": True},
         imu={"observed": True, "boresight": "free"},
-    )  # fmt: skip
+    )
     return freed(corners(block), "principal_point.x", "principal_point.y"), BundleOptions()
 
 
 def mount_seen_once() -> tuple[Block, BundleOptions]:
     """A free mount in one exposure alone, whose image has two points: pose and mount hold each other."""
     member = {"position_m": (0.1, 0.02, -0.03), "angles_deg": (0.0, 25.0, 1.0), "free": True}
-    block = flown(flight={"strips": 2, "images_per_strip": 4, "tilt_sigma_deg": 1.0, "tilt_max_deg": 2.0},
-                  rig={"oblique": member})  # fmt: skip
+    block = flown(
+        flight={"strips": 2, "images_per_strip": 4, "tilt_sigma_deg": 1.0, "tilt_max_deg": 2.0}, rig={"oblique": member}
+    )
     oblique = np.flatnonzero(block.images.member == "oblique")
     keep = ~np.isin(block.image_points.image, oblique[1:])
     mine = np.flatnonzero(block.image_points.image == oblique[0])

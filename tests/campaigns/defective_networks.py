@@ -26,8 +26,13 @@ SIGMA_M, SIGMA_DEG = 0.003, 0.001
 Rows = list[tuple[str, ...]]
 
 
-def network(control: Sequence[str], rows: Rows, conditions: str = "", more: dict[str, tuple[float, ...]] | None = None,
-            plan: bool = False) -> tuple[Block, BundleOptions]:  # fmt: skip
+def network(
+    control: Sequence[str],
+    rows: Rows,
+    conditions: str = "",
+    more: dict[str, tuple[float, ...]] | None = None,
+    plan: bool = False,
+) -> tuple[Block, BundleOptions]:
     """A network of FIXED and NEW points; `control` is exact, the others have approximate coordinates.
 
     Parameters
@@ -72,9 +77,13 @@ def _observed(kind: str, a: np.ndarray, b: np.ndarray, rng: np.random.Generator)
     bearing = math.degrees(math.atan2(d[0], d[1])) % 360
     plan = float(np.hypot(d[0], d[1]))
     value = {
-        "distance": float(np.linalg.norm(d)), "horizontal_distance": plan, "height_difference": float(d[2]),
-        "azimuth": bearing, "direction": (bearing - 20.0) % 360, "zenith": math.degrees(math.atan2(plan, d[2])),
-    }[kind]  # fmt: skip
+        "distance": float(np.linalg.norm(d)),
+        "horizontal_distance": plan,
+        "height_difference": float(d[2]),
+        "azimuth": bearing,
+        "direction": (bearing - 20.0) % 360,
+        "zenith": math.degrees(math.atan2(plan, d[2])),
+    }[kind]
     sigma = SIGMA_DEG if kind in ("azimuth", "direction", "zenith") else SIGMA_M
     return value + float(rng.normal(0, sigma)), sigma
 

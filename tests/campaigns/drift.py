@@ -24,8 +24,9 @@ Float = np.ndarray
 
 def ratios(seed: int, control: int, **preset: object) -> Float:
     """Truth over theory in X, Y, Z of one block."""
-    block = simulated(seed, preset="rc30", gnss={"shift_m": 0.3, "drift_m_per_s": 0.002}, known={"full": control},
-                      **preset)  # fmt: skip
+    block = simulated(
+        seed, preset="rc30", gnss={"shift_m": 0.3, "drift_m_per_s": 0.002}, known={"full": control}, **preset
+    )
     bundle = run_chain(block, BundleOptions(interior_unknowns=True)).bundle
     truth = block.true_points
     assert truth is not None

@@ -44,8 +44,14 @@ def own_process(pipeline: Path, folder: Path, *more: str, tree: Path = ROOT, **e
     """A process of its own; of another tree it must not see this one."""
     command = [sys.executable, "-c", f"import aatri; assert {str(tree)!r} in aatri.__file__, aatri.__file__; {MAIN}"]
     command += ["run", str(pipeline), "-q", "--into", str(folder), *more]
-    done = subprocess.run(command, cwd=pipeline.parent, env={**os.environ, "PYTHONPATH": str(tree), **environment},
-                          capture_output=True, text=True, check=False)  # fmt: skip
+    done = subprocess.run(
+        command,
+        cwd=pipeline.parent,
+        env={**os.environ, "PYTHONPATH": str(tree), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -110,8 +116,17 @@ def elsewhere(pipeline: Path, folder: Path) -> None:
     own_process(other, folder, TZ="Pacific/Apia", LC_ALL="C", LANG="de_DE.UTF-8")
 
 
-WAYS = (own_process, two_jobs, forked_workers, other_hash_seed, one_thread, stage_by_stage, wheel, wheel_two_jobs,
-        elsewhere)  # fmt: skip
+WAYS = (
+    own_process,
+    two_jobs,
+    forked_workers,
+    other_hash_seed,
+    one_thread,
+    stage_by_stage,
+    wheel,
+    wheel_two_jobs,
+    elsewhere,
+)
 
 if __name__ == "__main__":
     main()

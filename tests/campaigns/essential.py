@@ -87,10 +87,13 @@ def campaign(count: int, noise: float, outliers: float, seed: int = 1) -> dict[s
     good = (ratio < SIGMAS) if noise else (far < 1e-6)
     ambiguous = np.isfinite(made.second[:, 0, 0])
     return {
-        "trials": count, "at the truth": int(good.sum()), "of these called ambiguous": int((good & ambiguous).sum()),
-        "worst, rad": float(far[good].max(initial=0.0)), "samples, mean": float(made.samples.mean()),
+        "trials": count,
+        "at the truth": int(good.sum()),
+        "of these called ambiguous": int((good & ambiguous).sum()),
+        "worst, rad": float(far[good].max(initial=0.0)),
+        "samples, mean": float(made.samples.mean()),
         "wrong and not told": int((~good & made.orientations.formed & ~ambiguous).sum()),
-    }  # fmt: skip
+    }
 
 
 if __name__ == "__main__":

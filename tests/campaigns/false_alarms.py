@@ -73,9 +73,7 @@ def left_out(suspects: Suspects) -> int:
 
 def lights(made: dict[str, Artifact]) -> tuple[str, ...]:
     """Lights of the report that are neither good nor without an answer."""
-    stages = tuple(
-        StageView(name, "", a.kind, {}, {"metrics": a.metrics()}, None, ()) for name, a in made.items()
-    )  # fmt: skip
+    stages = tuple(StageView(name, "", a.kind, {}, {"metrics": a.metrics()}, None, ()) for name, a in made.items())
     run = RunView(Path(), {}, stages, dict(made))
     shown = [*internal_lights(run, run.last(Solution)), *external_lights(run)]
     return tuple(f"{x.title}: {x.words}" for x in shown if x.state in (LOOK, BAD) and "fewer than" not in x.words)

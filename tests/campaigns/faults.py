@@ -79,7 +79,7 @@ def _calls(place: Path, subject: harness.Subject, fault: str) -> list[str]:
 
 def _round(
     place: Path, subject: harness.Subject, expected: dict[str, str], point: tuple[str, int], call: str
-) -> dict[str, int]:  # fmt: skip
+) -> dict[str, int]:
     fault, at = point
     folder = place / f"{fault}-{at}"
     folder.mkdir()

@@ -39,15 +39,76 @@ OF_NUMBERS = 0.25
 IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """Where inputs are written: on a disk their writing takes longer than their reading."""
 WORDS = (
-    b"1e308", b"-1e308", b"1e-320", b"1e999", b"nan", b"-inf", b".inf", b"NaN", b"-0", b"0", b"-1", b"1.0", b"1e2",
-    b"9223372036854775808", b"18446744073709551616", b"4611686018427387904", b"2147483648", b"1_000", b"0x1F", b"12,5",
-    b"1.2.3", b"9" * 400, b"7" * 40_000, b"x" * 40_000, b"1e" + b"9" * 300, b"", b'"', b'""', b"'", b"#", b"\0", b"\t",
-    b"\r", b"\n", b"\x1b[2J", b"\xff\xfe", b"\xe2\x88\x92" b"5", "１２".encode(), "点号".encode("gb18030"),
-    b"\xc2\x9b31m", b"\xed\xa0\x80", b"../../etc/passwd", b"/etc/passwd", b"=1+1", b"null", b"true", b"~", b"{}", b"[]",
-    b"{a: 1}", b"[1, 2]", b"!!python/object:os.system", b"&a", b"*a", b"<<", b"---", b": ", b"- ", b"a" * 300,
-    b"12-99-1", b"yes", b"control", b"XY:control Z:check", b"observed", b"distance", b"direction", b"pixel", b"film",
+    b"1e308",
+    b"-1e308",
+    b"1e-320",
+    b"1e999",
+    b"nan",
+    b"-inf",
+    b".inf",
+    b"NaN",
+    b"-0",
+    b"0",
+    b"-1",
+    b"1.0",
+    b"1e2",
+    b"9223372036854775808",
+    b"18446744073709551616",
+    b"4611686018427387904",
+    b"2147483648",
+    b"1_000",
+    b"0x1F",
+    b"12,5",
+    b"1.2.3",
+    b"9" * 400,
+    b"7" * 40_000,
+    b"x" * 40_000,
+    b"1e" + b"9" * 300,
+    b"",
+    b'"',
+    b'""',
+    b"'",
+    b"#",
+    b"\0",
+    b"\t",
+    b"\r",
+    b"\n",
+    b"\x1b[2J",
+    b"\xff\xfe",
+    b"\xe2\x88\x925",
+    "１２".encode(),
+    "点号".encode("gb18030"),
+    b"\xc2\x9b31m",
+    b"\xed\xa0\x80",
+    b"../../etc/passwd",
+    b"/etc/passwd",
+    b"=1+1",
+    b"null",
+    b"true",
+    b"~",
+    b"{}",
+    b"[]",
+    b"{a: 1}",
+    b"[1, 2]",
+    b"!!python/object:os.system",
+    b"&a",
+    b"*a",
+    b"<<",
+    b"---",
+    b": ",
+    b"- ",
+    b"a" * 300,
+    b"12-99-1",
+    b"yes",
+    b"control",
+    b"XY:control Z:check",
+    b"observed",
+    b"distance",
+    b"direction",
+    b"pixel",
+    b"film",
     b"[[[[[[[[",
-)  # fmt: skip
+)
 
 
 def main() -> None:
@@ -98,9 +159,10 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
                     shutil.copytree(folder, keep / f"{name}-{number}", dirs_exist_ok=True)
             (folder / file).write_bytes(good[file])
     figures = ", ".join(f"{n} {outcome}" for outcome, n in sorted(counted.items()))
-    sys.stdout.write(f"fuzz {name}: {count} inputs: {figures}; slowest {slowest:.2f} s, at most {largest / 1e6:.0f} "
-                     f"MB; {time.monotonic() - begin:.0f} s"
-                     + (f"; WRONG {wrong}" if wrong else "") + "\n")  # fmt: skip
+    sys.stdout.write(
+        f"fuzz {name}: {count} inputs: {figures}; slowest {slowest:.2f} s, at most {largest / 1e6:.0f} "
+        f"MB; {time.monotonic() - begin:.0f} s" + (f"; WRONG {wrong}" if wrong else "") + "\n"
+    )
     return wrong
 
 

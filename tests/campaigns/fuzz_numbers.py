@@ -56,8 +56,12 @@ class Numbers:
     def __post_init__(self) -> None:
         self.reader: Reader = READERS[self.name]
         self.before = figures(self.read())
-        self.words = [(file, found.span()) for file in self.reader.files for found in _WORD.finditer(self.good[file])
-                      if meaning(found.group().decode()) is not None]  # fmt: skip
+        self.words = [
+            (file, found.span())
+            for file in self.reader.files
+            for found in _WORD.finditer(self.good[file])
+            if meaning(found.group().decode()) is not None
+        ]
 
     def read(self) -> Any:
         return self.reader.read(self.folder)
@@ -106,8 +110,10 @@ class Numbers:
             near, far = (figures(self._written(file, first, last, repr(value + k * step))) for k in (1, 2))
         except AatriError:
             return None
-        if any(near[k].shape != old.shape or (not _is_figure(old) and (near[k] != old).any())
-               for k, old in self.before.items()):  # fmt: skip
+        if any(
+            near[k].shape != old.shape or (not _is_figure(old) and (near[k] != old).any())
+            for k, old in self.before.items()
+        ):
             return None
         moved = {k: near[k] - old for k, old in self.before.items() if _is_figure(old)}
         slope = {k: change / step for k, change in moved.items() if np.nan_to_num(change).any()}
@@ -215,15 +221,44 @@ RIGHT = (_signed, _longer, _scientific, _shifted)
 NEW = (_another, _one_digit_more)
 """Another number."""
 WRONG = (
-    _with("_"), _with(","), _with("'"), _with("\u00a0"), _with("\u2009"), _with(" "), _with(".."),
+    _with("_"),
+    _with(","),
+    _with("'"),
+    _with("\u00a0"),
+    _with("\u2009"),
+    _with(" "),
+    _with(".."),
     _with("x"),
-    _digits("\u0660"), _digits("\uff10"), _digits("\u09e6"),
-    lambda old: old.replace(".", ",") if "." in old else f"{old},5", lambda old: f"{old}-", lambda old: f"--{old}",
-    lambda old: f"+-{old}", lambda old: f"\u2212{old.lstrip('+-')}", lambda old: f"{old}e", lambda old: f"{old}e999",
-    lambda old: f"{old}d1", lambda old: f"{old}m", lambda old: f"{old}%", lambda old: f"({old})",
+    _digits("\u0660"),
+    _digits("\uff10"),
+    _digits("\u09e6"),
+    lambda old: old.replace(".", ",") if "." in old else f"{old},5",
+    lambda old: f"{old}-",
+    lambda old: f"--{old}",
+    lambda old: f"+-{old}",
+    lambda old: f"\u2212{old.lstrip('+-')}",
+    lambda old: f"{old}e",
+    lambda old: f"{old}e999",
+    lambda old: f"{old}d1",
+    lambda old: f"{old}m",
+    lambda old: f"{old}%",
+    lambda old: f"({old})",
     lambda old: f"{old}/2",
-    lambda old: f"{old}f", lambda old: f"{old}j", lambda old: f"{old}\u00b2", lambda old: f"{old}\u00b0",
-    lambda _: "nan", lambda _: "inf", lambda _: "-Infinity", lambda _: "0x1F", lambda _: "1#QNAN", lambda _: "***",
-    lambda _: ".", lambda _: "-", lambda _: "1e5.5", lambda _: "True", lambda _: "None", lambda _: "1:30",
-)  # fmt: skip
+    lambda old: f"{old}f",
+    lambda old: f"{old}j",
+    lambda old: f"{old}\u00b2",
+    lambda old: f"{old}\u00b0",
+    lambda _: "nan",
+    lambda _: "inf",
+    lambda _: "-Infinity",
+    lambda _: "0x1F",
+    lambda _: "1#QNAN",
+    lambda _: "***",
+    lambda _: ".",
+    lambda _: "-",
+    lambda _: "1e5.5",
+    lambda _: "True",
+    lambda _: "None",
+    lambda _: "1:30",
+)
 """Texts that mean no number."""

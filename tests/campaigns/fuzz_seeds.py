@@ -38,21 +38,24 @@ class Reader:
     """Changes the file in its own way, half of the times."""
 
 
-BAL = "3 4 12\n" + "".join(
-    f"{c} {p} {100 * (p % 2) + 3 * c - 50}.5 {80 * (p // 2) - 2 * c - 40}.25\n" for c in range(3) for p in range(4)
-) + "".join(f"0.0{c}\n0.1\n-0.02\n{c}\n0\n-10\n900\n1e-7\n-1e-12\n" for c in range(3)) + "".join(
-    f"{p % 2}.5\n{p // 2}\n-0.{p}\n" for p in range(4)
-)  # fmt: skip
+BAL = (
+    "3 4 12\n"
+    + "".join(
+        f"{c} {p} {100 * (p % 2) + 3 * c - 50}.5 {80 * (p // 2) - 2 * c - 40}.25\n" for c in range(3) for p in range(4)
+    )
+    + "".join(f"0.0{c}\n0.1\n-0.02\n{c}\n0\n-10\n900\n1e-7\n-1e-12\n" for c in range(3))
+    + "".join(f"{p % 2}.5\n{p // 2}\n-0.{p}\n" for p in range(4))
+)
 WUCAPS = {
     "PRECAI.DAT": "1 4\n153.84 0.011 0.002\n0 0 0\n1 106.002 -106.003\n2 -106.001 -106.004\n3 -106 106.002\n"
-                  "4 105.999 106.002\n-99.0 0\n",
+    "4 105.999 106.002\n-99.0 0\n",
     "PRECKI.DAT": "8031901 4505079.577 446263.976 6.378\n831000 4505078.925 446018.619 7.841\n"
-                  "832000 4504373.096 445861.999 6.449\n833000 4504731.275 445838.591 7.337\n-99 0 0 0\n",
+    "832000 4504373.096 445861.999 6.449\n833000 4504731.275 445838.591 7.337\n-99 0 0 0\n",
     "PRECPI.DAT": "2 1 0\n8031901\n831000\n832000\n833000\n",
     "PREPHI.DAT": "1 10 25000 0\n321 0\n11 8.8199 76.0231\n12 76.7010 72.7165\n21 1.8117 -21.0871\n831000 78.12 70.84\n"
-                  "-99 0 0\n-320 0\n11 -73.5371 76.1849\n12 -5.1185 74.0827\n21 -79.1070 -21.7547\n831000 6.1 70.9\n"
-                  "-99 0 0\n",
-}  # fmt: skip
+    "-99 0 0\n-320 0\n11 -73.5371 76.1849\n12 -5.1185 74.0827\n21 -79.1070 -21.7547\n831000 6.1 70.9\n"
+    "-99 0 0\n",
+}
 _CAMERA = "7.4653 3.6173 2.6128 7.25319 5.43764 0.00498 -0.0001 0 -0.00006 -0.00004"
 _SIGMAS = "0 0.00725 0.00544 0.5 0.5 0.001 0.0001 0.0001 0.001 0.001"
 DBAT = (
@@ -64,10 +67,12 @@ DBAT = (
     )
     + "\n1001 0 1 0 0 0 0\n1002 1 1 0 0 0 0\n1003 0 0 0.1 0 0 0\n"
     + "\n1001 0 1 0 0 0 0\n1002 1 1 0 0 0 0\n1003 0 0 0.1 0 0 0\n7 0.5 0.5 0 0 0 0\n8 0.2 0.7 0 0 0 0\n\n"
-    + "".join(f"{k} {p} {300 + 200 * j}.5 {400 + 31 * k * j} 0.1 0.1\n"
-              for k, seen in enumerate(((1001, 1002, 7, 8), (1002, 1003, 7, 8), (1001, 7, 8)))
-              for j, p in enumerate(seen))  # so few angles between control that nothing is held against them
-)  # fmt: skip
+    + "".join(
+        f"{k} {p} {300 + 200 * j}.5 {400 + 31 * k * j} 0.1 0.1\n"
+        for k, seen in enumerate(((1001, 1002, 7, 8), (1002, 1003, 7, 8), (1001, 7, 8)))
+        for j, p in enumerate(seen)
+    )  # so few angles between control that nothing is held against them
+)
 CONTROL = (
     "# id, name, X, Y, Z, sX, sY, sZ\n1001, a, 0, 1, 0\n1002, b, 1, 1, 0, 0.01\n1003, c, 0, 0, 0.1, 0.01, 0.01, 0.02\n"
 )
@@ -75,10 +80,10 @@ _GRID = [(k, 20 * (k // 3 + 1), 30 * (k % 3 - 1)) for k in range(9)]
 PAIRS = {
     "1-2.dat": "153.84 0.011 0.002\n" + "".join(f"{k} {x + 0.5} {y} {x - 70.25} {y + 1.5}\n" for k, x, y in _GRID),
     "2-3.dat": "153.84 0.011 0.002\n"
-               + "".join(f"{k} {x - 70.25} {y + 1.5} {x - 140.5} {y - 0.5}\n" for k, x, y in _GRID),
+    + "".join(f"{k} {x - 70.25} {y + 1.5} {x - 140.5} {y - 0.5}\n" for k, x, y in _GRID),
     "control.txt": "0 1000.5 2000.25 30.125\n2, 1010.5, 2040.25, 31.5\n",
     "check.txt": "# check\n4 1020.5 2020.25 33.5\n",
-}  # fmt: skip
+}
 GAMA = """\
 <?xml version="1.0" encoding="utf-8"?>
 <gama-local xmlns="http://www.gnu.org/software/gama/gama-local">
@@ -157,14 +162,32 @@ def _every_way(path: Path, kind: type[Artifact]) -> None:
 def _records(folder: Path) -> None:
     time, digest = "2026-01-01T00:00:00+00:00", "ab" * 32
     record = {
-        "schema": SCHEMA, "stage": "s", "key": "0123456789ab", "plugin": "a/b", "version": 1, "options": {"x": [1.5]},
-        "inputs": {"a": {"stage": "a", "key": "k", "content_digest": digest}}, "seed": None,
-        "parts": {"plugin": "a/b", "version": 1, "options": {}, "files": {}, "inputs": {}, "code": "", "schemas": {},
-                  "seed": None},
-        "metrics": {"sigma0": 1.0, "none": None}, "warnings": ["w \u70b9"], "started": time, "ended": time,
-        "seconds": 0.5, "environment": {"numpy": "2"},
+        "schema": SCHEMA,
+        "stage": "s",
+        "key": "0123456789ab",
+        "plugin": "a/b",
+        "version": 1,
+        "options": {"x": [1.5]},
+        "inputs": {"a": {"stage": "a", "key": "k", "content_digest": digest}},
+        "seed": None,
+        "parts": {
+            "plugin": "a/b",
+            "version": 1,
+            "options": {},
+            "files": {},
+            "inputs": {},
+            "code": "",
+            "schemas": {},
+            "seed": None,
+        },
+        "metrics": {"sigma0": 1.0, "none": None},
+        "warnings": ["w \u70b9"],
+        "started": time,
+        "ended": time,
+        "seconds": 0.5,
+        "environment": {"numpy": "2"},
         "output": {"kind": "K", "file": "artifact.h5", "sha256": digest, "size": 1, "content_digest": digest},
-    }  # fmt: skip
+    }
     folder.joinpath("current").mkdir()
     folder.joinpath("failed", "s").mkdir(parents=True)
     (folder / "current" / "s.json").write_text(json.dumps(record | {"seal": seal(record)}))
@@ -194,8 +217,16 @@ def _read_pipeline(folder: Path) -> None:
         wire(with_variant(spec, name), _CATALOGUE[0])
 
 
-TABLES = ("images.csv", "image_points.csv", "fiducials.csv", "ground_points.csv", "exterior.csv", "geodetic.csv",
-          "covariances.csv", "relative_control.yaml")  # fmt: skip
+TABLES = (
+    "images.csv",
+    "image_points.csv",
+    "fiducials.csv",
+    "ground_points.csv",
+    "exterior.csv",
+    "geodetic.csv",
+    "covariances.csv",
+    "relative_control.yaml",
+)
 READERS: dict[str, Reader] = {
     "tables": Reader(write_folder, read_block, TABLES),
     "block": Reader(write_folder, read_block, ("block.yaml",)),
@@ -203,26 +234,37 @@ READERS: dict[str, Reader] = {
     "wucaps": Reader(_write(WUCAPS), read_wucaps, tuple(WUCAPS)),
     "dbat": Reader(
         _write({"export.txt": DBAT, "control.txt": CONTROL}),
-        lambda f: read_dbat(f / "export.txt", f / "control.txt"), ("export.txt", "control.txt"),
+        lambda f: read_dbat(f / "export.txt", f / "control.txt"),
+        ("export.txt", "control.txt"),
     ),
     "gama": Reader(_write({"n.gkf": GAMA}), lambda f: read_gama(f / "n.gkf"), ("n.gkf",)),
     "pairs": Reader(
         _write(PAIRS),
         lambda f: read_pairs(
-            f, unit_um=1000.0, image_sigma_um=10.0, control=f / "control.txt", check=f / "check.txt",
-            control_sigma_m=0.02, max_reject_share=1.0),
+            f,
+            unit_um=1000.0,
+            image_sigma_um=10.0,
+            control=f / "control.txt",
+            check=f / "check.txt",
+            control_sigma_m=0.02,
+            max_reject_share=1.0,
+        ),
         tuple(PAIRS),
     ),
     "bal": Reader(_write({"p.txt": BAL}), lambda f: read_bal(f / "p.txt"), ("p.txt",)),
     "colmap": Reader(
-        lambda f: colmap_model(f / "m"), lambda f: read_colmap(f / "m"),
+        lambda f: colmap_model(f / "m"),
+        lambda f: read_colmap(f / "m"),
         ("m/cameras.txt", "m/images.txt", "m/points3D.txt"),
     ),
     "colmap_binary": Reader(_colmap_binary, read_colmap, ("cameras.bin", "images.bin", "points3D.bin"), binary=True),
     "control": Reader(
-        lambda f: (colmap_model(f / "m"),
-                   (f / "g.csv").write_text("point,X,Y,Z,sX,sY,sZ\n1,0,0,5,1,1,1\n2,1,1,5,0,0,0\n")),
-        lambda f: read_colmap(f / "m", control=f / "g.csv"), ("g.csv",),
+        lambda f: (
+            colmap_model(f / "m"),
+            (f / "g.csv").write_text("point,X,Y,Z,sX,sY,sZ\n1,0,0,5,1,1,1\n2,1,1,5,0,0,0\n"),
+        ),
+        lambda f: read_colmap(f / "m", control=f / "g.csv"),
+        ("g.csv",),
     ),
     "records": Reader(_records, _read_records, ("run.json", "current/s.json", "failed/s/error.json")),
     "hdf5": Reader(
@@ -231,7 +273,7 @@ READERS: dict[str, Reader] = {
     "hdf5_block": Reader(
         _artifact, lambda f: _every_way(f / "a.h5", Block), ("a.h5",), binary=True, other=changed_file
     ),
-}  # fmt: skip
+}
 
 OF_BLOCKS = ("tables", "block", "wucaps", "dbat", "gama", "pairs", "bal", "colmap", "control")
 """Readers of texts that make a Block."""

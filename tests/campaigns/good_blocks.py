@@ -25,8 +25,11 @@ def good_block(seed: int) -> tuple[Block, BundleOptions]:
     if seed % 10 < 6:  # a camera calibrated on the job, over relief, with positions
         block = digital(seed, gnss=True, flight=flight, known=control, terrain={"relief_m": 60.0})
         return sigmas(block, ("principal_distance", "principal_point.x", "principal_point.y")), BundleOptions()
-    more: dict[str, Any] = {"flight": flight | {"tilt_sigma_deg": 1.0, "tilt_max_deg": 3.0, "kappa_sigma_deg": 2.0},
-                            "known": control, "terrain": {"relief_m": 40.0}}  # fmt: skip
+    more: dict[str, Any] = {
+        "flight": flight | {"tilt_sigma_deg": 1.0, "tilt_max_deg": 3.0, "kappa_sigma_deg": 2.0},
+        "known": control,
+        "terrain": {"relief_m": 40.0},
+    }
     if seed % 10 == 6:  # attitudes with a free boresight, and positions
         return images.flown(
             seed, gnss={"observed": True}, imu={"observed": True, "boresight": "free"}, **more

@@ -115,8 +115,14 @@ def swapped_numbers(block: Block, rng: np.random.Generator) -> Spoilt:
 
 
 WAYS: tuple[Callable[[Block, np.random.Generator], Spoilt], ...] = (
-    image_points, control, swapped_control, positions, swapped_numbers, many, position,
-)  # fmt: skip
+    image_points,
+    control,
+    swapped_control,
+    positions,
+    swapped_numbers,
+    many,
+    position,
+)
 LIMITS = {"left": 0.02, "lost": 0.02}
 """Largest figures."""
 MOST_RMSE = {"many": 1.2}
@@ -126,12 +132,20 @@ SIGMA0 = (0.97, 1.03)
 
 _SMALL: dict[str, Any] = {"known": {"full": 13, "check_full": 12}}
 BLOCKS: dict[str, dict[str, Any]] = {
-    "film": {"preset": "rc30", "flight": {"strips": 4, "images_per_strip": 9, "cross_strips": 0},
-             "ties": {"new_points": 500}, **_SMALL},
-    "uav": {"preset": "uav", "flight": {"strips": 4, "images_per_strip": 8}, "ties": {"random_per_image": 60.0},
-            **_SMALL},
+    "film": {
+        "preset": "rc30",
+        "flight": {"strips": 4, "images_per_strip": 9, "cross_strips": 0},
+        "ties": {"new_points": 500},
+        **_SMALL,
+    },
+    "uav": {
+        "preset": "uav",
+        "flight": {"strips": 4, "images_per_strip": 8},
+        "ties": {"random_per_image": 60.0},
+        **_SMALL,
+    },
     "rc30": {"preset": "rc30"},
-}  # fmt: skip
+}
 
 
 def judged(way: str, chain: Chain, spoilt: Spoilt, clean: Chain) -> tuple[dict[str, float], list[str]]:
@@ -147,11 +161,14 @@ def judged(way: str, chain: Chain, spoilt: Spoilt, clean: Chain) -> tuple[dict[s
     left = float((large & ~found).sum() / max(large.sum(), 1))
     wrong = spoilt.rows if spoilt.kind == "image_point" else np.zeros(0, np.int64)
     figures = {
-        "wrong": len(spoilt.rows), "found": int(found.sum()), "left": left,
-        "rmse": float(ratio), "sigma0": solution.sigma0,
+        "wrong": len(spoilt.rows),
+        "found": int(found.sum()),
+        "left": left,
+        "rmse": float(ratio),
+        "sigma0": solution.sigma0,
         "lost": len(np.setdiff1d(stays_out(solution, "image_point"), wrong)) / len(chain.block.image_points),
         "precision": float(np.isin(out, spoilt.rows).mean()) if len(out) else 1.0,
-    }  # fmt: skip
+    }
     bad = [name for name, most in LIMITS.items() if figures[name] > most]
     bad += ["precision"] if figures["precision"] < LEAST_PRECISION.get(way, 0.0) else []
     bad += [] if SIGMA0[0] <= solution.sigma0 / reference.sigma0 <= SIGMA0[1] else ["sigma0"]
@@ -168,8 +185,12 @@ def _above(clean: Chain, spoilt: Spoilt) -> Bool:
     """Gross errors above twice their minimal detectable error: sqrt(e'Re) of whitened e against 2 delta0."""
     before, after = clean.block.image_points, spoilt.block.image_points
     e = (after.xy - before.xy)[spoilt.rows] / before.sigma_mm[spoilt.rows]
-    solution = bundle(clean.block, clean.refined, clean.strip_block,
-                      options=BundleOptions(interior_unknowns=True, reliability=True, blunders="none"))  # fmt: skip
+    solution = bundle(
+        clean.block,
+        clean.refined,
+        clean.strip_block,
+        options=BundleOptions(interior_unknowns=True, reliability=True, blunders="none"),
+    )
     assert solution.tests is not None
     r = solution.residuals
     of = {int(row): k for k, row in enumerate(r.row) if r.kind[k] == "image_point"}

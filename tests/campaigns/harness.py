@@ -89,9 +89,7 @@ def run(arguments: Sequence[str | Path], output: Path, **hooks: Callable[[], Any
     return start(arguments, output, **hooks).wait()
 
 
-def _become_aatri(
-    arguments: list[str], output: Path, before: Callable[[], Any], after: Callable[[], Any]
-) -> NoReturn:  # fmt: skip
+def _become_aatri(arguments: list[str], output: Path, before: Callable[[], Any], after: Callable[[], Any]) -> NoReturn:
     code: Any = 70
     try:
         handle = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)

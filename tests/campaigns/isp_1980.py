@@ -66,10 +66,16 @@ WAVES = 200
 CHANGED = 0.5
 """Share of it that is another one in the block than it was over the test field."""
 
-PROJECT = {"flight": {"strips": 3, "images_per_strip": 6, "cross_strips": 0}, "known": {"full": 12},
-           "ties": {"new_points": 300}}  # fmt: skip
-FIELD = {"flight": {"strips": 2, "images_per_strip": 5, "cross_strips": 2}, "known": {"full": 40},
-         "ties": {"new_points": 300}}  # fmt: skip
+PROJECT = {
+    "flight": {"strips": 3, "images_per_strip": 6, "cross_strips": 0},
+    "known": {"full": 12},
+    "ties": {"new_points": 300},
+}
+FIELD = {
+    "flight": {"strips": 2, "images_per_strip": 5, "cross_strips": 2},
+    "known": {"full": 40},
+    "ties": {"new_points": 300},
+}
 
 
 class Deformation:

@@ -38,7 +38,7 @@ def main() -> None:
 
 def _round(
     folder: Path, subject: harness.Subject, expected: dict[str, str], seconds: float, seed: str
-) -> dict[str, int]:  # fmt: skip
+) -> dict[str, int]:
     chance = random.Random(seed)
     folder.mkdir()
     command = subject.into(folder / "run")

@@ -34,9 +34,23 @@ BOUND = 3.29
 N = 12
 """Observations of a kind, or conditions of two."""
 
-RELATIVE = ("distance", "equal_distance", "coordinate_difference", "plane", "vertical_plane", "horizontal_plane",
-            "equal_height", "line", "plumb_line", "horizontal_line", "angle", "parallel", "perpendicular", "sphere",
-            "cylinder")  # fmt: skip
+RELATIVE = (
+    "distance",
+    "equal_distance",
+    "coordinate_difference",
+    "plane",
+    "vertical_plane",
+    "horizontal_plane",
+    "equal_height",
+    "line",
+    "plumb_line",
+    "horizontal_line",
+    "angle",
+    "parallel",
+    "perpendicular",
+    "sphere",
+    "cylinder",
+)
 NONE: dict[str, Any] = {"gnss": {"observed": False}}
 CASES: dict[str, dict[str, Any]] = {
     "control": NONE | {"known": {"full": 6, "plan": 3, "height": 6}},
@@ -44,8 +58,16 @@ CASES: dict[str, dict[str, Any]] = {
     "drift": {"gnss": {"shift_m": 0.3, "drift_m_per_s": 0.02}, "known": {"full": 9}},
     "attitude": NONE | {"imu": {"observed": True, "rotation": "roll-pitch-heading"}},
     "boresight": {"imu": {"observed": True, "boresight_deg": (0.3, -0.2, 1.0), "boresight": "free"}},
-    "rig": {"rig": {"side": {"position_m": (0.4, 0.1, 0.0), "angles_deg": (0.0, 25.0, 0.0),
-                             "error_deg": (0.0, 0.05, 0.0), "free": True}}},
+    "rig": {
+        "rig": {
+            "side": {
+                "position_m": (0.4, 0.1, 0.0),
+                "angles_deg": (0.0, 25.0, 0.0),
+                "error_deg": (0.0, 0.05, 0.0),
+                "free": True,
+            }
+        }
+    },
     "distance": NONE | {"survey": {"distances": N}},
     "distance of a group": NONE | {"survey": {"distances": N, "distance_scale": 5e-5, "distance_addition_m": -0.03}},
     "distance to an image": NONE | {"survey": {"image_distances": N}},
@@ -59,18 +81,28 @@ CASES: dict[str, dict[str, Any]] = {
     "height_difference": NONE | {"survey": {"height_differences": N}},
     "coordinate_difference": NONE | {"survey": {"baselines": N}},
     **{f"relative {name}": NONE | {"survey": {"relative": {name: 2}}} for name in RELATIVE},
-}  # fmt: skip
+}
 ALL: dict[str, Any] = {
     "gnss": {"shift_m": 0.3, "drift_m_per_s": 0.02},
     "imu": CASES["boresight"]["imu"],
     "rig": CASES["rig"]["rig"],
     "survey": {
-        "distances": N, "distance_scale": 5e-5, "distance_addition_m": -0.03, "image_distances": N,
-        "horizontal_distances": N, "ellipsoid_distances": N, "map_distances": N, "direction_sets": 4, "azimuths": N,
-        "angles": N, "zenith_angles": N, "height_differences": N, "baselines": N,
+        "distances": N,
+        "distance_scale": 5e-5,
+        "distance_addition_m": -0.03,
+        "image_distances": N,
+        "horizontal_distances": N,
+        "ellipsoid_distances": N,
+        "map_distances": N,
+        "direction_sets": 4,
+        "azimuths": N,
+        "angles": N,
+        "zenith_angles": N,
+        "height_differences": N,
+        "baselines": N,
         "relative": dict.fromkeys(RELATIVE, 1),
     },
-}  # fmt: skip
+}
 TOGETHER = "all at once"
 
 
@@ -98,8 +130,15 @@ def one_block(case: str, seed: int) -> Found:
     assert tests is not None
     w = tests.test[np.isfinite(tests.test)]
     of_points, of_poses = nees(block, solution)
-    return Found(solution.sigma0**2 * solution.redundancy, solution.redundancy, len(w), int((np.abs(w) > BOUND).sum()),
-                 of_points, of_poses, len(set(solution.residuals.kind.tolist())))  # fmt: skip
+    return Found(
+        solution.sigma0**2 * solution.redundancy,
+        solution.redundancy,
+        len(w),
+        int((np.abs(w) > BOUND).sum()),
+        of_points,
+        of_poses,
+        len(set(solution.residuals.kind.tolist())),
+    )
 
 
 def nees(block: Block, solution: Solution) -> tuple[float, float]:

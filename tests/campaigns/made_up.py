@@ -57,12 +57,18 @@ def add(a: Numbers | None = None, b: Numbers | None = None, c: Numbers | None = 
     return Numbers(values=Values(value=total))
 '''
 WIRING = {
-    "block": (), "interior": ("block",), "refined": ("block", "interior"), "models": ("block", "refined"),
-    "strips": ("block", "models"), "absolute": ("block", "strips", "refined"),
-    "strip_block": ("block", "refined", "strips", "models", "absolute"), "bundle": ("block", "refined", "strip_block"),
-    "accuracy_absolute": ("block", "absolute"), "accuracy_strip_block": ("block", "strip_block"),
+    "block": (),
+    "interior": ("block",),
+    "refined": ("block", "interior"),
+    "models": ("block", "refined"),
+    "strips": ("block", "models"),
+    "absolute": ("block", "strips", "refined"),
+    "strip_block": ("block", "refined", "strips", "models", "absolute"),
+    "bundle": ("block", "refined", "strip_block"),
+    "accuracy_absolute": ("block", "absolute"),
+    "accuracy_strip_block": ("block", "strip_block"),
     "accuracy": ("block", "bundle"),
-}  # fmt: skip
+}
 
 
 def write_project(folder: Path, head: str = "run: run\nseed: 1\n") -> Path:
@@ -71,8 +77,10 @@ def write_project(folder: Path, head: str = "run: run\nseed: 1\n") -> Path:
     role.mkdir(parents=True)
     for name, text in (("__init__.py", INIT), ("_numbers.py", NUMBERS), ("add.py", ADD)):
         (role / name).write_text(text)
-    lines = [f"  {stage}: {{use: numbers/add, from: {{{_ports(sources)}}}, with: {{offset: {k}.0}}}}"
-             for k, (stage, sources) in enumerate(WIRING.items())]  # fmt: skip
+    lines = [
+        f"  {stage}: {{use: numbers/add, from: {{{_ports(sources)}}}, with: {{offset: {k}.0}}}}"
+        for k, (stage, sources) in enumerate(WIRING.items())
+    ]
     path = folder / "pipeline.yaml"
     path.write_text(head + "stages:\n" + "\n".join(lines) + "\n")
     return path

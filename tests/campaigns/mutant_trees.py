@@ -147,12 +147,24 @@ class Tree:
         ]
         command += ["-p", "tests.campaigns.reach", "--maxfail=1000"] if self.watch else []
         command += [f"--basetemp={place / 'tests'}", *aside, *tests]
-        environment = {**os.environ, "PYTHONPATH": str(self.root), "PYTHONUNBUFFERED": "1",
-                       "XDG_CACHE_HOME": str(place / "cache"), "NUMBA_CACHE_DIR": str(place / "numba"),
-                       **self.watch}  # fmt: skip
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(self.root),
+            "PYTHONUNBUFFERED": "1",
+            "XDG_CACHE_HOME": str(place / "cache"),
+            "NUMBA_CACHE_DIR": str(place / "numba"),
+            **self.watch,
+        }
         with output.open("wb") as out:
-            process = subprocess.Popen(command, cwd=self.root, env=environment, stdout=out, stderr=subprocess.STDOUT,
-                                       stdin=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
+            process = subprocess.Popen(
+                command,
+                cwd=self.root,
+                env=environment,
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )
             try:
                 hung = _makes_no_progress(process, output, self.limit_s)
             finally:

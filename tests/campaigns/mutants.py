@@ -92,9 +92,12 @@ def equivalents() -> dict[tuple[str, str, str], str]:
 
 
 def outcome(
-    mutant: Mutant, trees: queue.Queue[Tree], known: dict[tuple[str, str, str], str], near_only: bool,
+    mutant: Mutant,
+    trees: queue.Queue[Tree],
+    known: dict[tuple[str, str, str], str],
+    near_only: bool,
     reach: Reach | None,
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     """Try one mutant in a tree that is free."""
     reason = known.get((mutant.file, *mutant.lines))
     if reason is not None:

@@ -37,9 +37,12 @@ def controlled(block: Block, points: np.ndarray, rng: np.random.Generator) -> Bl
     place[truth.point] = truth.xyz_m
     names = [name for name in g.__dataclass_fields__ if getattr(g, name) is not None]
     made = {name: np.repeat(np.asarray(getattr(g, name))[:1], len(points), axis=0) for name in names}
-    made |= {"point": points.astype(g.point.dtype), "role": np.full((len(points), 3), CONTROL, dtype=g.role.dtype),
-             "xyz_m": place[points] + rng.normal(0, SIGMA_M, (len(points), 3)),
-             "covariance_m2": np.broadcast_to(SIGMA_M**2 * np.eye(3), (len(points), 3, 3)).copy()}  # fmt: skip
+    made |= {
+        "point": points.astype(g.point.dtype),
+        "role": np.full((len(points), 3), CONTROL, dtype=g.role.dtype),
+        "xyz_m": place[points] + rng.normal(0, SIGMA_M, (len(points), 3)),
+        "covariance_m2": np.broadcast_to(SIGMA_M**2 * np.eye(3), (len(points), 3, 3)).copy(),
+    }
     order = np.argsort(made["point"])
     return replace(block, ground_points=replace(g, **{name: values[order] for name, values in made.items()}))
 

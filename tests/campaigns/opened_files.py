@@ -40,12 +40,32 @@ stages:
   block: {use: block/tables, with: {path: block}}
 """
 LINKS = (
-    ".lock", "events.jsonl", "run.json", "report.html", "current", "objects", "previous", "running", "failed",
-    "variants", "checkpoints", "accepted", "current/block.json", "current/block.h5", "running/block.log",
-    "running/block.json", "objects/block", "objects/block/KEY", "objects/block/KEY/artifact.h5",
-    "objects/block/KEY/record.json", "objects/block/KEY/stage.log", "previous/block.json", "failed/block",
-    "failed/block/error.json", "failed/block/stage.log",
-)  # fmt: skip
+    ".lock",
+    "events.jsonl",
+    "run.json",
+    "report.html",
+    "current",
+    "objects",
+    "previous",
+    "running",
+    "failed",
+    "variants",
+    "checkpoints",
+    "accepted",
+    "current/block.json",
+    "current/block.h5",
+    "running/block.log",
+    "running/block.json",
+    "objects/block",
+    "objects/block/KEY",
+    "objects/block/KEY/artifact.h5",
+    "objects/block/KEY/record.json",
+    "objects/block/KEY/stage.log",
+    "previous/block.json",
+    "failed/block",
+    "failed/block/error.json",
+    "failed/block/stage.log",
+)
 
 
 def main() -> None:
@@ -95,8 +115,15 @@ def main() -> None:
         trace(project, "export", run, "tables", str(place / "exported"), more=[place / "exported"])
         trace(project, "gc", run, "--keep", "0")
         trace(tables, "run", "-q")
-        for verb in (["show", "out:block"], ["show", "out/current/block.h5"], ["status"], ["metrics", "out"], ["dag"],
-                     ["report", "out"], ["compare", "out", "out"]):  # fmt: skip
+        for verb in (
+            ["show", "out:block"],
+            ["show", "out/current/block.h5"],
+            ["status"],
+            ["metrics", "out"],
+            ["dag"],
+            ["report", "out"],
+            ["compare", "out", "out"],
+        ):
             trace(tables, *verb)
         trace(tables, "export", "out:block", "tables", str(place / "block"), more=[place / "block"])
         for link in LINKS[:: 13 if given.short else 1]:
@@ -121,9 +148,14 @@ def _attack(tables: Path, link: str, secret: Path, trace: object) -> None:
     place.unlink(missing_ok=True)
     place.parent.mkdir(parents=True, exist_ok=True)
     place.symlink_to(secret / "file" if is_file else secret)
-    for verb in (["run", "-q", "--force", "block"], ["gc", "out", "--keep", "0"], ["show", "out:block"],
-                 ["status", "out"], ["report", "out"],
-                 ["export", "out:block", "tables", "exported", "--overwrite"]):  # fmt: skip
+    for verb in (
+        ["run", "-q", "--force", "block"],
+        ["gc", "out", "--keep", "0"],
+        ["show", "out:block"],
+        ["status", "out"],
+        ["report", "out"],
+        ["export", "out:block", "tables", "exported", "--overwrite"],
+    ):
         trace(tables, *verb, codes=(0, 2, 7))  # type: ignore[operator]
     shutil.rmtree(out)
     (tables / "whole").rename(out)
@@ -147,8 +179,13 @@ def _traced(folder: Path, arguments: tuple[str, ...], told: Path) -> tuple[int, 
         code,
         *arguments,
     ]
-    done = subprocess.run(command, cwd=folder, capture_output=True, check=False,
-                          env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"})  # fmt: skip
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
+    )
     calls = []
     for line in told.read_text(errors="replace").splitlines():
         if match := re.match(r"\d+ +(\w+)\((.*)\) += (-?\d+)", line):

@@ -29,8 +29,14 @@ def pair(rng: np.random.Generator) -> Hand:
     height, base = 1e-3 * C_MM * SCALE, 0.4 * 0.23 * SCALE
     position = np.array([[0.0, 0.0, height], [base, 0.0, height]]) + rng.uniform(-20, 20, (2, 3))
     rotation = Rotation.from_euler("XYZ", rng.uniform(-0.02, 0.02, (2, 3))).as_matrix()
-    xyz = np.stack([base / 2 + rng.uniform(-0.6, 0.6, POINTS) * base, rng.uniform(-2400, 2400, POINTS),
-                    rng.uniform(-100, 100, POINTS)], axis=1)  # fmt: skip
+    xyz = np.stack(
+        [
+            base / 2 + rng.uniform(-0.6, 0.6, POINTS) * base,
+            rng.uniform(-2400, 2400, POINTS),
+            rng.uniform(-100, 100, POINTS),
+        ],
+        axis=1,
+    )
     image, point = (a.ravel() for a in np.indices((2, POINTS)))
     u = np.einsum("nji,nj->ni", rotation[image], xyz[point] - position[image])
     return Hand(position, rotation, xyz, image, point, -C_MM * u[:, :2] / u[:, 2:])

@@ -11,16 +11,26 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = {
-    "kills": ["6", "--made-up"], "faults": ["12", "--made-up"], "concurrency": ["1", "--made-up"],
-    "corruptions": ["20", "--made-up"], "edits": ["6", "--short"],
-    "edits_of_plans": ["100"], "kernels": ["2"], "equality": ["2"],
+    "kills": ["6", "--made-up"],
+    "faults": ["12", "--made-up"],
+    "concurrency": ["1", "--made-up"],
+    "corruptions": ["20", "--made-up"],
+    "edits": ["6", "--short"],
+    "edits_of_plans": ["100"],
+    "kernels": ["2"],
+    "equality": ["2"],
     "variance_components": ["--count", "2"],
-    "ackermann": [], "classical_blocks": [], "rank_defects": ["--count", "10"], "near_defects": ["--count", "12"],
+    "ackermann": [],
+    "classical_blocks": [],
+    "rank_defects": ["--count", "10"],
+    "near_defects": ["--count", "12"],
     "calibration": ["--count", "4", "--injections", "1"],
     "isp_1980": ["3"],
-    "convergence_basin": ["1"], "fuzz": ["all", "--count", "25"], "opened_files": ["--short"],
+    "convergence_basin": ["1"],
+    "fuzz": ["all", "--count", "25"],
+    "opened_files": ["--short"],
     "mutants": ["--count", "2", "--near", "--under", "aatri/geometry/vectors.py", "--at-least", "0"],
-}  # fmt: skip
+}
 
 
 @pytest.mark.slow

@@ -16,11 +16,30 @@ from tests.campaigns.fuzz_seeds import OF_BLOCKS, READERS
 COUNT = 120
 
 
-@pytest.mark.parametrize(("text", "value"), [
-    ("12", 12.0), ("-12.5", -12.5), ("+.5", 0.5), ("5.", 5.0), ("1e3", 1000.0), ("-1.25E-02", -0.0125), ("007", 7.0),
-    ("", None), (".", None), ("e5", None), ("1e", None), ("1_0", None), ("1,5", None), ("87-", None), ("１", None),
-    ("1e999", None), ("nan", None), ("0x1F", None), ("1 2", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("12", 12.0),
+        ("-12.5", -12.5),
+        ("+.5", 0.5),
+        ("5.", 5.0),
+        ("1e3", 1000.0),
+        ("-1.25E-02", -0.0125),
+        ("007", 7.0),
+        ("", None),
+        (".", None),
+        ("e5", None),
+        ("1e", None),
+        ("1_0", None),
+        ("1,5", None),
+        ("87-", None),
+        ("１", None),
+        ("1e999", None),
+        ("nan", None),
+        ("0x1F", None),
+        ("1 2", None),
+    ],
+)
 def test_the_meaning_of_a_text(text: str, value: float | None) -> None:
     assert meaning(text) == value
     assert meaning("007", yaml=True) is None

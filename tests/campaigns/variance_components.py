@@ -24,9 +24,13 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import simulated
 
 TRUE = {
-    "control height": 1.6, "control plan": 0.7, "distance": 2.0, "image_point camera A": 0.6,
-    "image_point camera B": 1.5, "position": 1.3,
-}  # fmt: skip
+    "control height": 1.6,
+    "control plan": 0.7,
+    "distance": 2.0,
+    "image_point camera A": 0.6,
+    "image_point camera B": 1.5,
+    "position": 1.3,
+}
 
 SIGMA = {"image_mm": 0.005, "plan_m": 0.02, "height_m": 0.03, "position_m": 0.05, "distance_m": 0.01}
 
@@ -36,10 +40,16 @@ Float = np.ndarray
 def error_free(**flight: object) -> Block:
     """A block of digital images without any error, every other of another camera, with distances between points."""
     block = simulated(
-        3, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 1, **flight},
+        3,
+        preset="rc30",
+        flight={"strips": 3, "images_per_strip": 6, "cross_strips": 1, **flight},
         camera={"kind": "digital", "distortion": "none", "format": (20000.0, 20000.0), "pixel_size_mm": 0.0115},
-        earth="flat", refraction="none", ties={"new_points": 200}, known={"full": 55}, noise={"factor": 0.0},
-    )  # fmt: skip
+        earth="flat",
+        refraction="none",
+        ties={"new_points": 200},
+        known={"full": 55},
+        noise={"factor": 0.0},
+    )
     cameras = block.cameras
     twice = {name: np.repeat(getattr(cameras, name), 2, axis=0) for name in cameras.__dataclass_fields__}
     twice["id"] = np.array(["A", "B"])
@@ -61,12 +71,23 @@ def with_distances(block: Block, count: int = 110) -> Block:
     length = np.linalg.norm(truth.xyz_m[first] - truth.xyz_m[second], axis=1)
     ids, text, zero = block.points.id, np.full(count, ""), np.zeros(count)
     rows = {
-        "type": np.full(count, "distance"), "start": ids[truth.point[first]], "end": ids[truth.point[second]],
-        "via": text, "start_kind": np.full(count, "point"), "end_kind": np.full(count, "point"), "value": length,
-        "sigma": np.full(count, SIGMA["distance_m"]), "set": text, "group": text, "start_height_m": zero,
-        "end_height_m": zero, "active": np.ones(count, bool), "reduced": np.full(count, "no"),
-        "file": np.full(count, -1, np.int32), "line": np.zeros(count, np.int32),
-    }  # fmt: skip
+        "type": np.full(count, "distance"),
+        "start": ids[truth.point[first]],
+        "end": ids[truth.point[second]],
+        "via": text,
+        "start_kind": np.full(count, "point"),
+        "end_kind": np.full(count, "point"),
+        "value": length,
+        "sigma": np.full(count, SIGMA["distance_m"]),
+        "set": text,
+        "group": text,
+        "start_height_m": zero,
+        "end_height_m": zero,
+        "active": np.ones(count, bool),
+        "reduced": np.full(count, "no"),
+        "file": np.full(count, -1, np.int32),
+        "line": np.zeros(count, np.int32),
+    }
     return replace(block, geodetic=type(block.geodetic)(**rows))
 
 
@@ -91,11 +112,12 @@ def disturbed(block: Block, rng: np.random.Generator, factors: dict[str, float] 
         image_points=replace(points, xy=xy, sigma_mm=sigma_mm),
         ground_points=replace(ground, xyz_m=xyz, covariance_m2=covariance),
         exterior=replace(
-            exterior, position_m=position,
+            exterior,
+            position_m=position,
             position_covariance_m2=np.broadcast_to(p**2 * np.eye(3), (m, 3, 3)).copy(),
         ),
         geodetic=replace(geodetic, value=length),
-    )  # fmt: skip
+    )
 
 
 def inside(block: Block, seed: int, blunders: str = "none") -> dict[str, tuple[bool, float, float]]:

@@ -28,8 +28,15 @@ class Heard:
 
 
 def test_a_finding_is_place_sentence_names_alternatives_remedy() -> None:
-    found = Finding("units", "warning", "heights are in feet", "convert them", ids=("7", "9"), where="control.csv:3",
-                    alternatives=("a wrong lens",))  # fmt: skip
+    found = Finding(
+        "units",
+        "warning",
+        "heights are in feet",
+        "convert them",
+        ids=("7", "9"),
+        where="control.csv:3",
+        alternatives=("a wrong lens",),
+    )
     assert str(found) == "control.csv:3: heights are in feet: 7, 9; a wrong lens would explain as much; convert them"
 
 

@@ -207,8 +207,11 @@ def test_a_missing_table_is_not_taken_for_another_table(tmp_path: Path) -> None:
 
 
 def test_too_little_memory_is_no_fault_of_a_plugin(monkeypatch: pytest.MonkeyPatch) -> None:
-    for error in (MemoryError(), ImportError("x.so: failed to map segment from shared object"),
-                  OSError(12, "Cannot allocate memory")):  # fmt: skip
+    for error in (
+        MemoryError(),
+        ImportError("x.so: failed to map segment from shared object"),
+        OSError(12, "Cannot allocate memory"),
+    ):
 
         def fails(_: str, error: Exception = error) -> None:
             raise error
@@ -231,8 +234,14 @@ def test_a_limit_of_memory_ends_with_its_exit_code_and_does_not_hang(tmp_path: P
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, megabytes << 20))
 
-    done = subprocess.run([sys.executable, "-c", "from aatri.cli.main import main; main()", "run", "-q"],
-                          capture_output=True, text=True, preexec_fn=limit, timeout=120, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "from aatri.cli.main import main; main()", "run", "-q"],
+        capture_output=True,
+        text=True,
+        preexec_fn=limit,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode in (0, 8), done.stderr[-2000:]
     assert "a bug" not in done.stderr
 

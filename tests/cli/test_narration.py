@@ -159,8 +159,10 @@ def test_standard_files_that_are_closed_leave_their_numbers_to_nothing_else() ->
     program = "from aatri.cli.main import _open_standard_files as o; import sys; o(); open(sys.argv[1]); print(2)"
     done = subprocess.run(
         ["sh", "-c", f"{sys.executable} -c '{program}; import os; os.write(2, b\"lost\")' {__file__} 2>&-"],
-        stdout=subprocess.PIPE, text=True, check=False,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stdout) == (0, "2\n")
 
 

@@ -22,9 +22,12 @@ def _moved(solution: Solution, turn: list[float], scale: float, shift: list[floa
     return replace(
         solution,
         points=replace(solution.points, xyz_m=scale * solution.points.xyz_m @ R.T + shift),
-        images=replace(solution.images, position_m=scale * solution.images.position_m @ R.T + shift,
-                       ground_from_image=R @ solution.images.ground_from_image),
-    )  # fmt: skip
+        images=replace(
+            solution.images,
+            position_m=scale * solution.images.position_m @ R.T + shift,
+            ground_from_image=R @ solution.images.ground_from_image,
+        ),
+    )
 
 
 def _free(block: Block, solution: Solution) -> Solution:
@@ -77,9 +80,16 @@ def test_what_observations_determine_stays_and_only_the_rest_is_fitted() -> None
     turned = _moved(solution, [0.0, 0.0, 0.7], 1.0, [300.0, -200.0, 0.0])
     rows = block.ground_points.point[(block.ground_points.role == b.CONTROL).any(axis=1)][:3]
     n = len(rows)
-    height = Residuals(kind=np.full(n, "control"), row=np.arange(n), image=np.full(n, ""), point=block.points.id[rows],
-                       residual=np.tile([np.nan, np.nan, 0.0], (n, 1)), sigma=np.tile([np.nan, np.nan, 0.01], (n, 1)),
-                       active=np.ones(n, bool), unit=np.full(n, "m"))  # fmt: skip
+    height = Residuals(
+        kind=np.full(n, "control"),
+        row=np.arange(n),
+        image=np.full(n, ""),
+        point=block.points.id[rows],
+        residual=np.tile([np.nan, np.nan, 0.0], (n, 1)),
+        sigma=np.tile([np.nan, np.nan, 0.01], (n, 1)),
+        active=np.ones(n, bool),
+        unit=np.full(n, "m"),
+    )
     turned = replace(turned, residuals=height)
     assert np.linalg.matrix_rank(np.column_stack([xyz[rows][:, :2], np.ones(n)])) == 3
     figures = evaluate(block, turned).metrics()
@@ -114,8 +124,11 @@ def test_too_few_check_points_are_no_check_and_no_figure() -> None:
 def test_a_free_bundle_has_the_errors_that_its_standard_deviations_say() -> None:
     made = run_chain(simulated(preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0}))
     ground, exterior = made.block.ground_points, made.block.exterior
-    block = replace(made.block, ground_points=replace(ground, role=np.zeros_like(ground.role)),
-                    exterior=exterior.take(np.zeros(len(exterior), dtype=bool)))  # fmt: skip
+    block = replace(
+        made.block,
+        ground_points=replace(ground, role=np.zeros_like(ground.role)),
+        exterior=exterior.take(np.zeros(len(exterior), dtype=bool)),
+    )
     start = _moved(made.strip_block, [0.0, 0.0, 0.01], 1.001, [0.5, -0.3, 0.2])
     found = bundle(block, made.refined, start, options=BundleOptions(datum="free", interior_unknowns=True))
     figures = evaluate(block, found).metrics()

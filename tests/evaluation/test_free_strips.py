@@ -21,9 +21,14 @@ from tests.stages.chain import simulated
 def made() -> tuple[Any, Any]:
     """Two error-free strips of five models and their free strips."""
     block = simulated(
-        2, preset="sample", flight={"strips": 2, "images_per_strip": 6}, known={"layout": (), "full": 4},
-        ties={"per_position": 3}, refraction="none", noise={"factor": 0.0},
-    )  # fmt: skip
+        2,
+        preset="sample",
+        flight={"strips": 2, "images_per_strip": 6},
+        known={"layout": (), "full": 4},
+        ties={"per_position": 3},
+        refraction="none",
+        noise={"factor": 0.0},
+    )
     return block, scale_transfer(block, dependent(block, calibrated(block)))
 
 
@@ -58,9 +63,14 @@ def test_an_error_put_into_one_strip_comes_out_at_its_model_in_the_axes_of_the_g
 def test_the_laws_are_the_standard_deviations_of_the_sums(made: Any) -> None:
     """Against n d1 + ... + dn: sqrt(1 + 4 + ... + n^2); fitted, only the ratios between the models count."""
     block, strips = made
-    noisy = replace(strips, strip_images=replace(
-        strips.strip_images, position=strips.strip_images.position + np.random.default_rng(1).normal(
-            0, 1e-3, strips.strip_images.position.shape)))  # fmt: skip
+    noisy = replace(
+        strips,
+        strip_images=replace(
+            strips.strip_images,
+            position=strips.strip_images.position
+            + np.random.default_rng(1).normal(0, 1e-3, strips.strip_images.position.shape),
+        ),
+    )
     table = free_strips(block, noisy).strip_errors
     n = np.arange(1, 6)
     sums = np.sqrt(np.cumsum(n**2.0))

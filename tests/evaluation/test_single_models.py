@@ -17,8 +17,12 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.geodetic_blocks import made
 
-SMALL = {"preset": "rc30", "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0}, "known": {"full": 8},
-         "ties": {"new_points": 80}}  # fmt: skip
+SMALL = {
+    "preset": "rc30",
+    "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0},
+    "known": {"full": 8},
+    "ties": {"new_points": 80},
+}
 
 
 @pytest.fixture(scope="module")
@@ -146,9 +150,14 @@ def test_two_rays_that_do_not_meet_have_no_point_and_the_others_theirs() -> None
     xyz = np.array([[10.0, 5.0, 0.0], [1e9, 0.0, -1e12]])
     xy = np.stack([50.0 * (xyz - x0)[:, :2] / (x0 - xyz)[:, 2:] for x0 in X0], axis=1)
     rays = RayPairs(
-        left=np.array([0]), right=np.array([1]), model=np.array([0, 0]), point=np.array([0, 1]), xy_mm=xy,
-        sigma_mm=np.full((2, 2, 2), 0.005), c_mm=np.full((2, 2), 50.0),
-    )  # fmt: skip
+        left=np.array([0]),
+        right=np.array([1]),
+        model=np.array([0, 0]),
+        point=np.array([0, 1]),
+        xy_mm=xy,
+        sigma_mm=np.full((2, 2, 2), 0.005),
+        c_mm=np.full((2, 2), 50.0),
+    )
     found, w, _ = intersected(poses, rays, xyz + 0.01)
     np.testing.assert_allclose(found[0], xyz[0], atol=1e-9)
     assert w[0] < 1e-6

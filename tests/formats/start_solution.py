@@ -22,16 +22,31 @@ def start_solution(block: Block, rejected: Sequence[int] = ()) -> s.Solution:
     xyz[block.ground_points.point] = block.ground_points.xyz_m
     m = len(rejected)
     suspects = Suspects(
-        kind=np.full(m, "image_point"), row=np.array(rejected, np.int32), image=np.full(m, ""), point=np.full(m, ""),
-        stage=np.full(m, "bundle_adjustment"), size=np.full(m, 1.0), unit=np.full(m, "mm"), sigma=np.full(m, 1.0),
-        test=np.full(m, 9.0), verdict=np.full(m, "rejected"),
-    )  # fmt: skip
+        kind=np.full(m, "image_point"),
+        row=np.array(rejected, np.int32),
+        image=np.full(m, ""),
+        point=np.full(m, ""),
+        stage=np.full(m, "bundle_adjustment"),
+        size=np.full(m, 1.0),
+        unit=np.full(m, "mm"),
+        sigma=np.full(m, 1.0),
+        test=np.full(m, 9.0),
+        verdict=np.full(m, "rejected"),
+    )
     return s.Solution(
-        method="test/start", observations=2 * len(rows), unknowns=0, redundancy=2 * len(rows), sigma0=float("nan"),
-        sigma0_um=float("nan"), iterations=0,
+        method="test/start",
+        observations=2 * len(rows),
+        unknowns=0,
+        redundancy=2 * len(rows),
+        sigma0=float("nan"),
+        sigma0_um=float("nan"),
+        iterations=0,
         images=oriented_images(block, position, R, np.bincount(rows.image, minlength=n)),
         points=ground_points(block, xyz, np.bincount(rows.point, minlength=len(xyz))),
-        cameras=solved_cameras(block), transformations=s.StripTransformations.empty(),
-        parameters=s.Parameters.empty(), residuals=s.Residuals.empty(), history=s.Iterations.empty(),
+        cameras=solved_cameras(block),
+        transformations=s.StripTransformations.empty(),
+        parameters=s.Parameters.empty(),
+        residuals=s.Residuals.empty(),
+        history=s.Iterations.empty(),
         suspects=suspects if m else Suspects.empty(),
-    )  # fmt: skip
+    )

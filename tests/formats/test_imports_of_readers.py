@@ -49,9 +49,13 @@ def test_a_mistake_in_a_block_is_told_while_kernels_are_compiled(tmp_path: Path)
     path = os.pathsep.join([str(ROOT), *filter(None, sys.path)])
     caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     done = subprocess.run(
-        [sys.executable, "-c", "from aatri.cli.main import main; main()", "run"], cwd=tmp_path,
-        env={**os.environ, **caches, "PYTHONPATH": path}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", "from aatri.cli.main import main; main()", "run"],
+        cwd=tmp_path,
+        env={**os.environ, **caches, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 3
     assert "data/block.yaml:1:1: frames is missing" in done.stderr
     assert "compiling the inner loops" in done.stderr

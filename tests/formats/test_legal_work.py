@@ -27,10 +27,19 @@ def _scanned(block: Block) -> Block:
     def pixels(xy: np.ndarray) -> np.ndarray:
         return np.stack([xy[:, 0] + 140.0, 140.0 - xy[:, 1]], axis=1) / PIXEL_MM
 
-    cameras = replace(block.cameras, image_coordinates=["pixel"], pixel_size_mm=[[PIXEL_MM] * 2],
-                      pixel_origin=["top-left-corner"], pixel_y=["down"])  # fmt: skip
-    return replace(block, cameras=cameras, image_points=replace(block.image_points, xy=pixels(block.image_points.xy)),
-                   fiducial_points=replace(block.fiducial_points, xy=pixels(block.fiducial_points.xy)))  # fmt: skip
+    cameras = replace(
+        block.cameras,
+        image_coordinates=["pixel"],
+        pixel_size_mm=[[PIXEL_MM] * 2],
+        pixel_origin=["top-left-corner"],
+        pixel_y=["down"],
+    )
+    return replace(
+        block,
+        cameras=cameras,
+        image_points=replace(block.image_points, xy=pixels(block.image_points.xy)),
+        fiducial_points=replace(block.fiducial_points, xy=pixels(block.fiducial_points.xy)),
+    )
 
 
 def test_scanned_film_measured_in_pixels_gives_the_photo_coordinates_of_the_comparator(tmp_path: Path) -> None:

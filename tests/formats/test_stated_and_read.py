@@ -23,9 +23,13 @@ def wucaps(folder: Path, first: str) -> Heard:
     return heard
 
 
-@pytest.mark.parametrize(("first", "what"), [
-    ("1 2 0 0", ""), ("1 3 0 0", "says 3, 2 follow"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("first", "what"),
+    [
+        ("1 2 0 0", ""),
+        ("1 3 0 0", "says 3, 2 follow"),
+    ],
+)
 def test_strips_of_wucaps_state_photos_and_scale(tmp_path: Path, first: str, what: str) -> None:
     warned = [w for w in wucaps(tmp_path / "w", first).warned if "rejected" not in w]
     assert (what in warned[0] and "PREPHI.DAT" in warned[0]) if what else not warned
@@ -50,11 +54,15 @@ def test_the_scale_of_wucaps_is_that_of_its_known_points(tmp_path: Path) -> None
         assert any("1 : 2453" in w for w in heard.warned) is warns
 
 
-@pytest.mark.parametrize(("name", "old", "new", "what"), [
-    ("points3D", "0.5 1 0 2 0", "0.5 1 0 2 1", "point 1 is feature 1 of image 2: its track says so"),
-    ("points3D", "0.5 1 0 2 0", "0.5 1 0", "point 1 is feature 0 of image 2: the image says so"),
-    ("points3D", "0.5 1 0 2 0", "0.5 1 0 2", "3 words"), ("images", "529412 1 ", "529412 2 ", "contradictions"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "old", "new", "what"),
+    [
+        ("points3D", "0.5 1 0 2 0", "0.5 1 0 2 1", "point 1 is feature 1 of image 2: its track says so"),
+        ("points3D", "0.5 1 0 2 0", "0.5 1 0", "point 1 is feature 0 of image 2: the image says so"),
+        ("points3D", "0.5 1 0 2 0", "0.5 1 0 2", "3 words"),
+        ("images", "529412 1 ", "529412 2 ", "contradictions"),
+    ],
+)
 def test_tracks_of_colmap_that_contradict_features_are_errors(
     tmp_path: Path, name: str, old: str, new: str, what: str
 ) -> None:
@@ -87,11 +95,17 @@ def test_bytes_beyond_the_counts_of_a_binary_model_are_refused(tmp_path: Path) -
         reader.read(tmp_path)
 
 
-@pytest.mark.parametrize(("lines", "found"), [
-    (["1, a, 10,5, 20, 30", "2, b, 1, 2, 3"], ["10,5", ""]), (["1,a,4505,079,446,263,6,378"] * 2, ["4505,079"] * 2),
-    (["1,a,0,25,1.5,0.5", "2,b,1.5,2,3", "3,b,1.5,2,3"], ["0,25", "", ""]),
-    (["1,a,0,1,0", "2,b,1,1,0"], ["", ""]), (["1,a,0,1,0,1e-3", "2,b,1,1,0,1e-3"], ["", ""]),
-    (["1, a, 0, 1, 0, 1, 1, 2", "2, b, 1, 1, 0"], ["", ""]), (["1,a,1.5,2,3,1,1,1", "2,a,1.5,2,3,1,1,1"], ["", ""]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("lines", "found"),
+    [
+        (["1, a, 10,5, 20, 30", "2, b, 1, 2, 3"], ["10,5", ""]),
+        (["1,a,4505,079,446,263,6,378"] * 2, ["4505,079"] * 2),
+        (["1,a,0,25,1.5,0.5", "2,b,1.5,2,3", "3,b,1.5,2,3"], ["0,25", "", ""]),
+        (["1,a,0,1,0", "2,b,1,1,0"], ["", ""]),
+        (["1,a,0,1,0,1e-3", "2,b,1,1,0,1e-3"], ["", ""]),
+        (["1, a, 0, 1, 0, 1, 1, 2", "2, b, 1, 1, 0"], ["", ""]),
+        (["1,a,1.5,2,3,1,1,1", "2,a,1.5,2,3,1,1,1"], ["", ""]),
+    ],
+)
 def test_decimal_commas_between_commas(lines: list[str], found: list[str]) -> None:
     assert decimal_commas(lines) == found

@@ -59,8 +59,9 @@ def test_coordinates_and_covariances_return_through_every_supported_frame(name: 
         f"+a={size.semi_major_metre!r} +rf={size.inverse_flattening!r}"
     )
     G = np.stack(cart.transform(*to.transform(*xyz.T)), axis=1)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(X, axis=0), axis=1), np.linalg.norm(np.diff(G, axis=0), axis=1),
-                               rtol=0, atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        np.linalg.norm(np.diff(X, axis=0), axis=1), np.linalg.norm(np.diff(G, axis=0), axis=1), rtol=0, atol=1e-6
+    )
 
 
 def test_geocentric_blocks_return_exactly_and_have_the_same_axes_everywhere() -> None:
@@ -127,9 +128,11 @@ def krueger(G: Any, central_deg: float = 117.0) -> Any:
     n = f / (2 - f)
     A = WGS84.a_m / (1 + n) * (1 + n**2 / 4 + n**4 / 64)
     alpha = (
-        n / 2 - 2 / 3 * n**2 + 5 / 16 * n**3 + 41 / 180 * n**4, 13 / 48 * n**2 - 3 / 5 * n**3 + 557 / 1440 * n**4,
-        61 / 240 * n**3 - 103 / 140 * n**4, 49561 / 161280 * n**4,
-    )  # fmt: skip
+        n / 2 - 2 / 3 * n**2 + 5 / 16 * n**3 + 41 / 180 * n**4,
+        13 / 48 * n**2 - 3 / 5 * n**3 + 557 / 1440 * n**4,
+        61 / 240 * n**3 - 103 / 140 * n**4,
+        49561 / 161280 * n**4,
+    )
     north, east = xi + 0 * cosine, eta + 0 * cosine
     for j, a in enumerate(alpha, 1):
         north = north + a * np.sin(2 * j * xi) * np.cosh(2 * j * eta)

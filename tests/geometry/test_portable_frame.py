@@ -37,18 +37,28 @@ def written(folder: Path, seen: np.ndarray, frame: BodyDistances, group: str = "
     """A network of two set-ups, each mark with observed coordinates; the frame in the first, the second like it."""
     (folder / "block.yaml").write_text(HEAD)
     ids = [[f"S{s}M{k}" for k in range(N)] for s in range(2)]
-    rows = [f"{ids[s][k]},{','.join(map(repr, seen[s, k].tolist()))},{SIGMA},{SIGMA},{SIGMA},control"
-            for s in range(2) for k in range(N)]  # fmt: skip
+    rows = [
+        f"{ids[s][k]},{','.join(map(repr, seen[s, k].tolist()))},{SIGMA},{SIGMA},{SIGMA},control"
+        for s in range(2)
+        for k in range(N)
+    ]
     (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
     sigma = np.sqrt(np.diagonal(frame.covariance_m2))
-    lines = [f"distance,{ids[0][a]},{ids[0][b]},{float(d)!r},{float(s)!r},{group}"
-             for (a, b), d, s in zip(frame.pairs, frame.length_m, sigma)]  # fmt: skip
+    lines = [
+        f"distance,{ids[0][a]},{ids[0][b]},{float(d)!r},{float(s)!r},{group}"
+        for (a, b), d, s in zip(frame.pairs, frame.length_m, sigma)
+    ]
     (folder / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma,group", *lines]) + "\n")
-    between = [f"geodetic,{i + 1},{j + 1},{float(frame.covariance_m2[i, j])!r}"
-               for i in range(len(sigma)) for j in range(i + 1, len(sigma))]  # fmt: skip
+    between = [
+        f"geodetic,{i + 1},{j + 1},{float(frame.covariance_m2[i, j])!r}"
+        for i in range(len(sigma))
+        for j in range(i + 1, len(sigma))
+    ]
     (folder / "covariances.csv").write_text("\n".join(["table,row_a,row_b,value", *between]) + "\n")
-    equal = [f"- {{type: equal_distance, pairs: [[{ids[0][a]}, {ids[0][b]}], [{ids[1][a]}, {ids[1][b]}]], exact: true}}"
-             for a, b in frame.pairs]  # fmt: skip
+    equal = [
+        f"- {{type: equal_distance, pairs: [[{ids[0][a]}, {ids[0][b]}], [{ids[1][a]}, {ids[1][b]}]], exact: true}}"
+        for a, b in frame.pairs
+    ]
     (folder / "relative_control.yaml").write_text("\n".join(equal) + "\n")
 
 

@@ -111,8 +111,15 @@ def test_levelling_turns_a_direction_to_z_by_the_angle_between_them(up: tuple[fl
 
 
 RNG = np.random.default_rng(4)
-VECTORS = np.concatenate([RNG.normal(size=(50, 3)), 1e-5 * RNG.normal(size=(20, 3)), np.zeros((1, 3)),
-                          np.pi * 0.999999 * np.eye(3), 3.0 * np.eye(3)])  # fmt: skip
+VECTORS = np.concatenate(
+    [
+        RNG.normal(size=(50, 3)),
+        1e-5 * RNG.normal(size=(20, 3)),
+        np.zeros((1, 3)),
+        np.pi * 0.999999 * np.eye(3),
+        3.0 * np.eye(3),
+    ]
+)
 
 
 def test_rotation_vectors_and_matrices_are_those_of_scipy() -> None:
@@ -136,11 +143,15 @@ def test_the_left_jacobian_is_the_derivative_of_the_exponential_map() -> None:
 
 @pytest.mark.parametrize(
     ("system", "order", "columns", "sign"),
-    [("omega-phi-kappa", "XYZ", (0, 1, 2), (1, 1, 1)), ("phi-omega-kappa", "YXZ", (0, 1, 2), (-1, 1, 1)),
-     ("roll-pitch-heading", "ZYX", (2, 1, 0), (1, 1, 1))],
-)  # fmt: skip
-def test_angles_turn_in_the_order_of_their_system(system: str, order: str, columns: tuple[int, ...],
-                                                  sign: tuple[int, ...]) -> None:  # fmt: skip
+    [
+        ("omega-phi-kappa", "XYZ", (0, 1, 2), (1, 1, 1)),
+        ("phi-omega-kappa", "YXZ", (0, 1, 2), (-1, 1, 1)),
+        ("roll-pitch-heading", "ZYX", (2, 1, 0), (1, 1, 1)),
+    ],
+)
+def test_angles_turn_in_the_order_of_their_system(
+    system: str, order: str, columns: tuple[int, ...], sign: tuple[int, ...]
+) -> None:
     angles = RNG.uniform(-1, 1, (20, 3))
     R, G = angle_axes(angles, system)
     expected = Rotation.from_euler(order, angles[:, columns] * sign).as_matrix()

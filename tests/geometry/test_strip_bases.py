@@ -13,11 +13,19 @@ U, V = RNG.uniform(-1, 1, (2, 40))
 RATIO = np.full(40, 0.3)
 
 
-@pytest.mark.parametrize(("form", "degree", "full", "size"), [
-    ("polynomial", 0, False, 3), ("polynomial", 1, False, 9), ("polynomial", 2, False, 15),
-    ("polynomial", 3, False, 21),
-    ("polynomial", 2, True, 18), ("polynomial", 3, True, 30), ("conformal", 2, False, 11), ("conformal", 3, False, 15),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("form", "degree", "full", "size"),
+    [
+        ("polynomial", 0, False, 3),
+        ("polynomial", 1, False, 9),
+        ("polynomial", 2, False, 15),
+        ("polynomial", 3, False, 21),
+        ("polynomial", 2, True, 18),
+        ("polynomial", 3, True, 30),
+        ("conformal", 2, False, 11),
+        ("conformal", 3, False, 15),
+    ],
+)
 def test_numbers_of_coefficients(form: str, degree: int, full: bool, size: int) -> None:
     basis = strip_basis(form, degree, full=full)
     assert basis.size == size == len(set(basis.labels)) == len(basis.part) == len(basis.degree)

@@ -70,10 +70,16 @@ def test_derivatives_are_those_of_the_residual_by_complex_step(system: str, size
 def error_free(**imu: Any) -> Block:
     """A block of eight images whose attitudes have no errors, in UTM far from its central meridian."""
     return simulated(
-        3, noise=False, earth="geodetic", false_origin_m=(760_000.0, 4_505_000.0), refraction="none",
-        flight={"strips": 2, "images_per_strip": 4, "kappa_sigma_deg": 5.0}, ties={"per_position": 1},
-        known={"full": 4}, imu={"observed": True, "boresight_deg": (0.3, -0.2, 1.0), **imu},
-    )  # fmt: skip
+        3,
+        noise=False,
+        earth="geodetic",
+        false_origin_m=(760_000.0, 4_505_000.0),
+        refraction="none",
+        flight={"strips": 2, "images_per_strip": 4, "kappa_sigma_deg": 5.0},
+        ties={"per_position": 1},
+        known={"full": 4},
+        imu={"observed": True, "boresight_deg": (0.3, -0.2, 1.0), **imu},
+    )
 
 
 @pytest.mark.parametrize("curvature", ["frame", "correct"])
@@ -83,11 +89,17 @@ def test_attitudes_without_errors_have_no_residuals(
     system: str, heading: str, mounting_deg: int, curvature: str
 ) -> None:
     block = simulated(
-        3, noise=False, earth="geodetic", false_origin_m=(760_000.0, 4_505_000.0), refraction="none",
-        flight={"strips": 2, "images_per_strip": 4, "kappa_sigma_deg": 5.0}, ties={"per_position": 1},
-        known={"full": 4}, camera={"mounting_deg": mounting_deg},
+        3,
+        noise=False,
+        earth="geodetic",
+        false_origin_m=(760_000.0, 4_505_000.0),
+        refraction="none",
+        flight={"strips": 2, "images_per_strip": 4, "kappa_sigma_deg": 5.0},
+        ties={"per_position": 1},
+        known={"full": 4},
+        camera={"mounting_deg": mounting_deg},
         imu={"observed": True, "boresight_deg": (0.3, -0.2, 1.0), "rotation": system, "heading": heading},
-    )  # fmt: skip
+    )
     block = replace(block, earth_curvature=curvature)
     frame = frame_of(block)
     assert block.true_images is not None

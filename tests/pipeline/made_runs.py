@@ -79,10 +79,30 @@ def run(
 def bare_record() -> dict[str, Any]:
     """What a record holds beside its stage, key and output, of a stage without inputs, options and figures."""
     time = "2026-01-01T00:00:00+00:00"
-    parts = {"plugin": "x/y", "version": 1, "options": {}, "files": {}, "inputs": {}, "code": "", "schemas": {},
-             "seed": None}  # fmt: skip
-    return {"plugin": "x/y", "version": 1, "options": {}, "inputs": {}, "parts": parts, "metrics": {}, "warnings": [],
-            "started": time, "ended": time, "seconds": 1.5, "seed": None, "environment": {}}  # fmt: skip
+    parts = {
+        "plugin": "x/y",
+        "version": 1,
+        "options": {},
+        "files": {},
+        "inputs": {},
+        "code": "",
+        "schemas": {},
+        "seed": None,
+    }
+    return {
+        "plugin": "x/y",
+        "version": 1,
+        "options": {},
+        "inputs": {},
+        "parts": parts,
+        "metrics": {},
+        "warnings": [],
+        "started": time,
+        "ended": time,
+        "seconds": 1.5,
+        "seed": None,
+        "environment": {},
+    }
 
 
 def digests(records: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

@@ -40,8 +40,11 @@ def test_a_label_takes_the_first_free_side_and_those_without_room_are_counted() 
     labels = Labels(200.0, 100.0)
     marks, without_room = labels.around(np.full((6, 2), 50.0), ["abc"] * 6)
     assert [("start" in m, "end" in m, "middle" in m) for m in marks] == [
-        (True, False, False), (False, True, False), (False, False, True), (False, False, True),
-    ]  # fmt: skip
+        (True, False, False),
+        (False, True, False),
+        (False, False, True),
+        (False, False, True),
+    ]
     assert without_room == 2
     at = [(t.x, t.y) for t in texts("".join(marks))]
     assert at == [(50 + AWAY_PX, 53.0), (50 - AWAY_PX, 53.0), (50.0, 50 - AWAY_PX), (50.0, 50 + AWAY_PX + LINE_PX - 3)]

@@ -95,8 +95,9 @@ def test_shapes_are_told_by_how_they_lie_and_by_their_residuals(tmp_path: Path) 
     slope = np.tan(np.radians(30.0))
     places = {"A": (0, 0, 0), "B": (90, 0, -90 * slope), "C": (40, 80, -40 * slope), "P": (50, 30, -50 * slope)}
     (tmp_path / "block.yaml").write_text(HEAD)
-    rows = [f"{k},{x},{y},{z}," + ("0,0,0,control" if k in "ABC" else ",,,approximate")
-            for k, (x, y, z) in places.items()]  # fmt: skip
+    rows = [
+        f"{k},{x},{y},{z}," + ("0,0,0,control" if k in "ABC" else ",,,approximate") for k, (x, y, z) in places.items()
+    ]
     (tmp_path / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
     lines = [f"distance,{a},P,{np.linalg.norm(np.subtract(places[a], places['P']))},0.003" for a in "ABC"]
     (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")

@@ -83,8 +83,11 @@ def make_run(folder, artifacts, *, status="done", **record):
     overview = {"pipeline": "p/pipeline.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages}
     store.begin(folder, overview | {"status": status})
     for name, artifact in artifacts.items():
-        full = bare_record() | {"options": {"a": 1.5}, "seed": 1, "metrics": artifact.metrics(),
-                                "environment": {"numpy": "2.0"}} | record  # fmt: skip
+        full = (
+            bare_record()
+            | {"options": {"a": 1.5}, "seed": 1, "metrics": artifact.metrics(), "environment": {"numpy": "2.0"}}
+            | record
+        )
         store.commit(folder, name, "0123456789ab", artifact, full)
     return folder
 
@@ -134,8 +137,18 @@ def test_text_from_the_data_is_never_markup(tmp_path, payload):
         points=dataclasses.replace(block.points, id=names),
         strips=dataclasses.replace(block.strips, id=[payload, "2"]),
     )
-    suspects = Suspects(kind=[payload], row=[0], image=[payload], point=[payload], stage=[payload], size=[1.0],
-                        unit=[payload], sigma=[0.1], test=[9.0], verdict=[payload])  # fmt: skip
+    suspects = Suspects(
+        kind=[payload],
+        row=[0],
+        image=[payload],
+        point=[payload],
+        stage=[payload],
+        size=[1.0],
+        unit=[payload],
+        sigma=[0.1],
+        test=[9.0],
+        verdict=[payload],
+    )
     plain = made_block()
     solution = made_solution(plain, shift_m=0.01, suspects=suspects)
     solution = dataclasses.replace(solution, points=dataclasses.replace(solution.points, id=names))
@@ -159,13 +172,27 @@ def test_the_same_folder_gives_the_same_page(tmp_path):
 def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path):
     artifacts = made_artifacts()
     run = make_run(tmp_path / "run", {"block": artifacts["block"]}, status="failed")
-    error = {"what": "control is collinear", "where": "bundle", "remedy": "add a control point", "options": {"b": 2},
-             "exit_code": 4, "ended": "2026-01-01T00:00:01+00:00"}  # fmt: skip
+    error = {
+        "what": "control is collinear",
+        "where": "bundle",
+        "remedy": "add a control point",
+        "options": {"b": 2},
+        "exit_code": 4,
+        "ended": "2026-01-01T00:00:01+00:00",
+    }
     (run / "running" / "bundle.log").write_text("    0.001  the last words\n")
     store.fail(run, "bundle", error)
     found = Elements(write_report(run).read_text(encoding="utf-8"))
-    for words in ("Stage bundle", "control is collinear", "add a control point", "the last words", "not run",
-                  "bundle failed; 1 of 3 stages done", "The accuracy was not evaluated", "no solution"):  # fmt: skip
+    for words in (
+        "Stage bundle",
+        "control is collinear",
+        "add a control point",
+        "the last words",
+        "not run",
+        "bundle failed; 1 of 3 stages done",
+        "The accuracy was not evaluated",
+        "no solution",
+    ):
         assert words in found.text
     assert "complete, 3" not in found.text
 
@@ -213,8 +240,18 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
     ],
 )
 def test_only_rejected_suspects_turn_the_light(tmp_path, verdict, words):
-    suspects = Suspects(kind=["image_point"], row=[0], image=["1-0"], point=["p00"], stage=["bundle_adjustment"],
-                        size=[0.03], unit=["mm"], sigma=[0.006], test=[5.0], verdict=[verdict])  # fmt: skip
+    suspects = Suspects(
+        kind=["image_point"],
+        row=[0],
+        image=["1-0"],
+        point=["p00"],
+        stage=["bundle_adjustment"],
+        size=[0.03],
+        unit=["mm"],
+        sigma=[0.006],
+        test=[5.0],
+        verdict=[verdict],
+    )
     text = Elements(write_report(make_run(tmp_path / "run", made_artifacts(suspects=suspects))).read_text("utf-8")).text
     assert f"bundle: {words}" in text
 
@@ -223,8 +260,18 @@ def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_pat
     n = 100
     kind = ["strip_tie"] * (n - 2) + ["model_tie", "control"]
     stage = ["strip_formation"] * (n - 1) + ["bundle_adjustment"]
-    suspects = Suspects(kind=kind, row=[-1] * n, image=["s"] * n, point=["p00"] * n, stage=stage, size=[1.0] * n,
-                        unit=["m"] * n, sigma=[0.1] * n, test=[10.0] * n, verdict=["rejected"] * n)  # fmt: skip
+    suspects = Suspects(
+        kind=kind,
+        row=[-1] * n,
+        image=["s"] * n,
+        point=["p00"] * n,
+        stage=stage,
+        size=[1.0] * n,
+        unit=["m"] * n,
+        sigma=[0.1] * n,
+        test=[10.0] * n,
+        verdict=["rejected"] * n,
+    )
     run = make_run(tmp_path / "run", made_artifacts(suspects=suspects))
     text = Elements(write_report(run).read_text("utf-8")).text
     assert "bundle: 1 control (bundle_adjustment) rejected" in text

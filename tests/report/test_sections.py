@@ -49,7 +49,8 @@ def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id():
     summary, listed = suspects_tables(full_solution().suspects)
     assert summary.rows == [
         ("absolute_orientation", "control", "rejected", "1"),
-        ("bundle_adjustment", "image_point", "rejected", "1")]  # fmt: skip
+        ("bundle_adjustment", "image_point", "rejected", "1"),
+    ]
     assert listed.rows[0][:5] == ("bundle_adjustment", "image_point", "1-1", "p10", "rejected")
 
 
@@ -114,7 +115,9 @@ def test_uncontrolled_before_the_bundle_is_counted_by_kind_and_rays_in_no_model_
     table = uncontrolled_counts(found)
     assert table is not None
     assert table.rows == [
-        ("image_point", "1", "2", "1"), ("image_point in no model", "2", "1", "1"), ("model_tie", "3", "1", "1"),
-    ]  # fmt: skip
+        ("image_point", "1", "2", "1"),
+        ("image_point in no model", "2", "1", "1"),
+        ("model_tie", "3", "1", "1"),
+    ]
     assert uncontrolled_counts(found.take(np.zeros(4, dtype=bool))) is None
     assert uncontrolled_counts(None) is None

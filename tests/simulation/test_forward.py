@@ -45,8 +45,12 @@ def test_the_presets_are_undone_by_the_corrections():
 
 def test_in_a_map_the_curvature_correction_leaves_what_the_scale_of_heights_makes():
     # A point at height h is shown d h / R too near to the nadir, which the correction does not know: subtracted here.
-    block = error_free(earth="map", false_origin_m=(446000.0, 4505000.0), refraction="none",
-                       flight={"tilt_sigma_deg": 0.0, "strips": 9, "images_per_strip": 20})  # fmt: skip
+    block = error_free(
+        earth="map",
+        false_origin_m=(446000.0, 4505000.0),
+        refraction="none",
+        flight={"tilt_sigma_deg": 0.0, "strips": 9, "images_per_strip": 20},
+    )
     c, h = 153.84, block.true_points.xyz_m[block.image_points.point, 2]
     above = block.true_images.position_m[block.image_points.image, 2] - h
     xy = later.curvature_corrected(later.photo_from_block(block), c, above)

@@ -235,15 +235,24 @@ SWITCHES = list(
 
 @pytest.mark.parametrize("kind", ["film", "digital"])
 def test_every_combination_of_switches_gives_a_valid_block(kind, tmp_path):
-    digital = {"format": (5472.0, 3648.0), "principal_distance_mm": 8.8, "margin_mm": 0.05,
-               "table_radius_mm": (0.0, 10.0), "table_correction_um": (0.0, 3.0)}  # fmt: skip
+    digital = {
+        "format": (5472.0, 3648.0),
+        "principal_distance_mm": 8.8,
+        "margin_mm": 0.05,
+        "table_radius_mm": (0.0, 10.0),
+        "table_correction_um": (0.0, 3.0),
+    }
     camera = {"kind": kind, **(digital if kind == "digital" else {"fiducials": 8})}
     for n, (earth, refraction, distortion) in enumerate(SWITCHES):
         block = made(
-            earth=earth, refraction=refraction, noise=n % 2 == 0, film={"deformation": n % 3 == 0},
-            camera={**camera, "distortion": distortion, "brown": {"k1": 1e-9}}, gnss={"observed": n % 4 < 2},
+            earth=earth,
+            refraction=refraction,
+            noise=n % 2 == 0,
+            film={"deformation": n % 3 == 0},
+            camera={**camera, "distortion": distortion, "brown": {"k1": 1e-9}},
+            gnss={"observed": n % 4 < 2},
             flight={"scale_number": 2500.0 if kind == "film" else 12000.0},
-        )  # fmt: skip
+        )
         assert np.bincount(block.image_points.point, minlength=len(block.points)).min() >= 2
         ids = [block.images.id, block.points.id, block.strips.id]
         assert all(list(i) == sorted(set(i.tolist()), key=str.encode) for i in ids)

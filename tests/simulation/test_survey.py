@@ -19,8 +19,13 @@ from tests.reading import read_block
 from tests.stages.chain import simulated
 from tests.stages.geodetic_blocks import CAMERA
 
-GEODETIC = {"camera": CAMERA, "refraction": "none", "earth": "geodetic", "false_origin_m": (500_000.0, 4_505_000.0),
-            "terrain": {"relief_m": 20.0}}  # fmt: skip
+GEODETIC = {
+    "camera": CAMERA,
+    "refraction": "none",
+    "earth": "geodetic",
+    "false_origin_m": (500_000.0, 4_505_000.0),
+    "terrain": {"relief_m": 20.0},
+}
 SURVEY: dict[str, Any] = ALL["survey"] | {"distance_scale": 0.0, "distance_addition_m": 0.0}
 
 

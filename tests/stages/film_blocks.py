@@ -17,9 +17,12 @@ def flown(**options: Any) -> Block:
         "noise": False,
         "flight": {"strips": 2, "images_per_strip": 5},
         "known": {"full": 8},
-        "camera": {"distortion": "brown", "principal_point_mm": (0.011, 0.002),
-                   "brown": {"k1": 5.0e-9, "k2": -2.2e-13, "p1": 5.0e-8, "p2": -3.0e-8}},
-    }  # fmt: skip
+        "camera": {
+            "distortion": "brown",
+            "principal_point_mm": (0.011, 0.002),
+            "brown": {"k1": 5.0e-9, "k2": -2.2e-13, "p1": 5.0e-8, "p2": -3.0e-8},
+        },
+    }
     return simulate(options=SimulateOptions(**{**given, **options}), rng=np.random.default_rng(7))
 
 

@@ -13,8 +13,13 @@ from aatri.evaluation.accuracy import evaluate
 from aatri.geometry.rotations import angles_from_rotation
 from tests.stages.chain import simulated
 
-CAMERA = {"kind": "digital", "principal_distance_mm": 100.0, "format": (20000.0, 13000.0), "pixel_size_mm": 0.005,
-          "margin_mm": 0.0}  # fmt: skip
+CAMERA = {
+    "kind": "digital",
+    "principal_distance_mm": 100.0,
+    "format": (20000.0, 13000.0),
+    "pixel_size_mm": 0.005,
+    "margin_mm": 0.0,
+}
 OFF = 2e-4
 """Error of the starting angles, rad."""
 
@@ -22,13 +27,22 @@ OFF = 2e-4
 def made(seed: int, height_m: float, **options: Any) -> Block:
     """A block of digital images in UTM, with starting angles where it has no observed ones."""
     chosen = {
-        "camera": CAMERA, "refraction": "none", "earth": "geodetic", "false_origin_m": (500_000.0, 4_505_000.0),
-        "flight": {"strips": 2, "images_per_strip": 5, "scale_number": height_m / 0.1, "side_overlap": 40.0,
-                   "position_sigma_m": (0.01 * height_m,) * 3},
-        "terrain": {"relief_m": 0.02 * height_m, "wavelength_m": height_m}, "ties": {"per_position": 2},
+        "camera": CAMERA,
+        "refraction": "none",
+        "earth": "geodetic",
+        "false_origin_m": (500_000.0, 4_505_000.0),
+        "flight": {
+            "strips": 2,
+            "images_per_strip": 5,
+            "scale_number": height_m / 0.1,
+            "side_overlap": 40.0,
+            "position_sigma_m": (0.01 * height_m,) * 3,
+        },
+        "terrain": {"relief_m": 0.02 * height_m, "wavelength_m": height_m},
+        "ties": {"per_position": 2},
         "known": {"full": 4, "check_full": 4},
         "noise": {"image_um": 2.0, "control_m": (0.01, 0.01, 0.01), "gnss_m": (0.02, 0.02, 0.03)},
-    } | options  # fmt: skip
+    } | options
     block = simulated(seed, **chosen)
     assert block.true_images is not None
     if block.exterior.angle_use.any():

@@ -26,8 +26,16 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 C_MM = 100.0
 PRINCIPAL_POINT_MM = np.array([0.02, -0.01])
 HEIGHT_M = 600.0
-ANGLES_RAD = np.array([[0.05, -0.03, 0.2], [-0.04, 0.06, -1.4], [0.02, 0.07, 3.0],
-                       [-0.06, -0.05, 1.7], [0.07, 0.01, -2.6], [0.01, -0.08, 0.9]])  # fmt: skip
+ANGLES_RAD = np.array(
+    [
+        [0.05, -0.03, 0.2],
+        [-0.04, 0.06, -1.4],
+        [0.02, 0.07, 3.0],
+        [-0.06, -0.05, 1.7],
+        [0.07, 0.01, -2.6],
+        [0.01, -0.08, 0.9],
+    ]
+)
 """omega, phi, kappa."""
 
 
@@ -78,8 +86,9 @@ def hand(origin_m: Sequence[float] = (0.0, 0.0, 0.0), relief_m: float = 50.0) ->
 
 def projected(position: Any, rotation: Any, xyz: Any, image: Any, point: Any) -> Any:
     """x = -c u1/u3, y = -c u2/u3, u = R'(X - X0)."""
-    return np.array([-C_MM * u[:2] / u[2] for u in
-                     (rotation[i].T @ (xyz[p] - position[i]) for i, p in zip(image, point))])  # fmt: skip
+    return np.array(
+        [-C_MM * u[:2] / u[2] for u in (rotation[i].T @ (xyz[p] - position[i]) for i, p in zip(image, point))]
+    )
 
 
 def angles_deg(of: Hand, system: str) -> Any:
@@ -92,22 +101,44 @@ def angles_deg(of: Hand, system: str) -> Any:
 
 
 def read(
-    folder: Path, of: Hand, *, ground: str = "", exterior: str = "", rotation: str = "omega-phi-kappa",
-    xy_mm: Any = None, camera: Mapping[str, Any] | None = None, more: Mapping[str, Any] | None = None,
-) -> tuple[Block, ImagePoints]:  # fmt: skip
+    folder: Path,
+    of: Hand,
+    *,
+    ground: str = "",
+    exterior: str = "",
+    rotation: str = "omega-phi-kappa",
+    xy_mm: Any = None,
+    camera: Mapping[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,
+) -> tuple[Block, ImagePoints]:
     """The block and its photo coordinates, with these ground points and exterior rows."""
     folder.mkdir(parents=True, exist_ok=True)
     about = {
-        "aatri_block": 1, "name": "hand", "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
-        "earth_curvature": "ignore", "rotation": rotation,
+        "aatri_block": 1,
+        "name": "hand",
+        "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
+        "earth_curvature": "ignore",
+        "rotation": rotation,
         "units": {"ground": "m", "angle": "deg", "sigma_image": "um", "sigma_ground": "m", "sigma_angle": "deg"},
-        "sigma": {"image": 5, "control": [0.02, 0.02, 0.03], "position": [0.1, 0.1, 0.1],
-                  "attitude": [0.01, 0.01, 0.02]},
-        "cameras": {"c": {"kind": "film", "image_coordinates": "photo", "format": [230, 230],
-                          "principal_distance": C_MM, "principal_point": PRINCIPAL_POINT_MM.tolist(),
-                          "distortion": {"model": "none"}, **(camera or {})}},
+        "sigma": {
+            "image": 5,
+            "control": [0.02, 0.02, 0.03],
+            "position": [0.1, 0.1, 0.1],
+            "attitude": [0.01, 0.01, 0.02],
+        },
+        "cameras": {
+            "c": {
+                "kind": "film",
+                "image_coordinates": "photo",
+                "format": [230, 230],
+                "principal_distance": C_MM,
+                "principal_point": PRINCIPAL_POINT_MM.tolist(),
+                "distortion": {"model": "none"},
+                **(camera or {}),
+            }
+        },
         **(more or {}),
-    }  # fmt: skip
+    }
     (folder / "block.yaml").write_text(yaml.safe_dump(about))
     rows = [f"{name},c,s{k // 3},{k % 3}" for k, name in enumerate(of.image_ids)]
     (folder / "images.csv").write_text("\n".join(["image,camera,strip,sequence", *rows]) + "\n")
@@ -133,25 +164,48 @@ def start(of: Hand, block: Block, suspects: Suspects | None = None, **changes: A
     of = replace(of, **changes)
     n, m = len(of.position_m), len(of.xyz_m)
     return s.Solution(
-        method="hand/made", observations=0, unknowns=0, redundancy=0, sigma0=np.nan, sigma0_um=np.nan, iterations=0,
-        images=s.ImageOrientations(id=block.images.id, oriented=np.isfinite(of.position_m).all(axis=1),
-                                   position_m=of.position_m, ground_from_image=of.rotation,
-                                   covariance=np.full((n, 6, 6), np.nan), image_points=np.zeros(n, int)),
-        points=s.SolvedPoints(id=block.points.id, xyz_m=of.xyz_m, covariance_m2=np.full((m, 3, 3), np.nan),
-                              rays=np.zeros(m, int)),
+        method="hand/made",
+        observations=0,
+        unknowns=0,
+        redundancy=0,
+        sigma0=np.nan,
+        sigma0_um=np.nan,
+        iterations=0,
+        images=s.ImageOrientations(
+            id=block.images.id,
+            oriented=np.isfinite(of.position_m).all(axis=1),
+            position_m=of.position_m,
+            ground_from_image=of.rotation,
+            covariance=np.full((n, 6, 6), np.nan),
+            image_points=np.zeros(n, int),
+        ),
+        points=s.SolvedPoints(
+            id=block.points.id, xyz_m=of.xyz_m, covariance_m2=np.full((m, 3, 3), np.nan), rays=np.zeros(m, int)
+        ),
         cameras=s.SolvedCameras(id=["c"], principal_distance_mm=[C_MM], principal_point_mm=[PRINCIPAL_POINT_MM]),
-        transformations=s.StripTransformations.empty(), parameters=s.Parameters.empty(),
-        residuals=s.Residuals.empty(), history=s.Iterations.empty(),
+        transformations=s.StripTransformations.empty(),
+        parameters=s.Parameters.empty(),
+        residuals=s.Residuals.empty(),
+        history=s.Iterations.empty(),
         suspects=Suspects.empty() if suspects is None else suspects,
-    )  # fmt: skip
+    )
 
 
 def suspected(kind: str, rows: Sequence[int], verdict: str = "rejected") -> Suspects:
     """Suspects of one kind, by row of their table."""
     n = len(rows)
-    return Suspects(kind=[kind] * n, row=list(rows), image=[""] * n, point=[""] * n, stage=["earlier"] * n,
-                    size=np.full(n, 1.0), unit=["mm"] * n, sigma=np.full(n, 0.1), test=np.full(n, 10.0),
-                    verdict=[verdict] * n)  # fmt: skip
+    return Suspects(
+        kind=[kind] * n,
+        row=list(rows),
+        image=[""] * n,
+        point=[""] * n,
+        stage=["earlier"] * n,
+        size=np.full(n, 1.0),
+        unit=["mm"] * n,
+        sigma=np.full(n, 0.1),
+        test=np.full(n, 10.0),
+        verdict=[verdict] * n,
+    )
 
 
 class Heard(Silent):

@@ -56,26 +56,51 @@ def made_strips(n_images: int = 5, n_strips: int = 1, *, noise_mm: float = 0.0, 
     base = made_block()
     text = np.full(n, "")
     images = {
-        "id": [f"{k // n_images + 1}-{k % n_images:02d}" for k in range(n)], "camera": np.zeros(n, int),
-        "strip": np.arange(n) // n_images, "sequence": 10.0 * (np.arange(n) % n_images), "time_s": np.full(n, np.nan),
-        "flight": text, "session": text, "rig": text, "member": text, "active": np.ones(n, bool),
-        "file": np.full(n, -1), "line": np.zeros(n, int),
-    }  # fmt: skip
+        "id": [f"{k // n_images + 1}-{k % n_images:02d}" for k in range(n)],
+        "camera": np.zeros(n, int),
+        "strip": np.arange(n) // n_images,
+        "sequence": 10.0 * (np.arange(n) % n_images),
+        "time_s": np.full(n, np.nan),
+        "flight": text,
+        "session": text,
+        "rig": text,
+        "member": text,
+        "active": np.ones(n, bool),
+        "file": np.full(n, -1),
+        "line": np.zeros(n, int),
+    }
     points = [f"p{k:04d}" for k in range(len(ground))]
     block = dataclasses.replace(
-        base, images=b.Images(**(images | changes)), strips=b.Strips(id=[str(k + 1) for k in range(n_strips)]),
-        points=b.Points(id=points), ground_points=b.GroundPoints.empty(), true_images=None, true_points=None,
+        base,
+        images=b.Images(**(images | changes)),
+        strips=b.Strips(id=[str(k + 1) for k in range(n_strips)]),
+        points=b.Points(id=points),
+        ground_points=b.GroundPoints.empty(),
+        true_images=None,
+        true_points=None,
         image_points=b.MeasuredPoints(
-            image=image, point=point, xy=xy, sigma_mm=np.full((m, 2), 0.005), group=np.full(m, ""),
-            active=np.ones(m, bool), row_time_s=np.full(m, np.nan), file=np.full(m, -1), line=np.zeros(m, int)),
-    )  # fmt: skip
+            image=image,
+            point=point,
+            xy=xy,
+            sigma_mm=np.full((m, 2), 0.005),
+            group=np.full(m, ""),
+            active=np.ones(m, bool),
+            row_time_s=np.full(m, np.nan),
+            file=np.full(m, -1),
+            line=np.zeros(m, int),
+        ),
+    )
     image_points = ip.ImagePoints(
-        images=ip.ImageIds(id=block.images.id), points=ip.PointIds(id=points),
+        images=ip.ImageIds(id=block.images.id),
+        points=ip.PointIds(id=points),
         measurements=ip.Measurements(
-            image=image, point=point, xy_mm=xy, sigma_mm=np.full((m, 2), 0.005), active=np.ones(m, bool)),
-        interior=ip.Interior.empty(), fiducial_residuals=ip.FiducialResiduals.empty(),
-        corrections=ip.Corrections.empty(), suspects=Suspects.empty(),
-    )  # fmt: skip
+            image=image, point=point, xy_mm=xy, sigma_mm=np.full((m, 2), 0.005), active=np.ones(m, bool)
+        ),
+        interior=ip.Interior.empty(),
+        fiducial_residuals=ip.FiducialResiduals.empty(),
+        corrections=ip.Corrections.empty(),
+        suspects=Suspects.empty(),
+    )
     return Made(block, image_points, X0, R, ground)
 
 

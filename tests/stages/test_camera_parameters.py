@@ -23,8 +23,9 @@ FREE = {"datum": "free", "tolerance": 1e-8, "blunders": {"method": "none"}}
 
 def _undistorted(block: Block) -> Block:
     """The block with a camera that says nothing of its lens."""
-    return replace(block, cameras=replace(block.cameras, distortion=np.array(["none"])),
-                   camera_parameters=CameraParameters.empty())  # fmt: skip
+    return replace(
+        block, cameras=replace(block.cameras, distortion=np.array(["none"])), camera_parameters=CameraParameters.empty()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +69,19 @@ def test_image_variant_and_block_invariant_parameters_have_the_covariances_of_a_
     assert p.name[:4].tolist() == ["k1", "k2", "p1", "p2"]
     assert p.object[4:].tolist() == np.repeat(solution.images.id, 3).tolist()
     values = np.concatenate([np.tile(p.value[:4], (len(m), 1)), p.value[4:].reshape(n, 3)[m.image]], axis=1)
-    z = np.concatenate([solution.images.position_m[m.image], np.zeros((len(m), 3)), solution.points.xyz_m[m.point],
-                        values], axis=1)  # fmt: skip
+    z = np.concatenate(
+        [solution.images.position_m[m.image], np.zeros((len(m), 3)), solution.points.xyz_m[m.point], values], axis=1
+    )
     R, size, first = solution.images.ground_from_image[m.image], 6 * n + 3 * k + 4 + 3 * n, 6 * n + 3 * k
-    columns = np.concatenate([6 * m.image[:, None] + np.arange(6), 6 * n + 3 * m.point[:, None] + np.arange(3),
-                              np.tile(first + np.arange(4), (len(m), 1)),
-                              first + 4 + 3 * m.image[:, None] + np.arange(3)], axis=1)  # fmt: skip
+    columns = np.concatenate(
+        [
+            6 * m.image[:, None] + np.arange(6),
+            6 * n + 3 * m.point[:, None] + np.arange(3),
+            np.tile(first + np.arange(4), (len(m), 1)),
+            first + 4 + 3 * m.image[:, None] + np.arange(3),
+        ],
+        axis=1,
+    )
     dense = Dense.of(size)
     dense.add(by_complex_step(lambda z: _corrected(z, R, m.xy_mm), z), columns, m.sigma_mm)
     sigma = SIGMA_MM * np.concatenate([RADIUS_MM ** np.array([-3.0, -5.0, -2.0, -2.0]), np.ones(3 * n)])
@@ -153,8 +161,11 @@ def test_another_lens_than_the_calibrated_one_is_told(calibration: Solution) -> 
 def test_what_cannot_be_handed_over_is_refused(block: Block, calibration: Solution) -> None:
     points = measured(block)
     options = BundleOptions(**FREE)
-    opencv = replace(block, cameras=replace(block.cameras, distortion=np.array(["opencv"])),
-                     camera_parameters=CameraParameters.empty())  # fmt: skip
+    opencv = replace(
+        block,
+        cameras=replace(block.cameras, distortion=np.array(["opencv"])),
+        camera_parameters=CameraParameters.empty(),
+    )
     with pytest.raises(InputError, match="camera has the parameters principal_distance, q,"):
         bundle(opencv, points, None, calibration, options=options)
     spare = replace(block, cameras=replace(block.cameras, id=np.array(["spare"])))

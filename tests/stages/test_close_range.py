@@ -35,12 +35,20 @@ def _dense(block: Block, points: ImagePoints, solution: Solution) -> np.ndarray:
     nominal = {f"principal_point.{axis}": x for axis, x in zip("xy", block.cameras.principal_point_mm[0])}
     camera = np.array([value[name] - nominal.get(name, 0.0) for name in TEN])
     xy = m.xy_mm
-    z = np.concatenate([images.position_m[m.image], np.zeros((len(xy), 3)), ground.xyz_m[m.point],
-                        np.tile(camera, (len(xy), 1))], axis=1)  # fmt: skip
+    z = np.concatenate(
+        [images.position_m[m.image], np.zeros((len(xy), 3)), ground.xyz_m[m.point], np.tile(camera, (len(xy), 1))],
+        axis=1,
+    )
     R = images.ground_from_image[m.image]
     J = by_complex_step(lambda z: brown_residual(z[:, :9], R, xy, z[:, 9:]), z)
-    columns = np.concatenate([6 * m.image[:, None] + np.arange(6), 6 * n + 3 * m.point[:, None] + np.arange(3),
-                              np.tile(6 * n + 3 * k + np.arange(10), (len(xy), 1))], axis=1)  # fmt: skip
+    columns = np.concatenate(
+        [
+            6 * m.image[:, None] + np.arange(6),
+            6 * n + 3 * m.point[:, None] + np.arange(3),
+            np.tile(6 * n + 3 * k + np.arange(10), (len(xy), 1)),
+        ],
+        axis=1,
+    )
     dense = Dense.of(6 * n + 3 * k + 10)
     dense.add(J, columns, m.sigma_mm)
     ends = np.array([int(np.flatnonzero(block.points.id == name)[0]) for name in block.relative_control_members.id])
@@ -116,11 +124,24 @@ def _stretched(block: Block, factor: float) -> Block:
 
 def _distance(start: str, start_kind: str, end: str, end_kind: str, value: float) -> Geodetic:
     one, empty, none = np.ones(1), np.array([""]), np.array([-1], dtype=np.int32)
-    return Geodetic(type=np.array(["distance"]), start=np.array([start]), end=np.array([end]), via=empty,
-                    start_kind=np.array([start_kind]), end_kind=np.array([end_kind]), value=value * one,
-                    sigma=1e-5 * one,
-                    set=empty, group=empty, start_height_m=np.full(1, np.nan), end_height_m=np.full(1, np.nan),
-                    active=np.array([True]), reduced=np.array(["no"]), file=none, line=none)  # fmt: skip
+    return Geodetic(
+        type=np.array(["distance"]),
+        start=np.array([start]),
+        end=np.array([end]),
+        via=empty,
+        start_kind=np.array([start_kind]),
+        end_kind=np.array([end_kind]),
+        value=value * one,
+        sigma=1e-5 * one,
+        set=empty,
+        group=empty,
+        start_height_m=np.full(1, np.nan),
+        end_height_m=np.full(1, np.nan),
+        active=np.array([True]),
+        reduced=np.array(["no"]),
+        file=none,
+        line=none,
+    )
 
 
 @pytest.mark.parametrize("ends", [("point", "point"), ("point", "image"), ("image", "image")])
@@ -130,8 +151,10 @@ def test_one_distance_of_any_kind_gives_the_size_of_an_object_without_control(en
     points, images = block.true_points, block.true_images
     assert points is not None
     assert images is not None
-    place = {"point": [(block.points.id[points.point[k]], points.xyz_m[k]) for k in (0, 20)],
-             "image": [(block.images.id[images.image[k]], images.position_m[k]) for k in (0, 5)]}  # fmt: skip
+    place = {
+        "point": [(block.points.id[points.point[k]], points.xyz_m[k]) for k in (0, 20)],
+        "image": [(block.images.id[images.image[k]], images.position_m[k]) for k in (0, 5)],
+    }
     (a, at), (b, to) = place[ends[0]][0], place[ends[1]][1]
     far = _distance(a, ends[0], b, ends[1], float(np.linalg.norm(to - at)))
     given = _stretched(replace(block, geodetic=far), 1.03)

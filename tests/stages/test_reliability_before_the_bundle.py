@@ -18,8 +18,11 @@ from tests.stages.chain import Chain, run_chain, simulated
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    return run_chain(simulated(3, preset="rc30", flight={"strips": 2, "images_per_strip": 5}, known={"full": 8},
-                               gnss={"observed": False}))  # fmt: skip
+    return run_chain(
+        simulated(
+            3, preset="rc30", flight={"strips": 2, "images_per_strip": 5}, known={"full": 8}, gnss={"observed": False}
+        )
+    )
 
 
 def adjusted(chain: Chain, stage: str) -> Solution:
@@ -27,11 +30,12 @@ def adjusted(chain: Chain, stage: str) -> Solution:
     made: dict[str, Any] = {
         "polynomial": lambda: polynomial(block, points, chain.strips, chain.absolute, options=PolynomialOptions(**on)),
         "conformal": lambda: conformal(block, points, chain.strips, chain.absolute, options=ConformalOptions(**on)),
-        "models": lambda: independent_models(block, points, chain.models, chain.absolute,
-                                             options=IndependentModelsOptions(centres={"sigma": 0.05}, **on)),
+        "models": lambda: independent_models(
+            block, points, chain.models, chain.absolute, options=IndependentModelsOptions(centres={"sigma": 0.05}, **on)
+        ),
         "similarity": lambda: similarity(block, chain.strips, points, options=SimilarityOptions(**on)),
         "graph": lambda: graph(block, points, options=GraphOptions(**on), rng=np.random.default_rng(1)),
-    }  # fmt: skip
+    }
     return made[stage]()  # type: ignore[no-any-return]
 
 

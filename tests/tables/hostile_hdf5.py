@@ -146,10 +146,34 @@ def text_as_version(file: h5py.File, column: str) -> None:
 
 CHANGES: dict[str, Change] = {
     change.__name__: change
-    for change in (external_link, external_table, soft_link, second_name, circle, external_storage, virtual, terabytes,
-                   giant_chunk, bomb, deflated_twice, foreign_filter, texts_of_any_length, references, compound, lists,
-                   scalar, null, dataset_at_the_top, group_as_column, named_type, list_as_attribute,
-                   text_of_any_length, long_text, number_as_kind, text_as_version)
-}  # fmt: skip
+    for change in (
+        external_link,
+        external_table,
+        soft_link,
+        second_name,
+        circle,
+        external_storage,
+        virtual,
+        terabytes,
+        giant_chunk,
+        bomb,
+        deflated_twice,
+        foreign_filter,
+        texts_of_any_length,
+        references,
+        compound,
+        lists,
+        scalar,
+        null,
+        dataset_at_the_top,
+        group_as_column,
+        named_type,
+        list_as_attribute,
+        text_of_any_length,
+        long_text,
+        number_as_kind,
+        text_as_version,
+    )
+}
 NOT_OF_THE_HEADER = {"number_as_kind", "text_as_version"}
 """What `show` can tell, and only a stage cannot use."""

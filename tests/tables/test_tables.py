@@ -174,8 +174,19 @@ def _break(path: Path, how: str) -> None:
             file.attrs["schema_version"] = 99
 
 
-@pytest.mark.parametrize("how", ["unknown column", "missing column", "float32", "external link", "soft link",
-                                 "external storage", "unknown table", "version"])  # fmt: skip
+@pytest.mark.parametrize(
+    "how",
+    [
+        "unknown column",
+        "missing column",
+        "float32",
+        "external link",
+        "soft link",
+        "external storage",
+        "unknown table",
+        "version",
+    ],
+)
 def test_foreign_structure_is_refused(tmp_path: Path, how: str) -> None:
     path = tmp_path / "n.h5"
     write(_network(), path)

@@ -30,9 +30,15 @@ def residual_table(found: AdjustedObservations, state: State) -> Residuals:
     label = np.array(o.components, dtype=np.str_)[component]
     unit = np.array(o.units, dtype=np.str_)[component] if o.units else o.unit
     return assemble.residuals(
-        o.kind, o.row[rows][row], image[row], label, v[row, component][:, None], sigma[row, component][:, None],
-        active[row], unit=unit,
-    )  # fmt: skip
+        o.kind,
+        o.row[rows][row],
+        image[row],
+        label,
+        v[row, component][:, None],
+        sigma[row, component][:, None],
+        active[row],
+        unit=unit,
+    )
 
 
 def reliability_table(found: AdjustedObservations, state: State, gains: Gains | None = None) -> Tests:

@@ -31,9 +31,14 @@ from aatri.orientation.bundle.strip_numbering import strip_numbering
 
 
 def bundle_input(
-    block: Block, image_points: ImagePoints | None, initial: Solution | None, options: KindOptions,
-    parameters: tuple[ParameterRows, ...] = (), origin: Float | None = None, linear_start: bool = False,
-) -> BundleInput:  # fmt: skip
+    block: Block,
+    image_points: ImagePoints | None,
+    initial: Solution | None,
+    options: KindOptions,
+    parameters: tuple[ParameterRows, ...] = (),
+    origin: Float | None = None,
+    linear_start: bool = False,
+) -> BundleInput:
     """A block ready for adjustment; missing start values are filled in by intersection and resection.
 
     Parameters
@@ -79,8 +84,16 @@ def bundle_input(
                 remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
             )
     geodesy = geodesy_of(block, frame)
-    given = Given(block, image_points, origin, {POSE: poses, POINT: xyz}, parameters, level_of(frame, geodesy, origin),
-                  frame, geodesy)  # fmt: skip
+    given = Given(
+        block,
+        image_points,
+        origin,
+        {POSE: poses, POINT: xyz},
+        parameters,
+        level_of(frame, geodesy, origin),
+        frame,
+        geodesy,
+    )
     return BundleInput(
         block.images.id,
         block.points.id,
@@ -157,8 +170,19 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
     if film is None:
         return None
     zero, image = np.zeros(film.open.shape), image_points.measurements.image
-    return ParameterRows(FILM, block.images.id, film.labels, zero, film.open, zero, film.covariance, film.open, image,
-                         film.basis, per_image=True)  # fmt: skip
+    return ParameterRows(
+        FILM,
+        block.images.id,
+        film.labels,
+        zero,
+        film.open,
+        zero,
+        film.covariance,
+        film.open,
+        image,
+        film.basis,
+        per_image=True,
+    )
 
 
 def _start_poses(block: Block, initial: Solution | None) -> tuple[Float, Float]:

@@ -103,8 +103,9 @@ def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, .
     for per in pers:
         time = group_times(images.time_s[image], images.sequence[image], names[per][image])
         largest = float(np.abs(time).max(initial=0.0)) or 1.0
-        H = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)),
-                            (time / largest)[:, None, None] * np.eye(3)], axis=2)  # fmt: skip
+        H = np.concatenate(
+            [np.broadcast_to(np.eye(3), (len(rows), 3, 3)), (time / largest)[:, None, None] * np.eye(3)], axis=2
+        )
         causes: tuple[Cause, ...] = (Cause("shift", (0, 1, 2)),)
         if per == ALL:
             causes = (Cause("height", (2,)), *causes)
@@ -114,9 +115,15 @@ def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, .
 
 
 def _units(
-    place: int, per: str, names: Text, image: Int, rows: Int, H: Float, causes: tuple[Cause, ...],
+    place: int,
+    per: str,
+    names: Text,
+    image: Int,
+    rows: Int,
+    H: Float,
+    causes: tuple[Cause, ...],
     removable: bool = False,
-) -> Iterator[Candidates]:  # fmt: skip
+) -> Iterator[Candidates]:
     """Candidates unit by unit, of units with enough observations; a single strip or flight is all there is.
 
     `names` are those of the units of the images, `image` that of each row.
@@ -141,8 +148,12 @@ def _of_image_points(given: BundleInput, place: int, rows: Int, residuals_mm: Fl
     corner_mm = _corner_mm(given)[images.camera[image]]
     H = _by_camera(rays.xy_mm[rows] + residuals_mm, rays.c_mm[rows], corner_mm)
     carried = any(p.group != FILM and p.free.any() for p in given.parameters)
-    causes = (Cause("principal distance", (0,)), Cause("principal point", (1, 2)), Cause("radial distortion", (3,)),
-              Cause("affinity", (4, 5)))  # fmt: skip
+    causes = (
+        Cause("principal distance", (0,)),
+        Cause("principal point", (1, 2)),
+        Cause("radial distortion", (3,)),
+        Cause("affinity", (4, 5)),
+    )
     if not carried:
         yield from _units(place, "camera", block.cameras.id[images.camera], image, rows, H, causes)
     strips = np.append(block.strips.id, "")[images.strip]

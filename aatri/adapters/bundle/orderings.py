@@ -35,8 +35,10 @@ def report_orderings(result: BundleResult, numbering: StripNumbering, used: Orde
     if textbook:
         n, N = numbering.images, numbering.strips
         better = "across" if n > 2 * N - 1 else "along"
-        reporter.log(f"{N} parallel strips of up to {n} images; the textbook numbers {better} the strips, n {n}, "
-                     f"2N - 1 {2 * N - 1}")  # fmt: skip
+        reporter.log(
+            f"{N} parallel strips of up to {n} images; the textbook numbers {better} the strips, n {n}, "
+            f"2N - 1 {2 * N - 1}"
+        )
     for figures in found:
         reporter.log(
             _told(figures, textbook.get(figures.ordering), len(problem.tree.nodes) == 1 and figures is found[0])

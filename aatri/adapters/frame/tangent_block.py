@@ -135,7 +135,11 @@ def _solution(frame: TangentFrame, solution: Solution, *, into: bool) -> Solutio
         turn = np.linalg.inv(np.where(oriented[:, None, None], turn, np.eye(6)))
     return replace(
         solution,
-        images=replace(images, position_m=poses.position_m, ground_from_image=poses.ground_from_image,
-                       covariance=turn @ images.covariance @ turn.swapaxes(1, 2)),
+        images=replace(
+            images,
+            position_m=poses.position_m,
+            ground_from_image=poses.ground_from_image,
+            covariance=turn @ images.covariance @ turn.swapaxes(1, 2),
+        ),
         points=replace(points, xyz_m=xyz, covariance_m2=D @ points.covariance_m2 @ D.swapaxes(1, 2)),
-    )  # fmt: skip
+    )

@@ -50,9 +50,15 @@ def oriented_part(
 
 
 def _by_known(
-    ground: GroundOfStrips, component: Component, body: FreeBody, known: Known, what: str, limit: float, *,
+    ground: GroundOfStrips,
+    component: Component,
+    body: FreeBody,
+    known: Known,
+    what: str,
+    limit: float,
+    *,
     two_points: bool,
-) -> tuple[OrientedPart, list[Note]]:  # fmt: skip
+) -> tuple[OrientedPart, list[Note]]:
     block, strips = ground.block, ground.strips
     datum = datum_of(block, ground, body, known)
     before = strips.suspects.take(np.flatnonzero(staying_out(strips.suspects)))

@@ -47,9 +47,14 @@ def ground_of_strips(block: Block, as_given: Block, strips: Strips, *, use_posit
 
 
 def orient_strips(
-    ground: GroundOfStrips, *, tie_limit: float, control_limit: float, every_component: bool, max_sigma0: float | None,
+    ground: GroundOfStrips,
+    *,
+    tie_limit: float,
+    control_limit: float,
+    every_component: bool,
+    max_sigma0: float | None,
     two_points: bool = False,
-) -> OrientedStrips:  # fmt: skip
+) -> OrientedStrips:
     """Join strips to components and orient each.
 
     Parameters
@@ -82,10 +87,14 @@ def orient_strips(
     adjusted = [(name, tied) for part in parts for name, tied in part.adjusted()]
     try:
         notes += sigma0_notes(
-            [tied for _, tied in adjusted], [name for name, _ in adjusted], tables.pooled(parts)[1],
-            pieces.most_models(ground.strips), Misfit(max_sigma0, _distance_m(ground, parts)),
-            _misfit_m(parts), "absolute orientation",
-        )  # fmt: skip
+            [tied for _, tied in adjusted],
+            [name for name, _ in adjusted],
+            tables.pooled(parts)[1],
+            pieces.most_models(ground.strips),
+            Misfit(max_sigma0, _distance_m(ground, parts)),
+            _misfit_m(parts),
+            "absolute orientation",
+        )
     except ConvergenceError as error:
         raise ConvergenceError(error.what + _worst(parts), where=error.where, remedy=error.remedy) from error
     return OrientedStrips(ground, tuple(parts), tuple(notes))
@@ -163,10 +172,13 @@ def _height_notes(ground: GroundOfStrips, part: OrientedPart) -> list[Note]:
 def _part_notes(part: OrientedPart) -> list[Note]:
     factor, tied = part.result.analysis.extrapolation, part.result.tied
     notes = [
-        Note("note", f"{part.what}: {len(part.control)} control points, {len(part.positions)} positions, errors of "
-             f"control magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
-             "standard deviations of its points")
-    ]  # fmt: skip
+        Note(
+            "note",
+            f"{part.what}: {len(part.control)} control points, {len(part.positions)} positions, errors of "
+            f"control magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
+            "standard deviations of its points",
+        )
+    ]
     if factor > EXTRAPOLATION_WARNED:
         text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
         notes.append(Note("warning", text))

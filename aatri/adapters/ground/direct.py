@@ -63,8 +63,14 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     """X0 = X_antenna - R a and R = R_obs exp([b]x), with d = turns of the angles and of the boresight."""
     n, e = len(block.images), block.exterior
     position, rotation, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((n, 6, 6), np.nan)
-    given = Given(block, None, np.zeros(3), {POSE: Poses(np.full((n, 3), np.nan), rotation)}, frame=frame,
-                  geodesy=geodesy_of(block, frame))  # fmt: skip
+    given = Given(
+        block,
+        None,
+        np.zeros(3),
+        {POSE: Poses(np.full((n, 3), np.nan), rotation)},
+        frame=frame,
+        geodesy=geodesy_of(block, frame),
+    )
     rows = attitudes_of(given)
     usable = rows.whole & (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
     row, image, camera = rows.row[usable], rows.image[usable], rows.camera[usable]
@@ -99,8 +105,18 @@ def _intersected(block: Block, image_points: ImagePoints | None, poses: DirectPo
     if image_points is None:
         return None
     rays, n = rays_of(block, image_points), len(block.points)
-    return intersect_uncertain(rays.xy_mm, rays.sigma_mm, rays.c_mm, rays.image, rays.point, rays.active,
-                               poses.position_m, poses.ground_from_image, poses.covariance, n)  # fmt: skip
+    return intersect_uncertain(
+        rays.xy_mm,
+        rays.sigma_mm,
+        rays.c_mm,
+        rays.image,
+        rays.point,
+        rays.active,
+        poses.position_m,
+        poses.ground_from_image,
+        poses.covariance,
+        n,
+    )
 
 
 def _solution(

@@ -65,8 +65,10 @@ def known_of(ground: Ground, component: ImageComponent | FreeBody) -> Known:
     lengths = []
     for part in ground.lengths:
         s = part.sights
-        ends = [np.where(is_image, images[np.where(is_image, row, 0)], known[np.where(is_image, 0, row)])
-                for row, is_image in ((s.station, s.station_is_image), (s.target, s.target_is_image))]  # fmt: skip
+        ends = [
+            np.where(is_image, images[np.where(is_image, row, 0)], known[np.where(is_image, 0, row)])
+            for row, is_image in ((s.station, s.station_is_image), (s.target, s.target_is_image))
+        ]
         rows = np.flatnonzero(ends[0] & ends[1])
         if len(rows):
             lengths.append((part, rows))
@@ -110,11 +112,15 @@ def datum_of(block: Block, ground: Ground, body: FreeBody, known: Known, *, atti
             [body.covariance[c.point[control]], _centres(body, len(image)), ends.covariance(body)]
         ),
         offset_m=np.concatenate(
-            [np.zeros((len(control), 3)),
-             np.einsum("nij,nj->ni", poses.ground_from_image[image], p.lever_arm_m[position]), np.zeros((more, 3))]
+            [
+                np.zeros((len(control), 3)),
+                np.einsum("nij,nj->ni", poses.ground_from_image[image], p.lever_arm_m[position]),
+                np.zeros((more, 3)),
+            ]
         ),
-        xyz_m=np.concatenate([c.xyz_m[control] - ground.origin_m, p.position_m[position] - ground.origin_m,
-                              np.zeros((more, 3))]),
+        xyz_m=np.concatenate(
+            [c.xyz_m[control] - ground.origin_m, p.position_m[position] - ground.origin_m, np.zeros((more, 3))]
+        ),
         covariance_m2=np.concatenate([c.covariance_m2[control], p.covariance_m2[position], np.zeros((more, 3, 3))]),
         given=np.concatenate([c.given[control], p.given[position], np.zeros((more, 3), dtype=bool)]),
         n_control=len(control),
@@ -123,7 +129,7 @@ def datum_of(block: Block, ground: Ground, body: FreeBody, known: Known, *, atti
         row=np.append(np.concatenate([c.row[control], p.row[position]]), np.full(more, -1)),
         id=np.array([*block.points.id[c.point[control]], *block.images.id[image], *ends.names(block)], dtype=np.str_),
         attitudes=_attitudes(block, ground, body, known.attitude) if attitudes else None,
-    )  # fmt: skip
+    )
 
 
 def held_datum(block: Block, ground: Ground, body: FreeBody, known: Known) -> tuple[Datum, Known]:
@@ -137,8 +143,10 @@ def held_datum(block: Block, ground: Ground, body: FreeBody, known: Known) -> tu
         There the first image stays where it is, and the scale without distances.
     """
     if not len(known.attitude):  # nothing tells what is up
-        known = replace(known, lengths=tuple((part, some) for part, rows in known.lengths
-                                             if len(some := rows[~part.levelled[rows]])))  # fmt: skip
+        known = replace(
+            known,
+            lengths=tuple((part, some) for part, rows in known.lengths if len(some := rows[~part.levelled[rows]])),
+        )
     made = datum_of(block, ground, body, known, attitudes=True)
     first = int(np.flatnonzero(body.images)[0])
     spot = body.poses.position_m[first : first + 1]
@@ -243,9 +251,15 @@ def _attitudes(block: Block, ground: Ground, body: FreeBody, rows: Int) -> Given
     a = ground.attitudes
     back = np.linalg.inv(a.turning[rows])
     own = body.turn_rad**2 * back @ back.swapaxes(1, 2)
-    return GivenAttitudes("attitude", a.row[rows], block.images.id[a.image[rows]],
-                          body.poses.ground_from_image[a.image[rows]], a.ground_from_image[rows], a.turning[rows],
-                          a.covariance_rad2[rows] + own)  # fmt: skip
+    return GivenAttitudes(
+        "attitude",
+        a.row[rows],
+        block.images.id[a.image[rows]],
+        body.poses.ground_from_image[a.image[rows]],
+        a.ground_from_image[rows],
+        a.turning[rows],
+        a.covariance_rad2[rows] + own,
+    )
 
 
 def precision(component: ImageComponent, rays: ImagePointRows) -> float:

@@ -46,15 +46,38 @@ def ground_of_neighbours(
         zero: Float = np.zeros((n, 3))
         ground = replace(
             ground,
-            control=_with(ground.control, Control(_none(m), known.astype(np.int32), other.xyz[known] + ground.origin_m,
-                                                  np.tile(spread, (m, 1, 1)), all_, ~all_)),
-            positions=_with(ground.positions, Positions(_none(n), seen.astype(np.int32),
-                                                        other.poses.position_m[seen] + ground.origin_m,
-                                                        np.tile(spread, (n, 1, 1)), zero)),
-            attitudes=_with(ground.attitudes, SeenAttitudes(_none(k), of_image.astype(np.int32),
-                                                            other.poses.ground_from_image[of_image],
-                                                            np.tile(np.eye(3), (k, 1, 1)), np.tile(turn, (k, 1, 1)))),
-        )  # fmt: skip
+            control=_with(
+                ground.control,
+                Control(
+                    _none(m),
+                    known.astype(np.int32),
+                    other.xyz[known] + ground.origin_m,
+                    np.tile(spread, (m, 1, 1)),
+                    all_,
+                    ~all_,
+                ),
+            ),
+            positions=_with(
+                ground.positions,
+                Positions(
+                    _none(n),
+                    seen.astype(np.int32),
+                    other.poses.position_m[seen] + ground.origin_m,
+                    np.tile(spread, (n, 1, 1)),
+                    zero,
+                ),
+            ),
+            attitudes=_with(
+                ground.attitudes,
+                SeenAttitudes(
+                    _none(k),
+                    of_image.astype(np.int32),
+                    other.poses.ground_from_image[of_image],
+                    np.tile(np.eye(3), (k, 1, 1)),
+                    np.tile(turn, (k, 1, 1)),
+                ),
+            ),
+        )
     return ground if shares else None
 
 

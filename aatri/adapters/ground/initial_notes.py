@@ -20,8 +20,11 @@ def shown_components(components: tuple[ImageComponent, ...], block: Block) -> li
     if len(components) == 1:
         return [Note("note", f"one component of {int(components[0].images.sum())} images")]
     return [
-        Note("warning", f"{len(components)} components that are not joined; number {k} has {int(c.images.sum())} "
-             f"images: {shown(block.images.id[c.images])}")
+        Note(
+            "warning",
+            f"{len(components)} components that are not joined; number {k} has {int(c.images.sum())} "
+            f"images: {shown(block.images.id[c.images])}",
+        )
         for k, c in enumerate(components, 1)
         if k > 1
-    ]  # fmt: skip
+    ]

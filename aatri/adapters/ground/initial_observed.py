@@ -26,10 +26,16 @@ from aatri.observations.relative.distances import relative_sights
 from aatri.orientation.bodies.given_relations import Lengths
 
 USES = (
-    "geodetic:distance", "geodetic:distance_to_image", "geodetic:horizontal_distance",
-    "geodetic:horizontal_distance_to_image", "geodetic.heights", "relative_control:distance",
-    "exterior.angles_rad", "cameras.boresight_rad", "cameras.mount_deg",
-)  # fmt: skip
+    "geodetic:distance",
+    "geodetic:distance_to_image",
+    "geodetic:horizontal_distance",
+    "geodetic:horizontal_distance_to_image",
+    "geodetic.heights",
+    "relative_control:distance",
+    "exterior.angles_rad",
+    "cameras.boresight_rad",
+    "cameras.mount_deg",
+)
 
 
 @dataclass(frozen=True)
@@ -101,8 +107,10 @@ def _lengths(block: Block) -> tuple[tuple[Lengths, ...], list[Note]]:
         found.append(Lengths(kind, sights.take(usable), plan[usable]))
         if not usable.all():
             ids: Text = sights.names[~usable]
-            text = (f"{kind}: {len(ids)} take no part here, as their group has a scale of its own or they are reduced "
-                    "to another surface; the bundle uses them")  # fmt: skip
+            text = (
+                f"{kind}: {len(ids)} take no part here, as their group has a scale of its own or they are reduced "
+                "to another surface; the bundle uses them"
+            )
             notes.append(Note("note", text, tuple(ids.tolist())))
     sights = relative_sights(block)
     found.append(Lengths(RELATIVE, sights, np.zeros(len(sights), dtype=bool)))
@@ -130,8 +138,9 @@ def seen_attitudes(block: Block) -> tuple[SeenAttitudes, list[Note]]:
     notes = []
     if not rows.whole.all():
         ids = tuple(block.images.id[rows.image[~rows.whole]].tolist())
-        notes.append(Note("note", "attitudes of which one or two angles are given take no part here; the bundle uses "
-                          "them", ids))  # fmt: skip
+        notes.append(
+            Note("note", "attitudes of which one or two angles are given take no part here; the bundle uses them", ids)
+        )
     if np.isin(rows.camera, open_).any():
         ids = tuple(block.cameras.id[np.intersect1d(open_, rows.camera)].tolist())
         notes.append(Note("note", "attitudes of cameras whose boresight is free take no part here", ids))

@@ -76,9 +76,13 @@ class OnGround:
 
 
 def to_ground(
-    block: Block, ground: Ground, components: tuple[ImageComponent, ...], rays: ImagePointRows, limit: float,
+    block: Block,
+    ground: Ground,
+    components: tuple[ImageComponent, ...],
+    rays: ImagePointRows,
+    limit: float,
     by_all: ByAll | None = None,
-) -> tuple[list[OnGround], list[Note]]:  # fmt: skip
+) -> tuple[list[OnGround], list[Note]]:
     """Every component by one similarity; the first one stays free where none has a datum.
 
     Parameters
@@ -128,9 +132,16 @@ def to_ground(
 
 
 def _otherwise(
-    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, done: list[OnGround], what: str,
-    limit: float, by_all: ByAll | None, alone: AatriError,
-) -> tuple[OnGround | None, list[Note], str]:  # fmt: skip
+    block: Block,
+    ground: Ground,
+    component: ImageComponent,
+    rays: ImagePointRows,
+    done: list[OnGround],
+    what: str,
+    limit: float,
+    by_all: ByAll | None,
+    alone: AatriError,
+) -> tuple[OnGround | None, list[Note], str]:
     """A component that control, positions, distances and attitudes leave open; else why it is."""
     why = alone.what
     try:
@@ -156,9 +167,14 @@ def _otherwise(
 
 
 def _by_neighbours(
-    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, done: list[OnGround], what: str,
+    block: Block,
+    ground: Ground,
+    component: ImageComponent,
+    rays: ImagePointRows,
+    done: list[OnGround],
+    what: str,
     limit: float,
-) -> OnGround | None:  # fmt: skip
+) -> OnGround | None:
     """A component that has too little of its own, by what it shares with those on the ground."""
     more = ground_of_neighbours(ground, [part.component for part in done], component, rays)
     if more is None:
@@ -208,9 +224,15 @@ def _free(
 
 
 def _oriented(
-    block: Block, ground: Ground, component: ImageComponent, rays: ImagePointRows, known: Known, what: str,
-    limit: float, weakest: float = UNDETERMINED,
-) -> tuple[OnGround, list[Note]]:  # fmt: skip
+    block: Block,
+    ground: Ground,
+    component: ImageComponent,
+    rays: ImagePointRows,
+    known: Known,
+    what: str,
+    limit: float,
+    weakest: float = UNDETERMINED,
+) -> tuple[OnGround, list[Note]]:
     """By control, positions and distances; by attitudes as well where these leave something open.
 
     Positions of drift groups take part only where nothing else determines the component.

@@ -30,9 +30,16 @@ from aatri.orientation.graph.triangulation import contradicting, residuals_mm
 
 
 def initial_solution(
-    block: Block, image_points: ImagePoints, rays: ImagePointRows, ground: Ground, parts: list[OnGround], method: str,
-    suspects: Suspects, *, tests: bool = False,
-) -> Solution:  # fmt: skip
+    block: Block,
+    image_points: ImagePoints,
+    rays: ImagePointRows,
+    ground: Ground,
+    parts: list[OnGround],
+    method: str,
+    suspects: Suspects,
+    *,
+    tests: bool = False,
+) -> Solution:
     """The Solution of components on the ground; an image of several components is that of the first."""
     n, m = len(block.images), len(block.points)
     position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
@@ -70,11 +77,19 @@ def initial_solution(
     found.append(_trimmed(block, rays, poses, xyz, contrary, "undecidable"))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
     solution = pieces.solution_of(
-        block, image_points, pieces.Placed(position, rotation, xyz), method=method,
-        counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())), sigma0=float("nan"), iterations=0,
-        transformations=stacked(moves), parameters=Parameters.empty(), residuals=stacked(tables),
-        suspects=stacked(found), tests=stacked(reliability) if tests else None,
-    )  # fmt: skip
+        block,
+        image_points,
+        pieces.Placed(position, rotation, xyz),
+        method=method,
+        counts=(used, int(6 * finite_rows(position).sum() + 3 * solved.sum())),
+        sigma0=float("nan"),
+        iterations=0,
+        transformations=stacked(moves),
+        parameters=Parameters.empty(),
+        residuals=stacked(tables),
+        suspects=stacked(found),
+        tests=stacked(reliability) if tests else None,
+    )
     solution = replace(solution, cameras=solved_cameras(block))
     if free:
         return replace(solution, datum=DatumCarriers(kind=np.array(["held"]), id=np.array([""])))
@@ -96,7 +111,14 @@ def _trimmed(block: Block, rays: ImagePointRows, poses: Poses, xyz: Float, rows:
     sigma = rays.sigma_mm[rows].mean(axis=1)
     finite: Bool = np.isfinite(off)
     return Suspects(
-        kind=np.full(n, "image_point"), row=rows.astype(np.int32), image=block.images.id[rays.image[rows]],
-        point=block.points.id[rays.point[rows]], stage=np.full(n, STAGE), size=np.where(finite, off, np.nan),
-        unit=np.full(n, "mm"), sigma=sigma, test=np.where(finite, off / sigma, np.nan), verdict=np.full(n, verdict),
-    )  # fmt: skip
+        kind=np.full(n, "image_point"),
+        row=rows.astype(np.int32),
+        image=block.images.id[rays.image[rows]],
+        point=block.points.id[rays.point[rows]],
+        stage=np.full(n, STAGE),
+        size=np.where(finite, off, np.nan),
+        unit=np.full(n, "mm"),
+        sigma=sigma,
+        test=np.where(finite, off / sigma, np.nan),
+        verdict=np.full(n, verdict),
+    )

@@ -56,9 +56,14 @@ def residuals_at(component: ImageComponent, o: Observed) -> Float:
 def lengths_in(component: ImageComponent, part: Lengths, rows: Int) -> Float:
     """Distances as they are in a component, of its unit."""
     s = part.sights.take(rows)
-    ends = [np.where(is_image[:, None], component.poses.position_m[np.where(is_image, row, 0)],
-                     component.xyz[np.where(is_image, 0, row)])
-            for row, is_image in ((s.station, s.station_is_image), (s.target, s.target_is_image))]  # fmt: skip
+    ends = [
+        np.where(
+            is_image[:, None],
+            component.poses.position_m[np.where(is_image, row, 0)],
+            component.xyz[np.where(is_image, 0, row)],
+        )
+        for row, is_image in ((s.station, s.station_is_image), (s.target, s.target_is_image))
+    ]
     line = ends[1] - ends[0]
     line[:, 2] += s.target_height_m - s.station_height_m
     line[part.plan[rows], 2] = 0.0
@@ -176,9 +181,11 @@ def attitude_notes(block: Block, ground: Ground, rows: Int, poses: Poses, what: 
         off = np.linalg.norm(lacking[mine] - offset, axis=1)
         sigma = np.sqrt(np.einsum("nii->n", a.covariance_rad2[rows[mine]]) / 3 + (SCATTER * np.median(off)) ** 2 / 3)
         wrong = block.images.id[image[mine[off > OFF_SIGMAS * sigma]]]
-        text = (f"{what}: {len(mine)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
-                f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
-                "(median) beyond that")  # fmt: skip
+        text = (
+            f"{what}: {len(mine)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
+            f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
+            "(median) beyond that"
+        )
         notes.append(Note("note", text))
         if len(wrong):
             notes.append(

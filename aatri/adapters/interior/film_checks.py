@@ -161,8 +161,10 @@ def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bool) -
         usual = int(np.bincount(quarter[mine], minlength=4).argmax())
         turned = mine & (quarter != usual)
         if turned.any():
-            text = (f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that "
-                    "the fiducial marks are numbered from the same corner")  # fmt: skip
+            text = (
+                f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that "
+                "the fiducial marks are numbered from the same corner"
+            )
             yield Note("warning", text, tuple(block.images.id[marks.image[turned]].tolist()))
 
 
@@ -175,9 +177,15 @@ def film_suspects(block: Block, marks: FilmMarks, fit: FiducialFit) -> Suspects:
     K = open_basis(fit.model, marks.calibrated_mm[image, slot], fit.photo_from_nominal[image])
     sigma = prediction_sigma_mm(K, fit.covariance[image], marks.sigma_mm[image, slot])
     rejected = suspect_rows(
-        STAGE, "fiducial", row=rows, image=ids[image],
-        point=block.fiducials.id[block.fiducial_points.fiducial[rows]], size=size, sigma=sigma, test=size / sigma,
-    )  # fmt: skip
+        STAGE,
+        "fiducial",
+        row=rows,
+        image=ids[image],
+        point=block.fiducials.id[block.fiducial_points.fiducial[rows]],
+        size=size,
+        sigma=sigma,
+        test=size / sigma,
+    )
     unused, high = ids[~fit.determined], misfits(fit, fit.determined)
     nameless = suspect_rows(STAGE, "fiducial", image=unused, point=np.full(len(unused), ""))
     point, test = np.full(int(high.sum()), ""), fit.sigma0[high]

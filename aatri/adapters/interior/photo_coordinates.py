@@ -166,8 +166,10 @@ def _notes(block: Block, outside: Bool) -> Iterator[Note]:
     cameras = block.cameras
     far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * _half_format(block)).any(axis=1)
     if far.any():
-        text = ("principal point more than 5 % of the format off the image centre (it counts from there, in mm, "
-                "x right, y up)")  # fmt: skip
+        text = (
+            "principal point more than 5 % of the format off the image centre (it counts from there, in mm, "
+            "x right, y up)"
+        )
         yield Note("warning", f"{text}: camera", tuple(cameras.id[far].tolist()))
 
 
@@ -204,6 +206,10 @@ def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) ->
     beyond = np.abs(photo[rows]) - _half_format(block)[camera[rows]]
     measured = block.image_points
     return suspect_rows(
-        "interior_orientation", "image_point", row=rows, image=block.images.id[measured.image[rows]],
-        point=block.points.id[measured.point[rows]], size=beyond.max(axis=1, initial=0.0),
-    )  # fmt: skip
+        "interior_orientation",
+        "image_point",
+        row=rows,
+        image=block.images.id[measured.image[rows]],
+        point=block.points.id[measured.point[rows]],
+        size=beyond.max(axis=1, initial=0.0),
+    )

@@ -43,8 +43,10 @@ def overlapping_images(block: Block, image_points: ImagePoints, least: int) -> t
     """
     m = image_points.measurements
     use = m.active & np.isfinite(m.xy_mm).all(axis=1) & block.images.active[m.image]
-    seen = csr_array((np.ones(int(use.sum()), dtype=np.int32), (m.image[use], m.point[use])),
-                     shape=(len(block.images), len(block.points)))  # fmt: skip
+    seen = csr_array(
+        (np.ones(int(use.sum()), dtype=np.int32), (m.image[use], m.point[use])),
+        shape=(len(block.images), len(block.points)),
+    )
     seen.sum_duplicates()
     seen.data[:] = 1  # of a point measured twice the first counts
     shared = triu((seen @ seen.T).tocoo(), k=1)
@@ -143,10 +145,19 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs
     pair, a, b = np.repeat(np.arange(len(left)), np.diff(start)), rows[a], rows[b]
     c_mm = block.cameras.principal_distance_mm[block.images.camera]
     return ImagePairs(
-        left, right, start, m.point[a].astype(np.int32), a.astype(np.int32), b.astype(np.int32),
-        RayPairs(np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]), np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
-             m.sigma_mm[a], m.sigma_mm[b]),
-    )  # fmt: skip
+        left,
+        right,
+        start,
+        m.point[a].astype(np.int32),
+        a.astype(np.int32),
+        b.astype(np.int32),
+        RayPairs(
+            np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]),
+            np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
+            m.sigma_mm[a],
+            m.sigma_mm[b],
+        ),
+    )
 
 
 def pair_names(block: Block, pairs: ImagePairs) -> Text:

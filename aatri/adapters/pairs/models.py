@@ -105,11 +105,15 @@ def _suspects(block: Block, pairs: ImagePairs, model: Int, orientations: Relativ
     """Rejected points; the row is that of the right image's measurement, though the error may be in the left one."""
     rows = np.flatnonzero((model >= 0) & ~orientations.active)
     return suspect_rows(
-        "relative_orientation", "image_point", row=pairs.right_row[rows],
+        "relative_orientation",
+        "image_point",
+        row=pairs.right_row[rows],
         image=block.images.id[np.repeat(pairs.right, np.diff(pairs.start))[rows]],
-        point=block.points.id[pairs.point[rows]], size=orientations.error_mm[rows],
-        sigma=orientations.error_sigma_mm[rows], test=orientations.test[rows],
-    )  # fmt: skip
+        point=block.points.id[pairs.point[rows]],
+        size=orientations.error_mm[rows],
+        sigma=orientations.error_sigma_mm[rows],
+        test=orientations.test[rows],
+    )
 
 
 def with_elements(models: Models, frame: str) -> Models:
@@ -154,10 +158,15 @@ def _rejected_connection_points(block: Block, model: str, connection: Connection
     one = connection.orientation
     rows = np.flatnonzero(~one.connects)
     return suspect_rows(
-        "relative_orientation", "model_tie", image=np.full(len(rows), model),
-        point=block.points.id[connection.point[rows]], size=one.size[rows], unit="log scale",
-        sigma=one.size_sigma[rows], test=one.test[rows],
-    )  # fmt: skip
+        "relative_orientation",
+        "model_tie",
+        image=np.full(len(rows), model),
+        point=block.points.id[connection.point[rows]],
+        size=one.size[rows],
+        unit="log scale",
+        sigma=one.size_sigma[rows],
+        test=one.test[rows],
+    )
 
 
 def essential_models(block: Block, image_points: ImagePoints, pairs: ImagePairs, made: EssentialOrientations) -> Models:
@@ -202,14 +211,24 @@ def graph_of(models: Models, fewest: int = FEWEST) -> tuple[PairGraph, Int]:
     left, right = p.xyz[rows], p.xyz[rows] - base
     depth = np.column_stack([np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=1)])
     across = np.linalg.norm(np.cross(left, right), axis=1)
-    variance = [np.linalg.eigvalsh(c)[:, -1] if len(kept) else np.zeros(0)
-                for c in (o.covariance[kept, :3, :3], o.covariance[kept, 3:, 3:])]  # fmt: skip
+    variance = [
+        np.linalg.eigvalsh(c)[:, -1] if len(kept) else np.zeros(0)
+        for c in (o.covariance[kept, :3, :3], o.covariance[kept, 3:, 3:])
+    ]
     second = np.full((len(o), 3, 3), np.nan)
     if models.second_orientations is not None:
         second[models.second_orientations.model] = models.second_orientations.left_from_right
     return PairGraph(
-        len(models.images), o.left[kept].astype(np.int64), o.right[kept].astype(np.int64), o.left_from_right[kept],
-        o.base[kept], np.sqrt(variance[0]), np.sqrt(variance[1]),
-        np.concatenate([[0], np.cumsum(count[kept])]).astype(np.int64), p.point[rows].astype(np.int64), depth,
-        np.arctan2(across, np.einsum("ni,ni->n", left, right)), second[kept],
-    ), kept  # fmt: skip
+        len(models.images),
+        o.left[kept].astype(np.int64),
+        o.right[kept].astype(np.int64),
+        o.left_from_right[kept],
+        o.base[kept],
+        np.sqrt(variance[0]),
+        np.sqrt(variance[1]),
+        np.concatenate([[0], np.cumsum(count[kept])]).astype(np.int64),
+        p.point[rows].astype(np.int64),
+        depth,
+        np.arctan2(across, np.einsum("ni,ni->n", left, right)),
+        second[kept],
+    ), kept

@@ -43,8 +43,10 @@ def notes_of_pairs(
 def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Note]:
     for image, other in doubtful_sequences(block, image_points):
         first, second = block.images.id[[image, other]]
-        yield Note("warning", f"image {first} shares more points with {second} than with its neighbours: is the "
-                   "strip's sequence right?")  # fmt: skip
+        yield Note(
+            "warning",
+            f"image {first} shares more points with {second} than with its neighbours: is the strip's sequence right?",
+        )
 
 
 def _of_pairs(block: Block, pairs: ImagePairs, orientations: RelativeOrientations) -> Iterator[Note]:

@@ -50,9 +50,12 @@ def largest_length(correction_mm: Float, used: Bool) -> float:
 
 
 def systematically_corrected(
-    block: Block, image_points: ImagePoints, wanted: Sequence[str], poses: Solution | None = None,
+    block: Block,
+    image_points: ImagePoints,
+    wanted: Sequence[str],
+    poses: Solution | None = None,
     atmosphere: Atmosphere = "coefficients",
-) -> tuple[ImagePoints, tuple[Note, ...]]:  # fmt: skip
+) -> tuple[ImagePoints, tuple[Note, ...]]:
     """Image points freed from what is wanted of `IN_ORDER`, and what is to be said of it.
 
     Parameters

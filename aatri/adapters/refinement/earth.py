@@ -81,9 +81,11 @@ def earth_correction(
         terrain = float(np.nan_to_num(stations.terrain_m))
         there = closed(unknown, np.full(int(unknown.sum()), terrain + FOR_EXAMPLE_M), terrain)
         size = float(np.hypot(*there.T).max())
-        text = (f"{what} is not corrected in images whose height above the terrain is not known: at most "
-                f"{1e3 * size:.1f} um for each {FOR_EXAMPLE_M:.0f} m of it; give terrain_height, and positions in "
-                "exterior.csv")  # fmt: skip
+        text = (
+            f"{what} is not corrected in images whose height above the terrain is not known: at most "
+            f"{1e3 * size:.1f} um for each {FOR_EXAMPLE_M:.0f} m of it; give terrain_height, and positions in "
+            "exterior.csv"
+        )
         level: Level = "warning" if size > float(np.median(sigma_mm[unknown])) else "note"
         notes.append(Note(level, text, _ids(block, image[unknown])))
     return correction, tuple(notes)

@@ -76,7 +76,9 @@ def _checked_corners(block: Block, camera: int, distortion: Distortion) -> list[
     share = float(np.sqrt((correction**2).sum(axis=1)).max() / np.sqrt((half**2).sum()))
     if share <= LARGE_AT_CORNER:
         return []
-    text = (f"camera {cameras.id[camera]}: the {distortion.model} distortion reaches {100 * share:.1f} % in the "
-            "corners; brown and table are added to the measured coordinate, the others distort the ideal one: values "
-            "of a program with the other reading have the wrong signs here")  # fmt: skip
+    text = (
+        f"camera {cameras.id[camera]}: the {distortion.model} distortion reaches {100 * share:.1f} % in the "
+        "corners; brown and table are added to the measured coordinate, the others distort the ideal one: values "
+        "of a program with the other reading have the wrong signs here"
+    )
     return [Note("warning", text)]

@@ -102,10 +102,15 @@ def _gaps(block: Block, gaps: Sequence[Gap]) -> Gaps:
 def _suspects(block: Block, models: Models, table: ModelTable, joints: JointTable, rows: Int) -> Suspects:
     """Rejected connection points, under the id of the second model."""
     return suspect_rows(
-        "strip_formation", "model_tie", image=models.orientations.id[joints.second[joints.of_row()[rows]]],
-        point=block.points.id[table.point[joints.first_row[rows]]], size=joints.size[rows], unit="log scale",
-        sigma=joints.size_sigma[rows], test=joints.test[rows],
-    )  # fmt: skip
+        "strip_formation",
+        "model_tie",
+        image=models.orientations.id[joints.second[joints.of_row()[rows]]],
+        point=block.points.id[table.point[joints.first_row[rows]]],
+        size=joints.size[rows],
+        unit="log scale",
+        sigma=joints.size_sigma[rows],
+        test=joints.test[rows],
+    )
 
 
 def _uncontrolled(

@@ -66,24 +66,30 @@ def adjusted_models(
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
     notes += search_notes(tied, tables.names_of, "independent models")
-    uncontrolled = assemble.stacked([
-        not_seen_since(models.uncontrolled, block, tables.seen_points(tied)), tables.uncontrolled_kinds(tied)
-    ])  # fmt: skip
+    uncontrolled = assemble.stacked(
+        [not_seen_since(models.uncontrolled, block, tables.seen_points(tied)), tables.uncontrolled_kinds(tied)]
+    )
     point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
     position, rotation, resected = resected_on(block, image_points, initial, point_m)
     transformations = [pieces.similarity_rows(str(name), of[k], bodies.origin) for k, name in enumerate(names)]
     covariance_m2 = np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan)
     solution = pieces.solution_of(
-        block, image_points, pieces.Placed(position, rotation, point_m),
-        method="model_adjustment/independent_models", counts=tied.counts, sigma0=tied.sigma0,
+        block,
+        image_points,
+        pieces.Placed(position, rotation, point_m),
+        method="model_adjustment/independent_models",
+        counts=tied.counts,
+        sigma0=tied.sigma0,
         iterations=tied.iterations + rounds,
         transformations=assemble.stacked([StripTransformations.empty(), *transformations]),
-        parameters=pieces.precision_row("all models", tied.tau_m), residuals=tables.residuals_of(tied),
-        suspects=assemble.stacked([
-            tables.not_tested(initial.suspects, tied, names), tables.suspects_of(tied, STAGE, began)
-        ]),
-        point_covariance_m2=covariance_m2, uncontrolled=uncontrolled,
+        parameters=pieces.precision_row("all models", tied.tau_m),
+        residuals=tables.residuals_of(tied),
+        suspects=assemble.stacked(
+            [tables.not_tested(initial.suspects, tied, names), tables.suspects_of(tied, STAGE, began)]
+        ),
+        point_covariance_m2=covariance_m2,
+        uncontrolled=uncontrolled,
         tests=tables.tests_of(tied) if rules.tests else None,
         components=tables.components_of(tied) if rules.tests else None,
-    )  # fmt: skip
+    )
     return solution, [*notes, *resected]

@@ -69,8 +69,10 @@ class ModelsAsBodies:
 
     def shared(self, block: Block) -> tuple[Int, Int]:
         """Model and object, ground points before images, of all rows."""
-        return (np.concatenate([self.points.model, self.centres.model]),
-                np.concatenate([self.points.block, len(block.points) + self.centres.block]))  # fmt: skip
+        return (
+            np.concatenate([self.points.model, self.centres.model]),
+            np.concatenate([self.points.block, len(block.points) + self.centres.block]),
+        )
 
     def known(self, block: Block) -> Iterator[tuple[Observed, Int]]:
         """What is observed of the ground, and of which objects."""
@@ -170,16 +172,21 @@ def _bodies(
         variance = np.full(2 * m, EXACT**2 * typical)
     else:
         variance = np.tile((centre_sigma_m / scale) ** 2, 2)
-    centres = ModelRows(np.tile(np.arange(m), 2), np.concatenate([left, right]).astype(np.int64),
-                        np.concatenate([np.zeros((m, 3)), o.base[chosen]]), variance[:, None, None] * np.eye(3),
-                        of_centres)  # fmt: skip
+    centres = ModelRows(
+        np.tile(np.arange(m), 2),
+        np.concatenate([left, right]).astype(np.int64),
+        np.concatenate([np.zeros((m, 3)), o.base[chosen]]),
+        variance[:, None, None] * np.eye(3),
+        of_centres,
+    )
     points = ModelRows(model, p.point[rows].astype(np.int64), p.xyz[rows], p.covariance[rows], of_points)
     start, seen = ModelPoses(similarity, np.zeros((m, LATENT))), list[Observed]()
     for g in ground:
         ((group, of),) = g.records.touches
         seen.append(g if group == POINT else g.take(np.flatnonzero(np.isin(of, centres.block))))
-    return ModelsAsBodies(chosen, o.id[chosen], points, centres, start, poses, origin, tuple(seen),
-                          centre_sigma_m is None)  # fmt: skip
+    return ModelsAsBodies(
+        chosen, o.id[chosen], points, centres, start, poses, origin, tuple(seen), centre_sigma_m is None
+    )
 
 
 def _loose(bodies: ModelsAsBodies, block: Block) -> Bool:

@@ -101,9 +101,14 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
     names = ("strip", "point", "xyz", "covariance")
     points = StripPoints(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
     return StripsOnGround(
-        origin, np.array(numbers), similarity, axes, np.concatenate(rows_of), points,
+        origin,
+        np.array(numbers),
+        similarity,
+        axes,
+        np.concatenate(rows_of),
+        points,
         replace(control, xyz_m=control.xyz_m - origin),
-    )  # fmt: skip
+    )
 
 
 def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_image: Float) -> Similarity:
@@ -115,9 +120,17 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 
 def adjust_strips(
-    block: Block, strips: Strips, initial: Solution, basis: StripBasis, *, degree: int, degrees: Mapping[str, int],
-    asked: bool, limit: float | None, max_sigma0: float | None,
-) -> AdjustedStrips:  # fmt: skip
+    block: Block,
+    strips: Strips,
+    initial: Solution,
+    basis: StripBasis,
+    *,
+    degree: int,
+    degrees: Mapping[str, int],
+    asked: bool,
+    limit: float | None,
+    max_sigma0: float | None,
+) -> AdjustedStrips:
     """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `asked` for.
 
     Raises
@@ -189,9 +202,12 @@ def strip_block_solution(
     point_m = result.point_m + ground.origin
     position, rotation, notes = resected_on(block, image_points, initial, point_m)
     tied = result.tied
-    uncontrolled = assemble.stacked([
-        not_seen_since(strips.uncontrolled, block, tied_tables.seen_points(tied)), tied_tables.uncontrolled_kinds(tied)
-    ])  # fmt: skip
+    uncontrolled = assemble.stacked(
+        [
+            not_seen_since(strips.uncontrolled, block, tied_tables.seen_points(tied)),
+            tied_tables.uncontrolled_kinds(tied),
+        ]
+    )
     tested = tied_tables.suspects_of(tied, STAGE, adjusted.began)
     before = tied_tables.not_tested(initial.suspects, tied, strips.strips.id[ground.strips])
     solution = pieces.solution_of(

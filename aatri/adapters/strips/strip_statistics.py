@@ -55,8 +55,10 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
         own, of_block = off > BEYOND, far > BEYOND_ALL
         for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):
             if rows.any():
-                text = (f"strip {name}: {int(rows.sum())} points lie beyond {what}, by up to "
-                        f"{by[rows].max() / 2:.0%} of its length or width: extrapolated")  # fmt: skip
+                text = (
+                    f"strip {name}: {int(rows.sum())} points lie beyond {what}, by up to "
+                    f"{by[rows].max() / 2:.0%} of its length or width: extrapolated"
+                )
                 yield Note("warning", text, tuple(block.points.id[points.point[mine][rows]].tolist()))
 
 

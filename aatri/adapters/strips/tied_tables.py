@@ -55,8 +55,9 @@ def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -
     before : mapping
         Suspects of earlier stages, by kind. What has no row in the Block is known by its names.
     """
-    return np.concatenate([~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool)
-                           for o in observed])  # fmt: skip
+    return np.concatenate(
+        [~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool) for o in observed]
+    )
 
 
 def _rejected(o: Observed, before: Suspects) -> Bool:
@@ -121,10 +122,14 @@ def components_of(result: TiedResult) -> VarianceComponents:
     low, high = (np.where(made.estimable, x, np.nan) for x in sigma_limits(made.factor, made.redundancy))
     differs = made.estimable & ((low > 1) | (high < 1))
     return VarianceComponents(
-        group=np.array(names, dtype=np.str_), observations=made.count.astype(np.int32), redundancy=made.redundancy,
-        factor=made.factor, low=low, high=high,
+        group=np.array(names, dtype=np.str_),
+        observations=made.count.astype(np.int32),
+        redundancy=made.redundancy,
+        factor=made.factor,
+        low=low,
+        high=high,
         verdict=np.where(~made.estimable, "not estimable", np.where(differs, "proposed", "fits")),
-    )  # fmt: skip
+    )
 
 
 def _shown(result: TiedResult) -> Iterator[AdjustedObservations]:
@@ -165,8 +170,9 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | No
         known = np.isfinite(test) & (test > 0)
         image, point = o.names(listed)
         sigma = np.where(known, size / np.where(known, test, 1.0), np.nan)
-        rows = suspect_rows(stage, o.kind, image=image, point=point, row=o.row[listed], size=size, unit=o.unit,
-                            sigma=sigma, test=test)  # fmt: skip
+        rows = suspect_rows(
+            stage, o.kind, image=image, point=point, row=o.row[listed], size=size, unit=o.unit, sigma=sigma, test=test
+        )
         verdict = np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected")
         tables.append(replace(rows, verdict=verdict, error=error))
     return stacked(tables)

@@ -59,16 +59,39 @@ def reduced_effects(
     """
     rays, fill, k = problem.rays, problem.ray_lane(state), H.shape[2]
     assert rays is not None
-    found = Reduced(np.zeros((problem.layout.n_kept, units * k)), np.zeros((units, k)), np.zeros((units, k)),
-                    np.zeros((units, k, k)))  # fmt: skip
+    found = Reduced(
+        np.zeros((problem.layout.n_kept, units * k)),
+        np.zeros((units, k)),
+        np.zeros((units, k)),
+        np.zeros((units, k, k)),
+    )
     met = np.unique(np.searchsorted(rays.ray_start, ray, side="right") - 1)
     for blocks in np.split(met, np.flatnonzero(np.diff(met) > GAP) + 1) if len(met) else ():
         stretch = Stretch(0, 0, int(blocks[0]), int(blocks[-1]) + 1)
         for p0, p1, v, A, B in linearised(problem, fill, stretch, masked=False):
             base, last = rays.ray_start[[p0, p1]].tolist()
             some = slice(*np.searchsorted(ray, [base, last]))
-            reduce_effects(p0, p1, base, rays.ray_start, v, A, B, problem.ray_columns[base:last], rays.parts.size,
-                           rays.parts.start, problem.block_free, factored.block_factor, factored.block_y, ray[some],
-                           unit[some], H[some], found.kept, found.whole, found.gradient, found.information)  # fmt: skip
+            reduce_effects(
+                p0,
+                p1,
+                base,
+                rays.ray_start,
+                v,
+                A,
+                B,
+                problem.ray_columns[base:last],
+                rays.parts.size,
+                rays.parts.start,
+                problem.block_free,
+                factored.block_factor,
+                factored.block_y,
+                ray[some],
+                unit[some],
+                H[some],
+                found.kept,
+                found.whole,
+                found.gradient,
+                found.information,
+            )
     found.kept[problem.layout.held] = 0.0
     return found

@@ -47,9 +47,7 @@ def held_at_zero(e: Estimates, name: str) -> Estimates:
     values = e.values - gain * (e.values[i] if np.isfinite(e.values[i]) else 0.0)
     covariance = e.covariance - np.outer(gain, np.where(np.isfinite(e.covariance[i]), e.covariance[i], 0.0))
     names = tuple(n for n in e.names if n != name)
-    return Estimates(
-        names, values[rest], covariance[np.ix_(rest, rest)], e.prior_sigma[rest], e.sigma0, e.redundancy
-    )  # fmt: skip
+    return Estimates(names, values[rest], covariance[np.ix_(rest, rest)], e.prior_sigma[rest], e.sigma0, e.redundancy)
 
 
 def propose_removal(e: Estimates, alpha: float = 0.05, keep: Collection[str] = ()) -> Removal | None:

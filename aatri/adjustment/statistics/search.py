@@ -99,9 +99,14 @@ class Steps:
 
 
 def search(
-    solve: Callable[[A | None, Bool, float], A], active: Bool, rule: Snooping, pool: Pool,
-    found: Callable[[A, Bool], Bool] | None = None, *, added: bool = True,
-) -> Searched[A]:  # fmt: skip
+    solve: Callable[[A | None, Bool, float], A],
+    active: Bool,
+    rule: Snooping,
+    pool: Pool,
+    found: Callable[[A, Bool], Bool] | None = None,
+    *,
+    added: bool = True,
+) -> Searched[A]:
     """Search for gross errors.
 
     Parameters

@@ -104,9 +104,14 @@ class CorrelatedPair:
 
 
 def estimates(
-    names: Sequence[str], values: Float, covariance: Float, prior_sigma: Float | None = None, *,
-    sigma0: float = 1.0, redundancy: float = np.inf,
-) -> Estimates:  # fmt: skip
+    names: Sequence[str],
+    values: Float,
+    covariance: Float,
+    prior_sigma: Float | None = None,
+    *,
+    sigma0: float = 1.0,
+    redundancy: float = np.inf,
+) -> Estimates:
     """Estimates with checked shapes; without `prior_sigma` no parameter has a prior."""
     n = len(names)
     prior = np.full(n, np.inf) if prior_sigma is None else np.asarray(prior_sigma, dtype=np.float64)

@@ -58,8 +58,9 @@ def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
     of_record = [np.flatnonzero(record == k) for k in np.unique(record)]
     total, most = 0.0, 0.0
     for _ in range(min(SMALL_ROOM, len(of_record) - 1)):
-        gains = [float(v[rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True) @ v[rows])
-                 for rows in of_record]  # fmt: skip
+        gains = [
+            float(v[rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True) @ v[rows]) for rows in of_record
+        ]
         rows = of_record.pop(int(np.argmax(gains)))
         total += max(gains) - SEPARABLE
         most = max(most, total)

@@ -56,15 +56,22 @@ def _of_camera(group: str) -> bool:
 
 
 def _high(
-    cross: Float, one: Unknowns, a: int, own: Float, other: Unknowns, b: int, at: tuple[Int, ...],
+    cross: Float,
+    one: Unknowns,
+    a: int,
+    own: Float,
+    other: Unknowns,
+    b: int,
+    at: tuple[Int, ...],
     second: Float | None = None,
-) -> list[tuple[str, str, float]]:  # fmt: skip
+) -> list[tuple[str, str, float]]:
     """Names and correlation of what is at `CORRELATION_LISTED` or more."""
     variance = np.outer(np.diag(own), np.diag(own if second is None else second))
     rho = np.where(variance > 0, cross / np.sqrt(np.where(variance > 0, variance, 1.0)), 0.0)
     high = [(int(i), int(j)) for i, j in zip(*at) if abs(rho[i, j]) >= CORRELATION_LISTED]
-    return [(f"{one.labels[i]} of {one.ids[a]}", f"{other.labels[j]} of {other.ids[b]}", float(rho[i, j]))
-            for i, j in high]  # fmt: skip
+    return [
+        (f"{one.labels[i]} of {one.ids[a]}", f"{other.labels[j]} of {other.ids[b]}", float(rho[i, j])) for i, j in high
+    ]
 
 
 def _told(found: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Finding]:

@@ -56,8 +56,16 @@ def _finding(accepted: AcceptedGroup) -> Finding:
         text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"
     else:
         text += f"; all {len(g.rows) + len(g.undecided)} are left out"
-    return Finding("groups", "warning", text, remedy, rows={g.kind: g.rows}, alternatives=others, statistic=g.harm,
-                   contradicts=contradicts(accepted))  # fmt: skip
+    return Finding(
+        "groups",
+        "warning",
+        text,
+        remedy,
+        rows={g.kind: g.rows},
+        alternatives=others,
+        statistic=g.harm,
+        contradicts=contradicts(accepted),
+    )
 
 
 def _alternative(per: str, unit: str, cause: str) -> str:
@@ -83,8 +91,10 @@ def _shift_of_positions(g: Group) -> tuple[str, str]:
 
 def _height_of_positions(g: Group) -> tuple[str, str]:
     text = "heights of positions and control count from different surfaces by a constant: positions less control "
-    return (f"{text}{_values(g.value, g.sigma)} m; with it sigma0 is {g.sigma0:.3g}",
-            f"declare `vertical` of the frames, or `undulation`, or leave it open: {BLOCK_SHIFT}")  # fmt: skip
+    return (
+        f"{text}{_values(g.value, g.sigma)} m; with it sigma0 is {g.sigma0:.3g}",
+        f"declare `vertical` of the frames, or `undulation`, or leave it open: {BLOCK_SHIFT}",
+    )
 
 
 def _drift_of_positions(g: Group) -> tuple[str, str]:
@@ -97,8 +107,10 @@ def _drift_of_positions(g: Group) -> tuple[str, str]:
 
 def _lever_arm(g: Group) -> tuple[str, str]:
     values = _values(g.value, g.sigma)
-    return (f"observed positions{_whose(g)} are shifted by {values} m along the axes of the camera",
-            "is the lever arm (`lever_arm`) or the clock wrong?")  # fmt: skip
+    return (
+        f"observed positions{_whose(g)} are shifted by {values} m along the axes of the camera",
+        "is the lever arm (`lever_arm`) or the clock wrong?",
+    )
 
 
 def _shift_of_attitudes(g: Group) -> tuple[str, str]:
@@ -165,24 +177,35 @@ def _neighbourhood(g: Group) -> tuple[str, str]:
 def _scale(g: Group) -> tuple[str, str]:
     ppm, sigma = 1e6 * float(g.value[0]), 1e6 * float(g.sigma[0])
     how = "long" if ppm > 0 else "short"
-    return (f"distances are {abs(ppm):.0f} ppm (+- {sigma:.0f}) too {how} for the rest of the block",
-            "were they reduced to a map or to another height?")  # fmt: skip
+    return (
+        f"distances are {abs(ppm):.0f} ppm (+- {sigma:.0f}) too {how} for the rest of the block",
+        "were they reduced to a map or to another height?",
+    )
 
 
 def _relief(g: Group) -> tuple[str, str]:
     times = f"{1 + g.value[0]:.3g} (+- {g.sigma[0]:.2g}) times"
-    return (f"heights of {len(g.rows)} control points fit the images with {times} their relief",
-            "are they in feet (0.305), do they count downwards or are two axes exchanged (-1), or is the principal "
-            "distance wrong?")  # fmt: skip
+    return (
+        f"heights of {len(g.rows)} control points fit the images with {times} their relief",
+        "are they in feet (0.305), do they count downwards or are two axes exchanged (-1), or is the principal "
+        "distance wrong?",
+    )
 
 
 _TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
     ("position", "height"): _height_of_positions,
-    ("position", "shift"): _shift_of_positions, ("position", "drift"): _drift_of_positions,
-    ("position", "lever arm"): _lever_arm, ("attitude", "shift"): _shift_of_attitudes,
-    ("attitude", "drift"): _drift_of_attitudes, ("attitude", "boresight"): _boresight,
-    ("image_point", "principal distance"): _principal_distance, ("image_point", "principal point"): _principal_point,
-    ("image_point", "radial distortion"): _radial, ("image_point", "affinity"): _affinity,
-    ("image_point", "camera"): _camera, ("image_point", "shift"): _neighbourhood,
-    ("distance", "scale"): _scale, ("control", "relief"): _relief,
-}  # fmt: skip
+    ("position", "shift"): _shift_of_positions,
+    ("position", "drift"): _drift_of_positions,
+    ("position", "lever arm"): _lever_arm,
+    ("attitude", "shift"): _shift_of_attitudes,
+    ("attitude", "drift"): _drift_of_attitudes,
+    ("attitude", "boresight"): _boresight,
+    ("image_point", "principal distance"): _principal_distance,
+    ("image_point", "principal point"): _principal_point,
+    ("image_point", "radial distortion"): _radial,
+    ("image_point", "affinity"): _affinity,
+    ("image_point", "camera"): _camera,
+    ("image_point", "shift"): _neighbourhood,
+    ("distance", "scale"): _scale,
+    ("control", "relief"): _relief,
+}

@@ -40,10 +40,17 @@ def findings_after(
     given = done.given
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     return [
-        *wrong_groups(groups), *attitude_conventions(given, result.adjusted.state, before=False), *done.notes,
-        *result.notes, *left_out(given, result),
-        *sigma0(result, max_sigma0, done.scale), *([] if explained else sigmas_that_do_not_fit(result)),
-        *weak_datum(given, result), *hinge_images(given),
-        *points_off_the_terrain(given, result), *hidden_distortion(given, result, tests=tests),
-        *parameter_findings(given, result), *high_correlations(result, column_kinds(given)),
-    ]  # fmt: skip
+        *wrong_groups(groups),
+        *attitude_conventions(given, result.adjusted.state, before=False),
+        *done.notes,
+        *result.notes,
+        *left_out(given, result),
+        *sigma0(result, max_sigma0, done.scale),
+        *([] if explained else sigmas_that_do_not_fit(result)),
+        *weak_datum(given, result),
+        *hinge_images(given),
+        *points_off_the_terrain(given, result),
+        *hidden_distortion(given, result, tests=tests),
+        *parameter_findings(given, result),
+        *high_correlations(result, column_kinds(given)),
+    ]

@@ -38,11 +38,17 @@ def rejections(suspects: Suspects, stage: str) -> list[Finding]:
         rows = np.flatnonzero((mine.kind == kind) & (mine.verdict == "rejected"))
         rows = rows[np.argsort(-np.nan_to_num(np.abs(mine.test[rows])), kind="stable")]
         again = stage == "initial_orientation" and kind == "image_point"
-        findings.append(Finding(
-            "rejections", "note" if again else "warning", f"{len(rows)} rejected as gross errors", where=kind,
-            ids=tuple(_named(mine, int(row)) for row in rows), rows={kind: mine.row[rows]},
-            statistic=float(np.nanmax(np.abs(mine.test[rows]), initial=0.0)),
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "rejections",
+                "note" if again else "warning",
+                f"{len(rows)} rejected as gross errors",
+                where=kind,
+                ids=tuple(_named(mine, int(row)) for row in rows),
+                rows={kind: mine.row[rows]},
+                statistic=float(np.nanmax(np.abs(mine.test[rows]), initial=0.0)),
+            )
+        )
     return findings
 
 
@@ -78,10 +84,18 @@ def exchanged_numbers(block: Block, solution: Solution) -> list[Finding]:
         for pair in pairs:
             both = [pair.first, pair.second]
             text = "two that are rejected fit with their numbers exchanged"
-            findings.append(Finding(
-                "rejections", "warning", text, "exchange the two ids", where=kind, ids=tuple(names[both].tolist()),
-                rows={kind: r.row[rows[both]]}, statistic=pair.exchanged_m / pair.as_given_m,
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "rejections",
+                    "warning",
+                    text,
+                    "exchange the two ids",
+                    where=kind,
+                    ids=tuple(names[both].tolist()),
+                    rows={kind: r.row[rows[both]]},
+                    statistic=pair.exchanged_m / pair.as_given_m,
+                )
+            )
     return findings
 
 

@@ -35,8 +35,16 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[
     test = global_test(result.adjusted.sigma0, counted)
     if test.verdict != "untested" and test.sigma0 > max_sigma0:
         text = f"sigma0 is {test.sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
-        return [Finding("sigma0", "error", f"{text}observations do not fit it", REFUSED, statistic=test.sigma0,
-                        error=ConvergenceError)]  # fmt: skip
+        return [
+            Finding(
+                "sigma0",
+                "error",
+                f"{text}observations do not fit it",
+                REFUSED,
+                statistic=test.sigma0,
+                error=ConvergenceError,
+            )
+        ]
     note = sigma0_note(test)
     if scale != 1.0 and global_test(test.sigma0 / scale, counted).verdict in ("fits", "outside"):
         note = replace(note, level="note")

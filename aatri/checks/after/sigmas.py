@@ -47,10 +47,23 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
             continue
         text = f"sigma0 of these {len(found.rows)} observations alone is {test.sigma0:.3g} (redundancy "
         text += f"{test.redundancy}): their standard deviations are about {factor:.2g} times too "
-        text, remedy = (f"{text}large", "is it a unit?") if test.sigma0 < 1 else (
-            f"{text}small", "correct them, or look for gross errors in them")  # fmt: skip
-        findings.append(Finding("sigmas", "warning", text, remedy, where=found.observed.kind, statistic=squares,
-                                significance=chance, rows={found.observed.kind: found.observed.row}))  # fmt: skip
+        text, remedy = (
+            (f"{text}large", "is it a unit?")
+            if test.sigma0 < 1
+            else (f"{text}small", "correct them, or look for gross errors in them")
+        )
+        findings.append(
+            Finding(
+                "sigmas",
+                "warning",
+                text,
+                remedy,
+                where=found.observed.kind,
+                statistic=squares,
+                significance=chance,
+                rows={found.observed.kind: found.observed.row},
+            )
+        )
     return findings
 
 

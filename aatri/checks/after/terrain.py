@@ -28,5 +28,14 @@ def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Fin
     order = np.argsort(-found.test)
     ids = tuple(f"{given.point_ids[found.row[k]]} ({found.height_m[k]:+.3g} m)" for k in order.tolist())
     text = f"{len(ids)} points lie off the terrain around them by more than {found.limit:.3g} times its roughness, and "
-    return [Finding("terrain", "warning", f"{text}are doubtful", "measure them in a third image, or leave them out",
-                    ids=ids, statistic=float(found.test.max()), significance=ALARM)]  # fmt: skip
+    return [
+        Finding(
+            "terrain",
+            "warning",
+            f"{text}are doubtful",
+            "measure them in a third image, or leave them out",
+            ids=ids,
+            statistic=float(found.test.max()),
+            significance=ALARM,
+        )
+    ]

@@ -180,11 +180,16 @@ def best_cause(rays: ControlRays, pairs: Pairs) -> tuple[Cause, float]:
 def _causes(rays: ControlRays, pairs: Pairs) -> Iterator[Cause]:
     """What may be wrong with everything, the simple causes first."""
     for change in CHANGES:
-        yield Cause("control", f"control {change.text}", change.of_all,
-                    replace(rays, control_m=change.apply(rays.control_m)))  # fmt: skip
+        yield Cause(
+            "control", f"control {change.text}", change.of_all, replace(rays, control_m=change.apply(rays.control_m))
+        )
     centred = replace(rays, xy_mm=rays.xy_mm + rays.principal_point_mm)
-    yield Cause("camera", "with the principal point in the middle of the image",
-                "count principal_point from the middle of the image, in mm, x right, y up", centred)  # fmt: skip
+    yield Cause(
+        "camera",
+        "with the principal point in the middle of the image",
+        "count principal_point from the middle of the image, in mm, x right, y up",
+        centred,
+    )
     yield _height_or_lens(rays, pairs)
 
 
@@ -206,8 +211,10 @@ def _lift_text(lift: float) -> str:
     return f"with positions {length(abs(lift))} {'higher' if lift > 0 else 'lower'}"
 
 
-_LIFT_REMEDY = ("do heights of control and positions count from the same surface (ellipsoid, geoid, ground)? declare "
-                "crs and vertical of their frames, or `undulation`")  # fmt: skip
+_LIFT_REMEDY = (
+    "do heights of control and positions count from the same surface (ellipsoid, geoid, ground)? declare "
+    "crs and vertical of their frames, or `undulation`"
+)
 
 
 def _other_lens(rays: ControlRays, pairs: Pairs) -> tuple[ControlRays, float]:

@@ -50,8 +50,9 @@ _AXES = "write `axes: [north, east, up]` (or the other way round) for this frame
 _IN_METRES = "convert it to metres"
 _DIVIDED = "taken as metres that were divided by 0.3048"
 KM, MM = LENGTH_M["km"], LENGTH_M["mm"]
-SWAPPED = Change("with X and Y exchanged", _AXES, "exchange the two coordinates", lambda xyz: xyz[:, [1, 0, 2]],
-                 moves_near=True)  # fmt: skip
+SWAPPED = Change(
+    "with X and Y exchanged", _AXES, "exchange the two coordinates", lambda xyz: xyz[:, [1, 0, 2]], moves_near=True
+)
 CHANGES = (
     SWAPPED,
     Change("with heights taken as feet", "convert the heights to metres", "", _times(1, 1, FOOT_M), in_plan=False),

@@ -116,9 +116,14 @@ def _all_of_it(
 
 
 def _single(
-    ids: Sequence[str], rows: Int, given: Float, changed: Sequence[Float], usual: Float, from_origin: float,
+    ids: Sequence[str],
+    rows: Int,
+    given: Float,
+    changed: Sequence[Float],
+    usual: Float,
+    from_origin: float,
     places: Sequence[str],
-) -> list[Finding]:  # fmt: skip
+) -> list[Finding]:
     """Single points off the block; other units and zones prove something only far from the origin."""
     findings = []
     for k in np.flatnonzero((given > FAR_CONTROL * usual) & (given > LEAST_FAR_M)).tolist():

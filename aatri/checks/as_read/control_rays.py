@@ -133,9 +133,16 @@ def control_rays(block: Block, xy_mm: Float, usable: Bool) -> ControlRays:
     use = usable & (number[points.point] >= 0) & np.isfinite(position[points.image]).all(axis=1)
     image, camera = points.image[use], block.images.camera[points.image[use]]
     observed = np.isin(image, block.exterior.image[block.exterior.position_use == OBSERVED_VALUE])
-    return ControlRays(image, number[points.point[use]], xy_mm[use] - c.principal_point_mm[camera],
-                       c.principal_point_mm[camera], c.principal_distance_mm[camera], position, control.xyz_m,
-                       bool(len(image)) and bool(observed.mean() > 0.5))  # fmt: skip
+    return ControlRays(
+        image,
+        number[points.point[use]],
+        xy_mm[use] - c.principal_point_mm[camera],
+        c.principal_point_mm[camera],
+        c.principal_distance_mm[camera],
+        position,
+        control.xyz_m,
+        bool(len(image)) and bool(observed.mean() > 0.5),
+    )
 
 
 def photo_mm(block: Block) -> Float:

@@ -54,8 +54,11 @@ def _copied_rows(block: Block) -> Block:
     rows = np.flatnonzero(of_geodetic).tolist()
     names = [sight_name(geodetic, k) for k in rows]
     block = rejected(block, "geodetic", geodetic, rows, names, [COPIED] * len(rows))
-    return replace(block, image_points=replace(points, active=points.active & ~of_points),
-                   geodetic=replace(geodetic, active=geodetic.active & ~of_geodetic))  # fmt: skip
+    return replace(
+        block,
+        image_points=replace(points, active=points.active & ~of_points),
+        geodetic=replace(geodetic, active=geodetic.active & ~of_geodetic),
+    )
 
 
 def _copies(rows: Table) -> Bool:

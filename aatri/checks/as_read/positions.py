@@ -58,8 +58,9 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     position, covariance = exterior.position_m.copy(), exterior.position_covariance_m2.copy()
     use, group = exterior.position_use.copy(), exterior.drift_group.copy()
     position[rows], covariance[rows], use[rows], group[rows] = np.nan, np.nan, 0, ""
-    kept = replace(exterior, position_m=position, position_covariance_m2=covariance, position_use=use,
-                   drift_group=group)  # fmt: skip
+    kept = replace(
+        exterior, position_m=position, position_covariance_m2=covariance, position_use=use, drift_group=group
+    )
     return replace(rejected(block, "exterior", exterior, rows.tolist(), names, why), exterior=kept), []
 
 

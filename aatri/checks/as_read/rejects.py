@@ -26,10 +26,12 @@ def rejected(
     if not len(rows):
         return block
     rejects = Rejects(
-        kind=np.array([*old.kind, *[kind] * len(rows)]), id=np.array([*old.id, *names]),
-        reason=np.array([*old.reason, *reasons]), file=np.append(old.file, table.file[rows]).astype(np.int32),
+        kind=np.array([*old.kind, *[kind] * len(rows)]),
+        id=np.array([*old.id, *names]),
+        reason=np.array([*old.reason, *reasons]),
+        file=np.append(old.file, table.file[rows]).astype(np.int32),
         line=np.append(old.line, table.line[rows]).astype(np.int32),
-    )  # fmt: skip
+    )
     return replace(block, rejects=rejects)
 
 
@@ -40,8 +42,13 @@ def in_order(rejects: Rejects) -> Rejects:
     if not rows:
         return Rejects.empty()
     kind, name, reason, file, line = zip(*rows)
-    return Rejects(kind=np.array(kind), id=np.array(name), reason=np.array(reason), file=np.array(file, np.int32),
-                   line=np.array(line, np.int32))  # fmt: skip
+    return Rejects(
+        kind=np.array(kind),
+        id=np.array(name),
+        reason=np.array(reason),
+        file=np.array(file, np.int32),
+        line=np.array(line, np.int32),
+    )
 
 
 def told_rejects(rejects: Rejects) -> list[Finding]:

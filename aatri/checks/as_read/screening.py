@@ -65,8 +65,9 @@ class Rows:
         return sorted(row for row, why in self.reasons.items() if why == reason)
 
 
-def screened(block: Block, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE, *,
-             copies: bool = False) -> Block:  # fmt: skip
+def screened(
+    block: Block, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE, *, copies: bool = False
+) -> Block:
     """The block with what cannot be used set inactive and listed in `rejects`.
 
     Parameters

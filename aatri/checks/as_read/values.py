@@ -104,8 +104,9 @@ def _no_sigma(sigma: Float) -> Bool:
     return np.asarray((sigma > 0) & ((sigma < SMALLEST_SIGMA) | (sigma > LARGEST_SIGMA)))
 
 
-def _of_rows(block: Block, name: str, column: str, values: Float, wrong: Bool, what: str,
-             remedy: str) -> Iterator[Finding]:  # fmt: skip
+def _of_rows(
+    block: Block, name: str, column: str, values: Float, wrong: Bool, what: str, remedy: str
+) -> Iterator[Finding]:
     """An error for each of the rows that have wrong values, with the first of them."""
     for row in np.flatnonzero(wrong.any(axis=1))[:MOST_LISTED].tolist():
         value = values[row][wrong[row]][0]
@@ -211,8 +212,11 @@ def _place(block: Block, name: str, row: int) -> str:
     table: Any = getattr(block, name)
     if hasattr(table, "line"):
         return read_at(block, table, row) or _called(name, table, row)
-    refers = {"points": (("image_points", "point"), ("ground_points", "point")), "strips": (("images", "strip"),),
-              "cameras": (("images", "camera"),)}  # fmt: skip
+    refers = {
+        "points": (("image_points", "point"), ("ground_points", "point")),
+        "strips": (("images", "strip"),),
+        "cameras": (("images", "camera"),),
+    }
     for user, column in refers.get(name, ()):
         rows = getattr(block, user)
         naming = np.flatnonzero(getattr(rows, column) == row)

@@ -84,8 +84,11 @@ def _scatter(observed: Float, rotation: Float) -> float:
 
 def _readings(angles: Float) -> Iterator[tuple[str, Float]]:
     """The same angles in other conventions: what it is called, and R_obs; the simplest first."""
-    names = {"omega-phi-kappa": ("omega", "phi", "kappa"), "phi-omega-kappa": ("phi", "omega", "kappa"),
-             "roll-pitch-heading": ("roll", "pitch", "heading")}  # fmt: skip
+    names = {
+        "omega-phi-kappa": ("omega", "phi", "kappa"),
+        "phi-omega-kappa": ("phi", "omega", "kappa"),
+        "roll-pitch-heading": ("roll", "pitch", "heading"),
+    }
     flips = sorted(itertools.product((1, -1), repeat=3), key=lambda s: -sum(s))
     for transposed, signs, system in itertools.product((False, True), flips, names):
         R, _ = angle_axes(angles * np.array(signs), system)

@@ -26,15 +26,17 @@ GON: dict[str, Other] = {"gon, read as degrees": lambda v: 0.9 * v, "degrees, re
 OTHERS: dict[str, dict[str, Other]] = {
     directions.DIRECTION: {"counted counter-clockwise": lambda v: -v, **GON},
     directions.AZIMUTH: {
-        "counted counter-clockwise": lambda v: -v, "counted from south": lambda v: v + np.pi,
-        "counted from east, counter-clockwise": lambda v: np.pi / 2 - v, **GON,
+        "counted counter-clockwise": lambda v: -v,
+        "counted from south": lambda v: v + np.pi,
+        "counted from east, counter-clockwise": lambda v: np.pi / 2 - v,
+        **GON,
     },
     directions.ANGLE: {"counted counter-clockwise": lambda v: -v, **GON},
     zenith_angles.KIND: {"elevations": lambda v: np.pi / 2 - v, **GON},
     height_differences.KIND: {"of opposite sign": lambda v: -v, "in feet": lambda v: FOOT_M * v},
     distances.KIND: {"in feet": lambda v: FOOT_M * v},
     distances.HORIZONTAL: {"in feet": lambda v: FOOT_M * v},
-}  # fmt: skip
+}
 """By kind: what its values may be instead, and their change."""
 
 

@@ -44,11 +44,19 @@ def exchanged_control(block: Block, given: BundleInput) -> list[Finding]:
         if not (few or control.exact[both].any()):
             continue
         first, second = block.points.id[control.point[both]].tolist()
-        text = (f"control points {first} and {second} fit with their numbers exchanged, to {length(pair.exchanged_m)}; "
-                f"as given they lie {length(pair.as_given_m)} from where the images find them")  # fmt: skip
-        findings.append(Finding(
-            "exchanged_control", "error", text, "exchange the two ids in the control, or in the images",
-            where=read_at(block, block.ground_points, int(control.row[pair.first])),
-            rows={"control": control.row[both]}, statistic=pair.exchanged_m / pair.as_given_m,
-        ))  # fmt: skip
+        text = (
+            f"control points {first} and {second} fit with their numbers exchanged, to {length(pair.exchanged_m)}; "
+            f"as given they lie {length(pair.as_given_m)} from where the images find them"
+        )
+        findings.append(
+            Finding(
+                "exchanged_control",
+                "error",
+                text,
+                "exchange the two ids in the control, or in the images",
+                where=read_at(block, block.ground_points, int(control.row[pair.first])),
+                rows={"control": control.row[both]},
+                statistic=pair.exchanged_m / pair.as_given_m,
+            )
+        )
     return findings

@@ -52,9 +52,11 @@ def _of_tangent_frame(block: Block, frame: TangentFrame, points: Float, height_m
     vertical = str(block.frames.vertical[0])
     if frame.undulation_m:
         extent = float(np.linalg.norm(np.ptp(points[:, :2], axis=0))) if len(points) else 0.0
-        text = (f"undulation {frame.undulation_m:g} m stands for the geoid grid of {vertical or 'the heights'}: its "
-                f"slope, at worst {GEOID_SLOPE * extent:.2g} m of height over the block and "
-                f"{GEOID_SLOPE * abs(height_m):.2g} m in plan up to the images, is neglected")  # fmt: skip
+        text = (
+            f"undulation {frame.undulation_m:g} m stands for the geoid grid of {vertical or 'the heights'}: its "
+            f"slope, at worst {GEOID_SLOPE * extent:.2g} m of height over the block and "
+            f"{GEOID_SLOPE * abs(height_m):.2g} m in plan up to the images, is neglected"
+        )
         findings.append(Finding("frame", "note", text))
     elif np.isfinite(block.undulation_m) and vertical and block.undulation_m != 0:
         findings.append(Finding("frame", "warning", f"undulation is not used: the geoid grid of {vertical} is there"))
@@ -73,8 +75,10 @@ def _of_map(block: Block, middle: Float, height_m: float, bend_m: float) -> list
     scale = float(np.sqrt(abs(np.linalg.det(D[:2, :2]))))
     effect = abs(1.0 - scale) * abs(height_m)
     curved = "" if block.earth_curvature == "correct" else f", its ends by {bend_m:.3g} m for the earth's curvature"
-    text = (f"adjusted in the map {block.frames.crs[0]} of scale {scale:.6f}: with observed positions, heights are "
-            f"wrong by up to {effect:.3f} m{curved}")  # fmt: skip
+    text = (
+        f"adjusted in the map {block.frames.crs[0]} of scale {scale:.6f}: with observed positions, heights are "
+        f"wrong by up to {effect:.3f} m{curved}"
+    )
     size = max(effect, 0.0 if block.earth_curvature == "correct" else bend_m)
     if size <= FRAME_EFFECT_TOLD_M:
         return []

@@ -43,8 +43,16 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         findings.append(Finding("orientations", "note", text, where=where))
         if behind > BEHIND:
             text = f"{behind:.0%} of its points lie behind it"
-            findings.append(Finding("orientations", "warning", text, "check axes, angles and the sign of heights",
-                                    where=where, statistic=behind))  # fmt: skip
+            findings.append(
+                Finding(
+                    "orientations",
+                    "warning",
+                    text,
+                    "check axes, angles and the sign of heights",
+                    where=where,
+                    statistic=behind,
+                )
+            )
         elif float(np.mean(height[mine] < -UPWARDS * np.abs(depth[mine]))) > 1 - BEHIND:
             text, remedy = "all its images look up at points above them", "unless this is a ceiling, check the sign of "
             remedy += "heights and the order of axes"
@@ -77,6 +85,14 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
         names = block.points.id[control.point]
         ids = (f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
         text = "control points outside of what their images show, with the distance from the nearest"
-        findings.append(Finding("orientations", "warning", text, "check coordinates and ids", ids=tuple(ids),
-                                rows={"control": control.row[outside]}))  # fmt: skip
+        findings.append(
+            Finding(
+                "orientations",
+                "warning",
+                text,
+                "check coordinates and ids",
+                ids=tuple(ids),
+                rows={"control": control.row[outside]},
+            )
+        )
     return findings

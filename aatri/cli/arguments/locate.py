@@ -84,8 +84,9 @@ def overview_of(folder: Path) -> dict[str, Any]:
 
     overview = read_overview(folder)
     if overview is None:
-        raise ArtifactError("not the folder of a run: no run.json in it", where=str(folder),
-                            remedy="see `run:` in pipeline.yaml")  # fmt: skip
+        raise ArtifactError(
+            "not the folder of a run: no run.json in it", where=str(folder), remedy="see `run:` in pipeline.yaml"
+        )
     return overview
 
 

@@ -84,8 +84,9 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
 
     path = Path(request.pipeline)
     if path == DEFAULT and not path.exists():
-        raise SpecError("no pipeline.yaml in this folder",
-                        remedy="`aatri new` writes one here, or give the path of one")  # fmt: skip
+        raise SpecError(
+            "no pipeline.yaml in this folder", remedy="`aatri new` writes one here, or give the path of one"
+        )
     local = local_stages(request.local_plugins, path)
     if local is not None and not local.is_dir():
         narrate(f"note: --local-plugins: there is no folder {local}")
@@ -142,9 +143,14 @@ def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: boo
 
 
 def open_run(
-    given: Path | None, *, local_plugins: bool = False, set_: tuple[str, ...] = (), use: tuple[str, ...] = (),
-    quiet: bool = False, background: bool = False,
-) -> Opened:  # fmt: skip
+    given: Path | None,
+    *,
+    local_plugins: bool = False,
+    set_: tuple[str, ...] = (),
+    use: tuple[str, ...] = (),
+    quiet: bool = False,
+    background: bool = False,
+) -> Opened:
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
 
     That a run was made with --local-plugins does not permit to execute code of the project again: a run folder may
@@ -159,15 +165,25 @@ def open_run(
         return open_request(request, quiet=quiet, background=background)
     kept = overview_of(path).get("request")
     if not kept:
-        raise ArtifactError("made by an older aatri; its pipeline is not known", where=str(path),
-                            remedy="give the pipeline file")  # fmt: skip
+        raise ArtifactError(
+            "made by an older aatri; its pipeline is not known", where=str(path), remedy="give the pipeline file"
+        )
     if kept.get("local_plugins") and not local_plugins:
-        raise SpecError("was run with --local-plugins: planning it executes code of the project", where=str(path),
-                        remedy="--local-plugins, if you trust the project")  # fmt: skip
+        raise SpecError(
+            "was run with --local-plugins: planning it executes code of the project",
+            where=str(path),
+            remedy="--local-plugins, if you trust the project",
+        )
     if not is_of_this_run(path, Path(kept["pipeline"])):
         what = "its run.json names a pipeline outside of its project; you have not made this run here: not opened"
         raise ArtifactError(what, where=str(path), remedy="give the pipeline file, and --into for the run")
     into = "" if kept["variant"] else str(path)
-    request = Request(kept["pipeline"], kept["into"] or into, (*kept["set_"], *set_), (*kept["use"], *use),
-                      kept["variant"], local_plugins)  # fmt: skip
+    request = Request(
+        kept["pipeline"],
+        kept["into"] or into,
+        (*kept["set_"], *set_),
+        (*kept["use"], *use),
+        kept["variant"],
+        local_plugins,
+    )
     return open_request(request, quiet=quiet, background=background)

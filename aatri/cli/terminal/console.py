@@ -54,8 +54,9 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
                 report_error(ResourceError("out of memory", remedy="a machine with more memory, or a smaller block"))
                 raise typer.Exit(ResourceError.exit_code) from None
             if isinstance(error, OSError) and error.errno in (errno.ENAMETOOLONG, errno.EINVAL):
-                report_error(SpecError(f"no file can have this name: {error.strerror}",
-                                       where=clipped(str(error.filename or ""))))  # fmt: skip
+                report_error(
+                    SpecError(f"no file can have this name: {error.strerror}", where=clipped(str(error.filename or "")))
+                )
                 raise typer.Exit(SpecError.exit_code) from None
             if isinstance(error, OSError) and error.errno in _LACKS:
                 report_error(ResourceError(str(error.strerror), where=str(error.filename or "")))

@@ -8,8 +8,20 @@ from typing import Any
 from aatri.cli.terminal.console import say, say_table
 from aatri.report.numbers import metres
 
-_HIGHLIGHTS = ("images", "models", "strips", "points", "sigma0", "sigma0_um", "check_points", "check_rmse_x_m",
-               "check_rmse_y_m", "check_rmse_z_m", "image_points", "suspects")  # fmt: skip
+_HIGHLIGHTS = (
+    "images",
+    "models",
+    "strips",
+    "points",
+    "sigma0",
+    "sigma0_um",
+    "check_points",
+    "check_rmse_x_m",
+    "check_rmse_y_m",
+    "check_rmse_z_m",
+    "image_points",
+    "suspects",
+)
 _MOST = 4
 MISSING = "-"
 

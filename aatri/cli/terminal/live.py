@@ -35,10 +35,14 @@ class Live:
 
         self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
         self._progress = Progress(
-            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24),
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
             TextColumn("{task.fields[said]}", markup=False),
-            console=self.console, transient=True, refresh_per_second=5, expand=False,
-        )  # fmt: skip
+            console=self.console,
+            transient=True,
+            refresh_per_second=5,
+            expand=False,
+        )
         self._run = self._progress.add_task("run", total=None, said="")
         self._stages: dict[str, tuple[TaskID, float, float]] = {}
         self._steps: dict[str, str] = {}

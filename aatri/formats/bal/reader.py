@@ -63,10 +63,7 @@ class BalProblem:
     lines: tuple[Int, Int, Int]
 
 
-def read_bal(
-    path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True,
-    reporter: Reporter = SILENT
-) -> Block:  # fmt: skip
+def read_bal(path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True, reporter: Reporter = SILENT) -> Block:
     """Read a problem.
 
     Parameters
@@ -95,24 +92,36 @@ def read_bal(
         name=path.stem,
         files=[path],
         cameras={
-            "id": ids, "pixel_size_mm": PIXEL_MM, "pixel_origin": "image-centre", "pixel_y": "up",
-            "principal_distance_mm": problem.cameras[:, 6] * PIXEL_MM, "distortion": "bal",
+            "id": ids,
+            "pixel_size_mm": PIXEL_MM,
+            "pixel_origin": "image-centre",
+            "pixel_y": "up",
+            "principal_distance_mm": problem.cameras[:, 6] * PIXEL_MM,
+            "distortion": "bal",
         },
         camera_parameters=_camera_parameters(ids, problem.cameras, calibrate),
         images={"id": ids, "camera": ids, "sequence": np.arange(1.0, len(ids) + 1), "line": lines["cameras"]},
         points=points,
         image_points={
-            "image": problem.camera, "point": problem.point, "xy": problem.xy_px,
-            "sigma_mm": image_sigma_px * PIXEL_MM, "line": lines["image_points"],
+            "image": problem.camera,
+            "point": problem.point,
+            "xy": problem.xy_px,
+            "sigma_mm": image_sigma_px * PIXEL_MM,
+            "line": lines["image_points"],
         },
         ground_points={
-            "point": np.arange(len(points)), "xyz_m": problem.points, "role": APPROXIMATE, "line": lines["points"],
+            "point": np.arange(len(points)),
+            "xyz_m": problem.points,
+            "role": APPROXIMATE,
+            "line": lines["points"],
         },
         exterior={
-            "image": ids, "position_m": position_m, "angles_rad": angles_from_rotation(ground_from_image),
+            "image": ids,
+            "position_m": position_m,
+            "angles_rad": angles_from_rotation(ground_from_image),
             "line": lines["cameras"],
         },
-    )  # fmt: skip
+    )
 
 
 def _camera_parameters(ids: list[str], rows: Float, calibrate: bool) -> dict[str, Any]:
@@ -122,9 +131,12 @@ def _camera_parameters(ids: list[str], rows: Float, calibrate: bool) -> dict[str
     value[:, :2] = rows[:, 7:]
     free = np.tile(np.array([calibrate and name in FREE for name in names]), n)
     return {
-        "camera": np.repeat(ids, len(names)), "name": names * n, "value": value.reshape(-1),
-        "sigma": np.where(free, np.nan, 0.0), "free": free,
-    }  # fmt: skip
+        "camera": np.repeat(ids, len(names)),
+        "name": names * n,
+        "value": value.reshape(-1),
+        "sigma": np.where(free, np.nan, 0.0),
+        "free": free,
+    }
 
 
 def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
@@ -145,9 +157,10 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
     head = values[:3]
     if len(head) < 3 or (head < 1).any() or (head != np.floor(head)).any():
         raise InputError(
-            "the file does not begin with the numbers of cameras, points and observations", where=f"{path}:1",
+            "the file does not begin with the numbers of cameras, points and observations",
+            where=f"{path}:1",
             remedy="unpack it if it is compressed; give a BAL problem",
-        )  # fmt: skip
+        )
     cameras, points, observations = (int(v) for v in head)
     wanted = 3 + 4 * observations + 9 * cameras + 3 * points
     if len(values) != wanted:
@@ -163,10 +176,13 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
         where = f"{path}:{line[starts[1] + 9 * k + 6]}"
         raise InputError(f"camera {k} has the focal length {camera_rows[k, 6]:g}", where=where, remedy="it is positive")
     return BalProblem(
-        camera=measured[:, 0].astype(np.int32), point=measured[:, 1].astype(np.int32), xy_px=measured[:, 2:],
-        cameras=camera_rows, points=point_rows.reshape(-1, 3),
+        camera=measured[:, 0].astype(np.int32),
+        point=measured[:, 1].astype(np.int32),
+        xy_px=measured[:, 2:],
+        cameras=camera_rows,
+        points=point_rows.reshape(-1, 3),
         lines=(line[starts[0] : starts[1] : 4], line[starts[1] : starts[2] : 9], line[starts[2] :: 3]),
-    )  # fmt: skip
+    )
 
 
 def _check_numbers(measured: Float, counts: tuple[int, int], line: Int, path: Path) -> None:

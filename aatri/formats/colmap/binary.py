@@ -117,9 +117,10 @@ def _cameras(data: _Bytes) -> list[ColmapCamera]:
         number, model, width, height = data.take("IiQQ")
         if not 0 <= model < len(MODELS):
             raise InputError(
-                f"camera {number} has the model number {model}", where=str(data.path),
+                f"camera {number} has the model number {model}",
+                where=str(data.path),
                 remedy=f"known are 0 to {len(MODELS) - 1}: convert it",
-            )  # fmt: skip
+            )
         name = list(MODELS)[model]
         cameras.append(ColmapCamera(number, name, width, height, data.take(f"{MODELS[name]}d")))
     return cameras

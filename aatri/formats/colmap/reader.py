@@ -48,21 +48,32 @@ CAMERAS, IMAGES, POINTS = 0, 1, 2
 """Rows of the files of a model."""
 
 DISTORTIONS = {
-    "SIMPLE_PINHOLE": ("none", ()), "PINHOLE": ("none", ()), "SIMPLE_RADIAL": ("bal", ("k1",)),
-    "RADIAL": ("bal", ("k1", "k2")), "OPENCV": ("opencv", ("k1", "k2", "p1", "p2")),
+    "SIMPLE_PINHOLE": ("none", ()),
+    "PINHOLE": ("none", ()),
+    "SIMPLE_RADIAL": ("bal", ("k1",)),
+    "RADIAL": ("bal", ("k1", "k2")),
+    "OPENCV": ("opencv", ("k1", "k2", "p1", "p2")),
     "FULL_OPENCV": ("opencv", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
-    "OPENCV_FISHEYE": ("fisheye", ("k1", "k2", "k3", "k4")), "SIMPLE_RADIAL_FISHEYE": ("fisheye", ("k1",)),
-    "RADIAL_FISHEYE": ("fisheye", ("k1", "k2")), "SIMPLE_FISHEYE": ("fisheye", ()), "FISHEYE": ("fisheye", ()),
-}  # fmt: skip
+    "OPENCV_FISHEYE": ("fisheye", ("k1", "k2", "k3", "k4")),
+    "SIMPLE_RADIAL_FISHEYE": ("fisheye", ("k1",)),
+    "RADIAL_FISHEYE": ("fisheye", ("k1", "k2")),
+    "SIMPLE_FISHEYE": ("fisheye", ()),
+    "FISHEYE": ("fisheye", ()),
+}
 """Models of COLMAP: our distortion and the names of its parameters, which follow f and the principal point."""
 
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 
 def read_colmap(
-    folder: Path, *, image_sigma_px: float = 1.0, position_sigma_m: float | None = None, control: Path | None = None,
-    calibrate: bool = False, reporter: Reporter = SILENT,
-) -> Block:  # fmt: skip
+    folder: Path,
+    *,
+    image_sigma_px: float = 1.0,
+    position_sigma_m: float | None = None,
+    control: Path | None = None,
+    calibrate: bool = False,
+    reporter: Reporter = SILENT,
+) -> Block:
     """Read a sparse model, text or binary.
 
     Parameters
@@ -91,9 +102,12 @@ def read_colmap(
     lines = [image.line for image in images]
     rotation, position_m = _poses(images)
     exterior: Columns = {
-        "image": names, "position_m": position_m, "angles_rad": angles_from_rotation(rotation), "file": IMAGES,
+        "image": names,
+        "position_m": position_m,
+        "angles_rad": angles_from_rotation(rotation),
+        "file": IMAGES,
         "line": lines,
-    }  # fmt: skip
+    }
     ground, paths = with_control(_ground_points(model), model.paths, control, reporter)
     return block_of(
         name=folder.resolve().name,
@@ -101,14 +115,17 @@ def read_colmap(
         cameras=_cameras(ids, cameras),
         camera_parameters=_camera_parameters(cameras, calibrate),
         images={
-            "id": names, "camera": [str(image.camera) for image in images],
-            "sequence": np.arange(1.0, len(names) + 1), "file": IMAGES, "line": lines,
+            "id": names,
+            "camera": [str(image.camera) for image in images],
+            "sequence": np.arange(1.0, len(names) + 1),
+            "file": IMAGES,
+            "line": lines,
         },
         points=[str(point) for point in model.points.tolist()],
         image_points=_image_points(model, image_sigma_px, reporter),
         ground_points=ground,
         exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
-    )  # fmt: skip
+    )
 
 
 def _read(folder: Path, reporter: Reporter) -> ColmapModel:
@@ -160,10 +177,14 @@ def _numbers_of_model(model: ColmapModel) -> list[AatriError]:
     parts += [(IMAGES, f"a feature of image {i.id}", i.line, i.xy_px.ravel()) for i in model.images]
     parts += [(POINTS, "a point", 0, model.xyz.ravel())]
     return [
-        InputError(f"{what} has a number that is not finite or too large", where=_place(model, file, line),
-                   remedy="export the model again")
-        for file, what, line, values in parts if not (np.abs(np.asarray(values, dtype=np.float64)) <= LARGEST).all()
-    ]  # fmt: skip
+        InputError(
+            f"{what} has a number that is not finite or too large",
+            where=_place(model, file, line),
+            remedy="export the model again",
+        )
+        for file, what, line, values in parts
+        if not (np.abs(np.asarray(values, dtype=np.float64)) <= LARGEST).all()
+    ]
 
 
 def _place(model: ColmapModel, file: int, line: int) -> str:
@@ -194,11 +215,15 @@ def _cameras(ids: list[str], cameras: list[ColmapCamera]) -> Columns:
     first = [len(c.parameters) - len(DISTORTIONS[c.model][1]) - 2 for c in cameras]
     centre = np.array([c.parameters[k : k + 2] for c, k in zip(cameras, first)])
     return {
-        "id": ids, "pixel_size_mm": pixel_mm, "pixel_origin": "top-left-corner", "pixel_y": "down",
-        "format": size, "principal_distance_mm": [_focal_lengths(c)[0] * PIXEL_MM for c in cameras],
+        "id": ids,
+        "pixel_size_mm": pixel_mm,
+        "pixel_origin": "top-left-corner",
+        "pixel_y": "down",
+        "format": size,
+        "principal_distance_mm": [_focal_lengths(c)[0] * PIXEL_MM for c in cameras],
         "principal_point_mm": (centre - size / 2) * pixel_mm * Y_UP[:2],
         "distortion": [DISTORTIONS[c.model][0] for c in cameras],
-    }  # fmt: skip
+    }
 
 
 def _camera_parameters(cameras: list[ColmapCamera], calibrate: bool) -> Columns:
@@ -231,17 +256,21 @@ def _image_points(model: ColmapModel, sigma_px: float, reporter: Reporter) -> Co
         "sigma_mm": sigma_px * np.repeat([pixel_mm[image.camera] for image in model.images], counts, axis=0),
         "file": IMAGES,
         "line": np.repeat([i.line + (i.line > 0) for i in model.images], counts),
-    }  # fmt: skip
+    }
 
 
 def _ground_points(model: ColmapModel) -> Columns:
     """All points as start values."""
     n = len(model.points)
     return {
-        "point": model.points.astype(np.str_), "xyz_m": model.xyz, "covariance_m2": np.zeros((n, 3, 3)),
-        "role": np.full((n, 3), APPROXIMATE, np.int32), "datum": np.zeros(n, bool),
-        "file": np.full(n, POINTS, np.int32), "line": np.asarray(model.point_lines),
-    }  # fmt: skip
+        "point": model.points.astype(np.str_),
+        "xyz_m": model.xyz,
+        "covariance_m2": np.zeros((n, 3, 3)),
+        "role": np.full((n, 3), APPROXIMATE, np.int32),
+        "datum": np.zeros(n, bool),
+        "file": np.full(n, POINTS, np.int32),
+        "line": np.asarray(model.point_lines),
+    }
 
 
 def _observed(exterior: Columns, sigma_m: float) -> Columns:

@@ -40,8 +40,10 @@ def compare_tracks(model: ColmapModel, reporter: Reporter) -> list[InputError]:
     known = np.array([image.id for image in model.images], dtype=np.int64)
     here = np.isin(track[:, 1], known)
     if len(away := np.unique(track[~here, 1])):
-        reporter.warn(f"{model.paths[2]}: its tracks name {len(away)} images that are not in {model.paths[1].name}: "
-                      f"{shown(map(str, away.tolist()))}; is it complete?")  # fmt: skip
+        reporter.warn(
+            f"{model.paths[2]}: its tracks name {len(away)} images that are not in {model.paths[1].name}: "
+            f"{shown(map(str, away.tolist()))}; is it complete?"
+        )
     features = [
         np.stack([image.point[k], np.full(len(k), image.id), k], axis=1)
         for image in model.images
@@ -67,6 +69,9 @@ def _sorted(rows: Int) -> Int:
 
 def _not_in(rows: Int, others: Int) -> Int:
     """Rows that are not among others, (k, 3)."""
-    both = np.unique(np.concatenate([np.unique(rows, axis=0), np.unique(others, axis=0), np.unique(others, axis=0)]),
-                     axis=0, return_counts=True)  # fmt: skip
+    both = np.unique(
+        np.concatenate([np.unique(rows, axis=0), np.unique(others, axis=0), np.unique(others, axis=0)]),
+        axis=0,
+        return_counts=True,
+    )
     return np.asarray(both[0][both[1] == 1])

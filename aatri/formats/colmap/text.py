@@ -127,9 +127,7 @@ def _camera(row: _Row) -> ColmapCamera:
     if len(row.words) != 4 + MODELS[model]:
         what = f"{len(row.words) - 4} parameters of a {model}"
         raise row.error(what, f"it has {MODELS[model]}")
-    return ColmapCamera(
-        row.integer(0), model, row.integer(2), row.integer(3), tuple(row.numbers(4).tolist()), row.line
-    )  # fmt: skip
+    return ColmapCamera(row.integer(0), model, row.integer(2), row.integer(3), tuple(row.numbers(4).tolist()), row.line)
 
 
 def _images(path: Path, lines: list[str]) -> list[ColmapImage]:
@@ -160,9 +158,15 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
     point = ids.integers()
     pose = head.numbers(1, 8).tolist()
     return ColmapImage(
-        head.integer(0), tuple(pose[:4]), tuple(pose[4:]), head.integer(8), " ".join(head.words[9:]), xy, point,
+        head.integer(0),
+        tuple(pose[:4]),
+        tuple(pose[4:]),
+        head.integer(8),
+        " ".join(head.words[9:]),
+        xy,
+        point,
         head.line,
-    )  # fmt: skip
+    )
 
 
 def _points(rows: list[_Row]) -> tuple[Int, Float, Int, Int]:

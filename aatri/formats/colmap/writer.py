@@ -33,9 +33,14 @@ MARGIN = 1.1
 
 
 def write_colmap_model(
-    solution: Solution, block: Block, folder: Path, *, binary: bool = False,
-    image_points: ImagePoints | None = None, reporter: Reporter = SILENT,
-) -> list[Path]:  # fmt: skip
+    solution: Solution,
+    block: Block,
+    folder: Path,
+    *,
+    binary: bool = False,
+    image_points: ImagePoints | None = None,
+    reporter: Reporter = SILENT,
+) -> list[Path]:
     """Write a Solution as a sparse model.
 
     Parameters
@@ -86,9 +91,7 @@ def _model(
     name_of_row[points] = names
     camera = block.images.camera
     sizes = [_size(c, rays.xy_mm[camera[rays.image] == k]) for k, c in enumerate(cameras)]
-    centre = np.array([
-        size / 2 + c.principal_point_mm * Y_UP[:2] / c.pixel_mm for c, size in zip(cameras, sizes)
-    ])  # fmt: skip
+    centre = np.array([size / 2 + c.principal_point_mm * Y_UP[:2] / c.pixel_mm for c, size in zip(cameras, sizes)])
     pixel = np.array([c.pixel_mm for c in cameras])
     ray_camera = camera[rays.image]
     xy_px = centre[ray_camera] + rays.xy_mm * Y_UP[:2] / pixel[ray_camera]
@@ -103,9 +106,12 @@ def _model(
             ColmapImage(n + 1, tuple(q), tuple(t), int(camera[row]) + 1, str(block.images.id[row]), xy, point)
             for n, (row, q, t, (xy, point)) in enumerate(zip(images, quaternion.tolist(), translation.tolist(), parts))
         ],
-        points=names, xyz=solution.points.xyz_m[points], point_lines=np.zeros(len(points), np.int32), paths=paths,
+        points=names,
+        xyz=solution.points.xyz_m[points],
+        point_lines=np.zeros(len(points), np.int32),
+        paths=paths,
         error_px=mean.tolist(),
-    )  # fmt: skip
+    )
 
 
 def _poses(solution: Solution, images: Int) -> tuple[Float, Float]:

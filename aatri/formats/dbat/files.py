@@ -130,8 +130,11 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoi
     """
     control: dict[str, ObjectPoint] = {}
     problems: list[InputError] = []
-    lines = [(k, text) for k, text in enumerate(read_lines(path, reporter), 1)
-             if text.strip() and not text.lstrip().startswith("#")]  # fmt: skip
+    lines = [
+        (k, text)
+        for k, text in enumerate(read_lines(path, reporter), 1)
+        if text.strip() and not text.lstrip().startswith("#")
+    ]
     decimal = decimal_commas([text for _, text in lines])
     for (k, text), comma in zip(lines, decimal):
         entry = TextLine([cell.strip() for cell in text.split(",")], path, k)
@@ -195,8 +198,10 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
     entry = source.next(11, "photo and its camera")
     source.next(11, "standard deviations of the camera")
     own = _camera(TextLine(entry.words[1:], entry.path, entry.line), [0.0, 0.0, *camera.size_px])
-    pairs = zip((own.c_mm, *own.principal_point_mm, *own.format_mm),
-                (camera.c_mm, *camera.principal_point_mm, *camera.format_mm))  # fmt: skip
+    pairs = zip(
+        (own.c_mm, *own.principal_point_mm, *own.format_mm),
+        (camera.c_mm, *camera.principal_point_mm, *camera.format_mm),
+    )
     if any(abs(a - b) > ROUNDING_MM for a, b in pairs):
         raise entry.error(f"photo {name} has another camera than the default", "exports of one camera are read")
     value = _numbers(orientation)
@@ -220,8 +225,9 @@ def _marks(source: _Lines, photos: int) -> list[Mark]:
         if photo >= photos:
             raise entry.error(f"photo {photo}, but the photos are 0 to {photos - 1}", "mend the number")
         if min(value[2:]) < 0 or min(value[2:]) == 0 < max(value[2:]):
-            raise entry.error(f"standard deviations {value[2]:g}, {value[3]:g}",
-                               "they are positive, in pixels; or both 0: not given")  # fmt: skip
+            raise entry.error(
+                f"standard deviations {value[2]:g}, {value[3]:g}", "they are positive, in pixels; or both 0: not given"
+            )
         marks.append(Mark(photo, entry.words[1], tuple(value[:2]), tuple(value[2:]), entry))
     return marks
 

@@ -60,10 +60,15 @@ CameraModel = Literal["brown", "dbat3"]
 
 
 def read_dbat(
-    export: Path, control: Path | None = None, *, camera_model: CameraModel = "brown", calibrate: bool = False,
-    image_sigma_px: float | None = None, set_aside: bool = False,
+    export: Path,
+    control: Path | None = None,
+    *,
+    camera_model: CameraModel = "brown",
+    calibrate: bool = False,
+    image_sigma_px: float | None = None,
+    set_aside: bool = False,
     reporter: Reporter = SILENT,
-) -> Block:  # fmt: skip
+) -> Block:
     """Read a PhotoModeler export and a control file of DBAT.
 
     Parameters
@@ -108,11 +113,13 @@ def read_dbat(
         image_points=_image_points(source, image_sigma_px, reporter),
         ground_points=_ground_points(source, given, shift),
         exterior={
-            "image": names, "position_m": np.array([p.position_m for p in photos]) + shift,
-            "angles_rad": np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]), "at": entries,
+            "image": names,
+            "position_m": np.array([p.position_m for p in photos]) + shift,
+            "angles_rad": np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]),
+            "at": entries,
         },
         rejects=_not_seen(source, given),
-    )  # fmt: skip
+    )
 
 
 def _refuse_undetermined(source: Export, given: dict[str, ObjectPoint]) -> None:
@@ -194,10 +201,15 @@ def _camera(camera: DefaultCamera, model: CameraModel) -> dict[str, Any]:
     px, py = camera.principal_point_mm
     px = px / (1.0 + _aspect(camera, model))
     return {
-        "id": CAMERA, "pixel_size_mm": pixel, "pixel_origin": "top-left-corner", "pixel_y": "down",
-        "format": size.astype(float), "principal_distance_mm": camera.c_mm, "distortion": model,
+        "id": CAMERA,
+        "pixel_size_mm": pixel,
+        "pixel_origin": "top-left-corner",
+        "pixel_y": "down",
+        "format": size.astype(float),
+        "principal_distance_mm": camera.c_mm,
+        "distortion": model,
         "principal_point_mm": np.array([px, -py]) - np.array([1, -1]) * pixel * size / 2,
-    }  # fmt: skip
+    }
 
 
 def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> dict[str, Any]:
@@ -207,9 +219,12 @@ def _parameters(camera: DefaultCamera, model: CameraModel, calibrate: bool) -> d
     if model == "dbat3":
         values["as"] = _aspect(camera, model)
     return {
-        "camera": CAMERA, "name": list(values), "value": list(values.values()), "sigma": np.nan if calibrate else 0.0,
+        "camera": CAMERA,
+        "name": list(values),
+        "value": list(values.values()),
+        "sigma": np.nan if calibrate else 0.0,
         "free": calibrate,
-    }  # fmt: skip
+    }
 
 
 def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) -> dict[str, Any]:
@@ -220,14 +235,18 @@ def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) ->
     not_given = np.flatnonzero((sigma == 0).all(axis=1))
     if len(not_given):
         entry = source.marks[not_given[0]].entry
-        reporter.warn(f"{entry.path}:{entry.line}: {len(not_given)} of {n} image points have standard deviations 0, 0:"
-                      f" {NOT_GIVEN_SIGMA_PX:g} px is taken; image_sigma_px gives another")  # fmt: skip
+        reporter.warn(
+            f"{entry.path}:{entry.line}: {len(not_given)} of {n} image points have standard deviations 0, 0:"
+            f" {NOT_GIVEN_SIGMA_PX:g} px is taken; image_sigma_px gives another"
+        )
         sigma[not_given] = NOT_GIVEN_SIGMA_PX
     return {
-        "image": [photo[m.photo] for m in source.marks], "point": [m.point for m in source.marks],
-        "xy": [m.xy_px for m in source.marks], "sigma_mm": sigma * _pixel_mm(source.camera),
+        "image": [photo[m.photo] for m in source.marks],
+        "point": [m.point for m in source.marks],
+        "xy": [m.xy_px for m in source.marks],
+        "sigma_mm": sigma * _pixel_mm(source.camera),
         "at": [m.entry for m in source.marks],
-    }  # fmt: skip
+    }
 
 
 def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float) -> dict[str, Any]:
@@ -239,7 +258,9 @@ def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float
     xyz = np.array([p.xyz_m for p in points]).reshape(n, 3)
     sigma = np.where(is_control[:, None], np.array([p.sigma_m for p in points]).reshape(n, 3), 0.0)
     return {
-        "point": names, "xyz_m": np.where(is_control[:, None], xyz, xyz + shift_m),
-        "sigma_m": sigma, "role": np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE),
+        "point": names,
+        "xyz_m": np.where(is_control[:, None], xyz, xyz + shift_m),
+        "sigma_m": sigma,
+        "role": np.where(is_control[:, None], np.full((n, 3), CONTROL), APPROXIMATE),
         "at": [p.entry for p in points],
-    }  # fmt: skip
+    }

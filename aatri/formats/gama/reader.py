@@ -46,11 +46,15 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
     ids, sign = canonical(points), _signs(network, axes)
     return block_of(
-        name=path.stem, files=[path], points=ids, ground_points=_ground(network, points, ids, axes),
-        ground_point_covariances=_between_points(network, axes, ids), geodetic=_geodetic(network, axes, sign),
+        name=path.stem,
+        files=[path],
+        points=ids,
+        ground_points=_ground(network, points, ids, axes),
+        ground_point_covariances=_between_points(network, axes, ids),
+        geodetic=_geodetic(network, axes, sign),
         geodetic_covariances=_between_rows(network, sign),
         frames=Frames.of(id="local", axes="east,north,up", crs="local", vertical=""),
-    )  # fmt: skip
+    )
 
 
 def _axes(letters: str, path: Path) -> Axes:
@@ -83,8 +87,10 @@ def _without_element(
                 found[name] = GivenPoint(name, {}, "", "", row.line)
     if found:
         first = min(p.line for p in found.values())
-        reporter.warn(f"{path}:{first}: {len(found)} points have no <point>, and are taken as new ones without "
-                      f"coordinates: {shown(list(found))}")  # fmt: skip
+        reporter.warn(
+            f"{path}:{first}: {len(found)} points have no <point>, and are taken as new ones without "
+            f"coordinates: {shown(list(found))}"
+        )
     return found
 
 
@@ -104,9 +110,13 @@ def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axe
         if a == b:
             covariance[a, i, j] = covariance[a, j, i] = value
     return {
-        "point": ids, "xyz_m": xyz, "covariance_m2": covariance, "role": role,
-        "datum": [bool(points[name].datum) for name in ids], "line": [points[name].line for name in ids],
-    }  # fmt: skip
+        "point": ids,
+        "xyz_m": xyz,
+        "covariance_m2": covariance,
+        "role": role,
+        "datum": [bool(points[name].datum) for name in ids],
+        "line": [points[name].line for name in ids],
+    }
 
 
 def _observed_covariances(network: Network, axes: Axes, ids: list[str]) -> Iterator[tuple[Place, Place, float]]:
@@ -134,12 +144,16 @@ def _geodetic(network: Network, axes: Axes, sign: list[float]) -> Columns:
     variance = {i: value for i, j, value in network.covariances if i == j}
     return {
         "type": ["d" + "XYZ"[axes[r.type[1]][0]] if r.type in ("dx", "dy", "dz") else r.type for r in rows],
-        "start": [r.start for r in rows], "end": [r.end for r in rows], "via": [r.via for r in rows],
-        "value": [s * r.value for s, r in zip(sign, rows)], "set": [r.set for r in rows],
+        "start": [r.start for r in rows],
+        "end": [r.end for r in rows],
+        "via": [r.via for r in rows],
+        "value": [s * r.value for s, r in zip(sign, rows)],
+        "set": [r.set for r in rows],
         "sigma": [np.sqrt(variance.get(k, r.sigma**2)) for k, r in enumerate(rows)],
-        "start_height_m": [r.start_height_m for r in rows], "end_height_m": [r.end_height_m for r in rows],
+        "start_height_m": [r.start_height_m for r in rows],
+        "end_height_m": [r.end_height_m for r in rows],
         "line": [r.line for r in rows],
-    }  # fmt: skip
+    }
 
 
 def _between_rows(network: Network, sign: list[float]) -> Columns | None:

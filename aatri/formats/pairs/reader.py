@@ -35,9 +35,15 @@ Measured = tuple[Place, TextLine]
 
 
 def read_pairs(
-    folder: Path, *, unit_um: float, image_sigma_um: float, control: Path | None = None, check: Path | None = None,
-    control_sigma_m: float = 0.0, reporter: Reporter = SILENT,
-) -> Block:  # fmt: skip
+    folder: Path,
+    *,
+    unit_um: float,
+    image_sigma_um: float,
+    control: Path | None = None,
+    check: Path | None = None,
+    control_sigma_m: float = 0.0,
+    reporter: Reporter = SILENT,
+) -> Block:
     """Read a folder of pair files.
 
     Parameters
@@ -78,21 +84,32 @@ def read_pairs(
     c, x0, y0 = interior
     every = [(name, one) for name, of in measured.items() for one in of]
     return block_of(
-        name=folder.resolve().name, rotation="phi-omega-kappa", files=paths,
+        name=folder.resolve().name,
+        rotation="phi-omega-kappa",
+        files=paths,
         cameras={
-            "id": CAMERA, "kind": "film", "image_coordinates": "photo", "principal_distance_mm": c,
+            "id": CAMERA,
+            "kind": "film",
+            "image_coordinates": "photo",
+            "principal_distance_mm": c,
             "principal_point_mm": [x0, y0],
         },
         images={
-            "id": order, "camera": CAMERA, "strip": STRIP, "sequence": np.arange(1.0, len(order) + 1), "line": 1,
+            "id": order,
+            "camera": CAMERA,
+            "strip": STRIP,
+            "sequence": np.arange(1.0, len(order) + 1),
+            "line": 1,
         },
         image_points={
-            "image": [photo for (photo, _), _ in every], "point": [point for (_, point), _ in every],
-            "xy": [place for _, (place, _) in every], "sigma_mm": image_sigma_um * 1e-3,
+            "image": [photo for (photo, _), _ in every],
+            "point": [point for (_, point), _ in every],
+            "xy": [place for _, (place, _) in every],
+            "sigma_mm": image_sigma_um * 1e-3,
             "at": [entry for _, (_, entry) in every],
         },
         ground_points=_ground(known, control_sigma_m),
-    )  # fmt: skip
+    )
 
 
 def _photos(path: Path, number: int) -> tuple[str, str]:
@@ -146,6 +163,8 @@ def _ground(known: list[tuple[TextLine, int]], sigma_m: float) -> dict[str, Any]
         seen.add(entry.words[0])
     return {
         "point": [entry.words[0] for entry, _ in known],
-        "xyz_m": [[entry.number(k) for k in (1, 2, 3)] for entry, _ in known], "sigma_m": sigma_m,
-        "role": [[role] * 3 for _, role in known], "at": [entry for entry, _ in known],
-    }  # fmt: skip
+        "xyz_m": [[entry.number(k) for k in (1, 2, 3)] for entry, _ in known],
+        "sigma_m": sigma_m,
+        "role": [[role] * 3 for _, role in known],
+        "at": [entry for entry, _ in known],
+    }

@@ -136,10 +136,17 @@ def exported_cameras(solution: Solution, block: Block, image_points: ImagePoints
         if model not in ("none", *PARAMETERS):
             what = f"distortion {model} is a correction of the measured coordinates, which no camera here has"
             raise InputError(what, where=f"camera {name}", remedy=REMEDY)
-        exported.append(ExportedCamera(
-            name, float(solution.cameras.principal_distance_mm[k]), solution.cameras.principal_point_mm[k], size[k],
-            format_px[k], model, _parameters(solution, block, k, model),
-        ))  # fmt: skip
+        exported.append(
+            ExportedCamera(
+                name,
+                float(solution.cameras.principal_distance_mm[k]),
+                solution.cameras.principal_point_mm[k],
+                size[k],
+                format_px[k],
+                model,
+                _parameters(solution, block, k, model),
+            )
+        )
     return exported
 
 

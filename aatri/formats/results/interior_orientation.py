@@ -41,8 +41,12 @@ def interior_covariances(solution: Solution) -> Float:
     """Covariances of c, x0, y0 of each camera, (n, 3, 3) mm^2; zero where held, NaN where not adjusted or not known."""
     p, pairs, cameras = solution.parameters, solution.parameter_covariances, solution.cameras.id
     found = np.full((len(cameras), 3, 3), np.nan)
-    place = {(str(p.object[row]), name): row for names in NAMES.values() for name in names
-             for row in np.flatnonzero(np.isin(p.group, list(NAMES)) & (p.name == name)).tolist()}  # fmt: skip
+    place = {
+        (str(p.object[row]), name): row
+        for names in NAMES.values()
+        for name in names
+        for row in np.flatnonzero(np.isin(p.group, list(NAMES)) & (p.name == name)).tolist()
+    }
     known: dict[tuple[int, int], float] = {}
     if pairs is not None:
         known = dict(zip(zip(pairs.first.tolist(), pairs.second.tolist()), pairs.covariance.tolist()))
@@ -61,10 +65,15 @@ def interior_covariances(solution: Solution) -> Float:
 def _of_changed_distance(solution: Solution, covariance: Float, place: Mapping[tuple[str, str], int]) -> Float:
     """With the derivatives of c, x0, y0 by the parameters of a set, which are linear in the nominal camera."""
     sets = solution.calibrated_sets
-    nominal = {} if sets is None else {
-        name: c0 for name, c0, of in zip(sets.object.tolist(), sets.principal_distance_mm.tolist(), sets.set.tolist())
-        if not is_ideal(of)
-    }  # fmt: skip
+    nominal = (
+        {}
+        if sets is None
+        else {
+            name: c0
+            for name, c0, of in zip(sets.object.tolist(), sets.principal_distance_mm.tolist(), sets.set.tolist())
+            if not is_ideal(of)
+        }
+    )
     for k, camera in enumerate(solution.cameras.id.tolist()):
         rows = [place.get((camera, name), -1) for name in NAMES[ADDITIONAL]]
         if camera in nominal and min(rows) >= 0:

@@ -95,8 +95,12 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
     columns = {
         key: column for key, column in columns.items() if key == "kind" or any(v not in (None, "") for v in column[1])
     }
-    return Readable(tuple(columns), tuple(unit for unit, _ in columns.values()),
-                    tuple(values for _, values in columns.values()), len(order) - len(taken))  # fmt: skip
+    return Readable(
+        tuple(columns),
+        tuple(unit for unit, _ in columns.values()),
+        tuple(values for _, values in columns.values()),
+        len(order) - len(taken),
+    )
 
 
 def _columns(artifact: Artifact, rows: Table) -> dict[str, tuple[str, list[Any]]]:

@@ -27,8 +27,12 @@ def camera_tables(source: Source) -> CameraTables:
     given = source.settings.cameras
     ids = canonical(given)
     cameras = [given[name] for name in ids]
-    return CameraTables(_cameras(source, ids, cameras), _parameters(source, cameras), _distortion(cameras),
-                        _fiducials(source, ids, cameras))  # fmt: skip
+    return CameraTables(
+        _cameras(source, ids, cameras),
+        _parameters(source, cameras),
+        _distortion(cameras),
+        _fiducials(source, ids, cameras),
+    )
 
 
 def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> Cameras:
@@ -82,14 +86,17 @@ def _parameters(source: Source, cameras: list[CameraSettings]) -> CameraParamete
 def _distortion(cameras: list[CameraSettings]) -> DistortionTable:
     counts = [len(c.distortion.radius) for c in cameras]
     correction_um = [v for c in cameras for v in c.distortion.correction]
-    return DistortionTable.of(camera=np.repeat(np.arange(len(cameras)), counts),
-                              radius_mm=[r for c in cameras for r in c.distortion.radius],
-                              correction_mm=np.array(correction_um) * 1e-3)  # fmt: skip
+    return DistortionTable.of(
+        camera=np.repeat(np.arange(len(cameras)), counts),
+        radius_mm=[r for c in cameras for r in c.distortion.radius],
+        correction_mm=np.array(correction_um) * 1e-3,
+    )
 
 
 def _fiducials(source: Source, ids: list[str], cameras: list[CameraSettings]) -> Fiducials:
-    marks = [(k, mark, xy) for k, c in enumerate(cameras) for mark in canonical(c.fiducials)
-             for xy in [c.fiducials[mark]]]  # fmt: skip
+    marks = [
+        (k, mark, xy) for k, c in enumerate(cameras) for mark in canonical(c.fiducials) for xy in [c.fiducials[mark]]
+    ]
     for k, mark, _ in marks:
         if not is_valid(mark):
             where = source.document.where_key("cameras", ids[k], "fiducials", mark)

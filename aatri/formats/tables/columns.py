@@ -54,52 +54,83 @@ class Stated(NamedTuple):
 COORDINATES, SIGMAS, COVARIANCES = ("X", "Y", "Z"), ("sX", "sY", "sZ"), {"sXY": (0, 1), "sXZ": (0, 2), "sYZ": (1, 2)}
 _PRECISION = {name: Stated(NUMBER) for name in (*SIGMAS, *COVARIANCES)}
 _FIGURES = {
-    "x": Stated(NEEDED_NUMBER, "xy", 0), "y": Stated(NEEDED_NUMBER, "xy", 1), "sx": Stated(NUMBER, "sigma_mm", 0),
+    "x": Stated(NEEDED_NUMBER, "xy", 0),
+    "y": Stated(NEEDED_NUMBER, "xy", 1),
+    "sx": Stated(NUMBER, "sigma_mm", 0),
     "sy": Stated(NUMBER, "sigma_mm", 1),
-}  # fmt: skip
+}
 _ENDS = {word: word for word in ("point", "image")}
 _REDUCED = {word: word for word in ("no", "horizon", "ellipsoid", "map")}
 
 IMAGES = {
-    "image": Stated(ID, "id"), "camera": Stated(ID, "camera"), "strip": Stated(OPTIONAL_ID, "strip"),
-    "sequence": Stated(NUMBER, "sequence"), "time": Stated(NUMBER, "time_s", unit="time_s"),
+    "image": Stated(ID, "id"),
+    "camera": Stated(ID, "camera"),
+    "strip": Stated(OPTIONAL_ID, "strip"),
+    "sequence": Stated(NUMBER, "sequence"),
+    "time": Stated(NUMBER, "time_s", unit="time_s"),
     **{name: Stated(TEXT, name) for name in ("flight", "session", "rig", "member")},
-}  # fmt: skip
+}
 IMAGE_POINTS = {
-    "image": Stated(ID, "image"), "point": Stated(ID, "point"), **_FIGURES, "group": Stated(TEXT, "group"),
-    "active": Stated(TEXT, "active", empty=True), "row_time": Stated(NUMBER, "row_time_s", unit="time_s"),
-}  # fmt: skip
+    "image": Stated(ID, "image"),
+    "point": Stated(ID, "point"),
+    **_FIGURES,
+    "group": Stated(TEXT, "group"),
+    "active": Stated(TEXT, "active", empty=True),
+    "row_time": Stated(NUMBER, "row_time_s", unit="time_s"),
+}
 FIDUCIALS = {"image": Stated(ID, "image"), "fiducial": Stated(ID, "fiducial"), **_FIGURES}
 GROUND_POINTS = {
-    "point": Stated(ID, "point"), **{name: Stated(NUMBER_COLUMN) for name in COORDINATES}, **_PRECISION,
-    "role": Stated(TEXT), "datum": Stated(TEXT, "datum", empty=False), "frame": Stated(TEXT),
-}  # fmt: skip
+    "point": Stated(ID, "point"),
+    **{name: Stated(NUMBER_COLUMN) for name in COORDINATES},
+    **_PRECISION,
+    "role": Stated(TEXT),
+    "datum": Stated(TEXT, "datum", empty=False),
+    "frame": Stated(TEXT),
+}
 EXTERIOR = {
-    "image": Stated(ID, "image"), **{name: Stated(NUMBER) for name in COORDINATES}, **_PRECISION,
+    "image": Stated(ID, "image"),
+    **{name: Stated(NUMBER) for name in COORDINATES},
+    **_PRECISION,
     **{f"a{k + 1}": Stated(TEXT, "angles_rad", k, "angle") for k in range(3)},
-    **{f"s{k + 1}": Stated(NUMBER, "angle_sigma_rad", k) for k in range(3)}, "use": Stated(TEXT),
+    **{f"s{k + 1}": Stated(NUMBER, "angle_sigma_rad", k) for k in range(3)},
+    "use": Stated(TEXT),
     "refers_to": Stated(TEXT, "refers_to", words={"projection_centre": PROJECTION_CENTRE, "antenna": ANTENNA}),
-    "frame": Stated(TEXT), "drift_group": Stated(TEXT, "drift_group"),
-}  # fmt: skip
+    "frame": Stated(TEXT),
+    "drift_group": Stated(TEXT, "drift_group"),
+}
 GEODETIC = {
-    "type": Stated(NEEDED_TEXT), "from": Stated(ID, "start"), "to": Stated(ID, "end"),
-    **{name: Stated(NEEDED_TEXT, name, unit="type") for name in ("value", "sigma")}, "via": Stated(OPTIONAL_ID, "via"),
-    "from_kind": Stated(TEXT, "start_kind", words=_ENDS), "to_kind": Stated(TEXT, "end_kind", words=_ENDS),
-    "set": Stated(TEXT, "set"), "group": Stated(TEXT, "group"),
+    "type": Stated(NEEDED_TEXT),
+    "from": Stated(ID, "start"),
+    "to": Stated(ID, "end"),
+    **{name: Stated(NEEDED_TEXT, name, unit="type") for name in ("value", "sigma")},
+    "via": Stated(OPTIONAL_ID, "via"),
+    "from_kind": Stated(TEXT, "start_kind", words=_ENDS),
+    "to_kind": Stated(TEXT, "end_kind", words=_ENDS),
+    "set": Stated(TEXT, "set"),
+    "group": Stated(TEXT, "group"),
     "h_from": Stated(NUMBER, "start_height_m", unit="ground_m"),
     "h_to": Stated(NUMBER, "end_height_m", unit="ground_m"),
-    "active": Stated(TEXT, "active", empty=True), "reduced": Stated(TEXT, "reduced", words=_REDUCED),
-}  # fmt: skip
+    "active": Stated(TEXT, "active", empty=True),
+    "reduced": Stated(TEXT, "reduced", words=_REDUCED),
+}
 COVARIANCE_ROWS = {
-    "table": Stated(NEEDED_TEXT), "row_a": Stated(ID), "row_b": Stated(ID), "value": Stated(NEEDED_NUMBER),
-    "coord_a": Stated(TEXT), "coord_b": Stated(TEXT),
-}  # fmt: skip
+    "table": Stated(NEEDED_TEXT),
+    "row_a": Stated(ID),
+    "row_b": Stated(ID),
+    "value": Stated(NEEDED_NUMBER),
+    "coord_a": Stated(TEXT),
+    "coord_b": Stated(TEXT),
+}
 
 TABLES: dict[str, dict[str, Stated]] = {
-    "images.csv": IMAGES, "image_points.csv": IMAGE_POINTS, "fiducials.csv": FIDUCIALS,
-    "ground_points.csv": GROUND_POINTS, "exterior.csv": EXTERIOR, "geodetic.csv": GEODETIC,
+    "images.csv": IMAGES,
+    "image_points.csv": IMAGE_POINTS,
+    "fiducials.csv": FIDUCIALS,
+    "ground_points.csv": GROUND_POINTS,
+    "exterior.csv": EXTERIOR,
+    "geodetic.csv": GEODETIC,
     "covariances.csv": COVARIANCE_ROWS,
-}  # fmt: skip
+}
 """Of each file its columns, those that must be there first."""
 
 

@@ -32,8 +32,13 @@ def read_covariances(source: Source) -> CsvTable | None:
     named = choice(table, "table", TABLES, "")
     for name in TABLES:
         if name in named and not (source.folder / f"{name}.csv").exists():
-            source.problems.append(InputError(f"there is no {name}.csv", where=table.where(named.index(name), "table"),
-                                              remedy="covariances are between its rows"))  # fmt: skip
+            source.problems.append(
+                InputError(
+                    f"there is no {name}.csv",
+                    where=table.where(named.index(name), "table"),
+                    remedy="covariances are between its rows",
+                )
+            )
     return table
 
 
@@ -56,13 +61,25 @@ def geodetic_covariances(source: Source, table: CsvTable | None, n: int, unit: F
         numbers[chosen, side] = [_number(table.text[name][k]) for k in chosen]
         mine = numbers[chosen, side]
         wrong = (mine % 1 != 0) | (mine < 1) | (mine > n)
-        table.complain(chosen[wrong], name, f"{name} is {{}}, but geodetic.csv has rows 1 to {n}",
-                       "rows are counted from 1, without the header")  # fmt: skip
+        table.complain(
+            chosen[wrong],
+            name,
+            f"{name} is {{}}, but geodetic.csv has rows 1 to {n}",
+            "rows are counted from 1, without the header",
+        )
         column = "coord" + name[3:]
-        table.complain([k for k in chosen if table.text[column][k]], column, f"{column} is {{}}, but a geodetic "
-                       "observation has one value", "leave it empty")  # fmt: skip
-    table.complain(chosen[numbers[chosen, 0] == numbers[chosen, 1]], "row_b", "a variance, not a covariance",
-                   "the variance is the square of sigma in geodetic.csv")  # fmt: skip
+        table.complain(
+            [k for k in chosen if table.text[column][k]],
+            column,
+            f"{column} is {{}}, but a geodetic observation has one value",
+            "leave it empty",
+        )
+    table.complain(
+        chosen[numbers[chosen, 0] == numbers[chosen, 1]],
+        "row_b",
+        "a variance, not a covariance",
+        "the variance is the square of sigma in geodetic.csv",
+    )
     if len(source.problems) > before:
         return {}
     pair = np.sort(numbers[chosen].astype(np.intp) - 1, axis=1)
@@ -84,8 +101,12 @@ def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTa
         i, j = sorted(axis[k].tolist())
         cells, value = number[names[i, j]], float(covariances.number["value"][k])
         if np.isfinite(cells[row[k, 0]]):
-            covariances.complain([k], "value", f"covariance {{}}: the point has {names[i, j]} already",
-                                 "give it once: here or in ground_points.csv")  # fmt: skip
+            covariances.complain(
+                [k],
+                "value",
+                f"covariance {{}}: the point has {names[i, j]} already",
+                "give it once: here or in ground_points.csv",
+            )
         elif i == j and value < 0:
             covariances.complain([k], "value", "variance {} is negative", "0 (exact) or more")
         else:
@@ -113,8 +134,12 @@ def ground_point_covariances(
     before = len(source.problems)
     row, axis = _places(covariances, table)
     chosen = chosen[row[chosen, 0] != row[chosen, 1]]
-    covariances.complain(chosen[(frame[row[chosen]] > 0).any(axis=1)], "row_a", "a point of another frame than the "
-                         "first", "covariances between points are read in the first frame only")  # fmt: skip
+    covariances.complain(
+        chosen[(frame[row[chosen]] > 0).any(axis=1)],
+        "row_a",
+        "a point of another frame than the first",
+        "covariances between points are read in the first frame only",
+    )
     axes = next(iter(source.settings.frames.values())).axes
     row, axis = row[chosen], np.argsort(columns_in_order(axes))[axis[chosen]]
     variance = np.einsum("nii->ni", covariance_m2)
@@ -122,8 +147,12 @@ def ground_point_covariances(
         unknown = np.isnan(xyz_m[row[:, side], axis[:, side]])
         covariances.complain(chosen[unknown], name, f"{name} is {{}}, a point without this coordinate", "leave it out")
         exact = ~unknown & ~(variance[row[:, side], axis[:, side]] > 0)
-        covariances.complain(chosen[exact], name, f"{name} is {{}}, a point whose coordinate is "
-                             "exact", "give it a standard deviation, or leave the covariance out")  # fmt: skip
+        covariances.complain(
+            chosen[exact],
+            name,
+            f"{name} is {{}}, a point whose coordinate is exact",
+            "give it a standard deviation, or leave the covariance out",
+        )
     if len(source.problems) > before:
         return {}
     _refuse_repeats(covariances, chosen, np.sort(3 * row + axis, axis=1))

@@ -39,13 +39,16 @@ def exterior_columns(source: Source, images: Iterable[str]) -> dict[str, Any]:
     sigma[(position_use == 0)[:, None] | np.isnan(xyz)] = np.nan
     xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
     return columns | {
-        "position_m": xyz, "position_covariance_m2": covariance, "angles_rad": angles, "angle_sigma_rad": angle_sigma,
-        "position_use": position_use, "angle_use": angle_use,
-    }  # fmt: skip
+        "position_m": xyz,
+        "position_covariance_m2": covariance,
+        "angles_rad": angles,
+        "angle_sigma_rad": angle_sigma,
+        "position_use": position_use,
+        "angle_use": angle_use,
+    }
 
 
-def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float,
-         key: str) -> Int:  # fmt: skip
+def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float, key: str) -> Int:
     """1 where the values are observed: said so, or with a standard deviation in the row."""
     given = np.isfinite(values).any(axis=1)
     said = np.array(use, dtype=np.str_).reshape(-1)
@@ -60,8 +63,7 @@ def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sig
     return np.asarray(observed, dtype=np.int32)
 
 
-def _attitudes(source: Source, table: CsvTable, use: Sequence[str],
-               frame: Int) -> tuple[Float, Float, Int]:  # fmt: skip
+def _attitudes(source: Source, table: CsvTable, use: Sequence[str], frame: Int) -> tuple[Float, Float, Int]:
     """Angles, their standard deviations (NaN where approximate) and use."""
     angles = np.stack([angles_rad(source, table, name) for name in ("a1", "a2", "a3")], axis=1)
     sigma = stacked(table, ("s1", "s2", "s3"))
@@ -69,8 +71,13 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str],
     given = np.isfinite(angles).any(axis=1)
     if given.any() and source.settings.rotation is None:
         where = source.document.where()
-        source.problems.append(InputError(f"rotation is missing, but {table.path.name} has angles", where=where,
-                                          remedy="add rotation: omega-phi-kappa (or another)"))  # fmt: skip
+        source.problems.append(
+            InputError(
+                f"rotation is missing, but {table.path.name} has angles",
+                where=where,
+                remedy="add rotation: omega-phi-kappa (or another)",
+            )
+        )
     elsewhere = np.flatnonzero(given & (frame > 0) & (frame != source.default_frame))
     what, remedy = "angles cannot be converted from frame {}", "give angles in the first frame of block.yaml"
     table.complain(elsewhere, "frame", what, remedy)
@@ -81,8 +88,13 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str],
     factor = source.settings.units.sigma_angle_rad
     if factor is None and (angle_use == 1).any():
         where = source.document.where("units")
-        source.problems.append(InputError("units.sigma_angle is missing, but there are observed angles", where=where,
-                                          remedy="add units: {sigma_angle: deg} (or gon, rad, arcsec)"))  # fmt: skip
+        source.problems.append(
+            InputError(
+                "units.sigma_angle is missing, but there are observed angles",
+                where=where,
+                remedy="add units: {sigma_angle: deg} (or gon, rad, arcsec)",
+            )
+        )
     if source.settings.sigma.attitude is not None:
         sigma = np.where(np.isnan(sigma), source.settings.sigma.attitude, sigma)
     sigma = sigma * (factor or np.nan)

@@ -52,17 +52,30 @@ def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], 
         for kind in ("point", "image"):
             chosen = [cell if kinds[end][k] == kind else "" for k, cell in enumerate(table.text[end])]
             part = CsvTable(table.path, table.header, table.line, {end: chosen}, {}, table.source, table.problems)
-            look_up(part, end, known[kind], f"station ({kind})",
-                    "add it to ground_points.csv (empty coordinates will do), or set from_kind, to_kind")  # fmt: skip
+            look_up(
+                part,
+                end,
+                known[kind],
+                f"station ({kind})",
+                "add it to ground_points.csv (empty coordinates will do), or set from_kind, to_kind",
+            )
     look_up(table, "via", known["point"], "station", "add it to ground_points.csv (empty coordinates will do)")
 
 
 def _check_types(table: CsvTable, types: list[str]) -> None:
     via, sets = table.text["via"], table.text["set"]
-    table.complain([k for k, t in enumerate(types) if t == "angle" and not via[k]], "via", "an angle needs `via`",
-                   "name the vertex")  # fmt: skip
-    table.complain([k for k, t in enumerate(types) if t == "direction" and not sets[k]], "set",
-                   "a direction needs `set`", "name the set: its directions share an orientation")  # fmt: skip
+    table.complain(
+        [k for k, t in enumerate(types) if t == "angle" and not via[k]],
+        "via",
+        "an angle needs `via`",
+        "name the vertex",
+    )
+    table.complain(
+        [k for k, t in enumerate(types) if t == "direction" and not sets[k]],
+        "set",
+        "a direction needs `set`",
+        "name the set: its directions share an orientation",
+    )
 
 
 def _check_axes(source: Source, table: CsvTable, types: list[str]) -> None:
@@ -70,8 +83,12 @@ def _check_axes(source: Source, table: CsvTable, types: list[str]) -> None:
     if not source.default_frame:
         return
     rows = [k for k, t in enumerate(types) if t in ("dX", "dY", "azimuth")]
-    table.complain(rows, "type", "{} is counted in the axes of the first frame, which is in degrees",
-                   "make a map, or a geocentric frame, the first one")  # fmt: skip
+    table.complain(
+        rows,
+        "type",
+        "{} is counted in the axes of the first frame, which is in degrees",
+        "make a map, or a geocentric frame, the first one",
+    )
     rows = [k for k, cell in enumerate(table.text["reduced"]) if cell == "map"]
     table.complain(rows, "reduced", "reduced to a map, but the first frame is in degrees", "make the map the first one")
 
@@ -92,9 +109,13 @@ def _values(source: Source, table: CsvTable, types: list[str], column: str) -> F
         some = [k for k in bad if (types[k] in ANGLES) == angle]
         table.complain(some, column, f"{column} is {{}}, not a number", unit)
     if units.angle is None and any(t in ANGLES for t in types):
-        source.problems.append(InputError("units.angle is missing, but geodetic.csv has angles",
-                                          where=source.document.where("units"),
-                                          remedy="add units: {angle: gon} (or deg, rad, dms)"))  # fmt: skip
+        source.problems.append(
+            InputError(
+                "units.angle is missing, but geodetic.csv has angles",
+                where=source.document.where("units"),
+                remedy="add units: {angle: gon} (or deg, rad, dms)",
+            )
+        )
     return values
 
 

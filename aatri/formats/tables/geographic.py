@@ -41,9 +41,11 @@ def with_metric_frame(source: Source) -> Source:
     while called in settings.frames:
         called += "_"
     if settings.heading == "grid":
-        raise InputError("headings count from the grid, but the first frame is in latitude and longitude",
-                         where=source.document.where("heading"),
-                         remedy="write heading: true, or make the map the first frame")  # fmt: skip
+        raise InputError(
+            "headings count from the grid, but the first frame is in latitude and longitude",
+            where=source.document.where("heading"),
+            remedy="write heading: true, or make the map the first frame",
+        )
     frame = FrameSettings(axes=list(own.axes), crs=own.crs, vertical=own.vertical)
     source.reporter.log(f"frame {name} is in latitude and longitude: the block is in {called} ({_called(own)})")
     settings = settings.model_copy(update={"frames": {called: frame, **settings.frames}})

@@ -75,8 +75,13 @@ def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: F
     if in_rows or (alone and source.settings.sigma.control is not None):
         place = "its rows have" if in_rows else "sigma.control in block.yaml gives"
         what = f"no ground point is control or check, all are approximate, but {place} standard deviations of control"
-        source.problems.append(InputError(what, where=table.where(0, "role"), remedy="write role control; or leave out "
-                                          "the standard deviations, if these are start values only"))  # fmt: skip
+        source.problems.append(
+            InputError(
+                what,
+                where=table.where(0, "role"),
+                remedy="write role control; or leave out the standard deviations, if these are start values only",
+            )
+        )
 
 
 def _warn_of_same_place(source: Source, table: CsvTable, columns: Mapping[str, Any]) -> None:

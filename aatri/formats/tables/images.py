@@ -41,14 +41,16 @@ def _in_order_of_time(source: Source, table: CsvTable) -> None:
     """In a strip whose images all have a time and none a sequence, the time is the sequence."""
     strip, sequence, time = np.array(table.text["strip"]), table.number["sequence"], table.number["time"]
     flown = [
-        name for name in canonical(name for name in table.text["strip"] if name)
+        name
+        for name in canonical(name for name in table.text["strip"] if name)
         if np.isnan(sequence[strip == name]).all() and np.isfinite(time[strip == name]).all()
-    ]  # fmt: skip
+    ]
     if flown:
         rows = np.isin(strip, flown)
         sequence[rows] = time[rows]
-        source.reporter.log(f"{table.path}: images of strips without sequence stand in the order of their times: "
-                            f"strips {shown(flown)}")  # fmt: skip
+        source.reporter.log(
+            f"{table.path}: images of strips without sequence stand in the order of their times: strips {shown(flown)}"
+        )
 
 
 def _places_in_strips(source: Source, table: CsvTable) -> None:
@@ -62,8 +64,10 @@ def _places_in_strips(source: Source, table: CsvTable) -> None:
             twice.append(image)
     for images, what in ((lacking, "have no sequence"), (twice, "have the sequence of another image of their strip")):
         if images:
-            source.reporter.warn(f"{table.path}: {len(images)} images of strips {what}; their order in the strip is "
-                                 f"that of their ids: {shown(images)}")  # fmt: skip
+            source.reporter.warn(
+                f"{table.path}: {len(images)} images of strips {what}; their order in the strip is "
+                f"that of their ids: {shown(images)}"
+            )
 
 
 def image_point_columns(
@@ -112,8 +116,13 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
         row, column = np.argwhere(empty)[0]
         what = f"no standard deviation in {int(empty.any(axis=1).sum())} rows, and no sigma.{kind} in block.yaml"
         unit = units.sigma_image
-        source.problems.append(InputError(what, where=table.where(int(row), ("sx", "sy")[column]),
-                                          remedy=f"add sigma: {{{kind}: 5}} ({unit}) to block.yaml"))  # fmt: skip
+        source.problems.append(
+            InputError(
+                what,
+                where=table.where(int(row), ("sx", "sy")[column]),
+                remedy=f"add sigma: {{{kind}: 5}} ({unit}) to block.yaml",
+            )
+        )
         return given
     given = np.where(empty, default if default is not None else np.nan, given)
     if units.sigma_image != "px":

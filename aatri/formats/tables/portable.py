@@ -48,8 +48,9 @@ def joined(first: Bodies, more: Bodies) -> Bodies:
     """Observations and covariances one after the other."""
     n = len(first.distances.get("value", ()))
     shifted = {name: np.asarray(rows) + (n if name != "value" else 0) for name, rows in more.covariances.items()}
-    return Bodies(_after(first.distances, more.distances), _after(first.covariances, shifted),
-                  (*first.planes, *more.planes))  # fmt: skip
+    return Bodies(
+        _after(first.distances, more.distances), _after(first.covariances, shifted), (*first.planes, *more.planes)
+    )
 
 
 def _after(first: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
@@ -63,15 +64,23 @@ def _body(source: Source, table: CsvTable, rows: Int, name: str) -> Bodies | Non
     before, marks = len(source.problems), table.taken(rows.tolist())
     no_repeats(marks, ["point"], f"mark of frame {name}")
     other = [int(k) for k in rows if table.text["role"][k] not in ("", "control")]
-    table.complain(other, "role", f"role is {{}} in frame {name}, which is local: its points are marks of a body",
-                   "leave the role empty; or declare how the frame lies (crs)")  # fmt: skip
+    table.complain(
+        other,
+        "role",
+        f"role is {{}} in frame {name}, which is local: its points are marks of a body",
+        "leave the role empty; or declare how the frame lies (crs)",
+    )
     xyz = stacked(marks, COORDINATES)
     lacking = rows[~np.isfinite(xyz).all(axis=1)]
     table.complain(lacking, "X", f"a mark of frame {name} lacks a coordinate", "give X, Y and Z")
     sigma, default = stacked(marks, SIGMAS), source.settings.sigma.control
     sigma = np.where(np.isnan(sigma), default or np.nan, sigma)
-    table.complain(rows[~(sigma > 0).all(axis=1)], "sX", f"a mark of frame {name} has no standard deviation above 0",
-                   "give sX, sY, sZ, or sigma.control in block.yaml")  # fmt: skip
+    table.complain(
+        rows[~(sigma > 0).all(axis=1)],
+        "sX",
+        f"a mark of frame {name} has no standard deviation above 0",
+        "give sX, sY, sZ, or sigma.control in block.yaml",
+    )
     if len(source.problems) > before:
         return None
     n = len(rows)
@@ -87,21 +96,37 @@ def _body(source: Source, table: CsvTable, rows: Int, name: str) -> Bodies | Non
     source.reporter.log(f"frame {name} is local: a body of {n} marks, given by {len(found.pairs)} distances")
     i, j = np.triu_indices(len(found.pairs), 1)
     plane = _plane(marks, found)
-    return Bodies(_distances(marks, found), {"row_a": i, "row_b": j, "value": found.covariance_m2[i, j]},
-                  () if plane is None else (plane,))  # fmt: skip
+    return Bodies(
+        _distances(marks, found),
+        {"row_a": i, "row_b": j, "value": found.covariance_m2[i, j]},
+        () if plane is None else (plane,),
+    )
 
 
 def _distances(marks: CsvTable, found: BodyDistances) -> dict[str, Any]:
     """Columns of geodetic observations."""
     a, b = found.pairs.T
     ids, n = np.asarray(marks.text["point"], dtype=np.str_), len(a)
-    alike = {"type": "distance", "start_kind": "point", "end_kind": "point", "via": "", "set": "", "group": "",
-             "reduced": "no", "start_height_m": np.nan, "end_height_m": np.nan, "active": True,
-             "file": FILES.index("ground_points.csv")}  # fmt: skip
+    alike = {
+        "type": "distance",
+        "start_kind": "point",
+        "end_kind": "point",
+        "via": "",
+        "set": "",
+        "group": "",
+        "reduced": "no",
+        "start_height_m": np.nan,
+        "end_height_m": np.nan,
+        "active": True,
+        "file": FILES.index("ground_points.csv"),
+    }
     return {name: np.full(n, value) for name, value in alike.items()} | {
-        "start": ids[a], "end": ids[b], "value": found.length_m, "sigma": np.sqrt(np.diagonal(found.covariance_m2)),
+        "start": ids[a],
+        "end": ids[b],
+        "value": found.length_m,
+        "sigma": np.sqrt(np.diagonal(found.covariance_m2)),
         "line": marks.line[a],
-    }  # fmt: skip
+    }
 
 
 def _plane(marks: CsvTable, found: BodyDistances) -> Condition | None:

@@ -51,8 +51,9 @@ def ask_for_sigma(source: Source, table: CsvTable, lacking: Bool, key: str, unit
         names = SIGMAS if unit == "ground" else ("s1", "s2", "s3")
         what = f"no standard deviation in {int(lacking.any(axis=1).sum())} rows, and no sigma.{key} in block.yaml"
         measure = "0 is exact" if key == "control" else "in units.sigma_" + unit
-        source.problems.append(InputError(what, where=table.where(row, names[axis]),
-                                          remedy=f"add sigma: {{{key}: [a, b, c]}}, {measure}"))  # fmt: skip
+        source.problems.append(
+            InputError(what, where=table.where(row, names[axis]), remedy=f"add sigma: {{{key}: [a, b, c]}}, {measure}")
+        )
 
 
 def warn_of_unusual(source: Source, table: CsvTable, sigma: Float) -> None:
@@ -80,8 +81,7 @@ def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
     return covariance
 
 
-def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
-               covariance: Float) -> tuple[Float, Float]:  # fmt: skip
+def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covariance: Float) -> tuple[Float, Float]:
     """Coordinates and covariances in the right-handed axes of the first frame, m."""
     frames = [Frame(name, tuple(f.axes), f.crs, f.vertical) for name, f in source.settings.frames.items()]
     unit = source.settings.units.ground_m
@@ -99,8 +99,12 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
             partial, "frame", "frame {} needs all three coordinates", "only whole positions can be converted"
         )
         wrong = rows[out_of_range(xyz[rows], frames[number].axes)]
-        table.complain(wrong, "frame", "latitude or longitude is out of range in frame {}",
-                       "check the order of `axes`: X, Y, Z of the tables follow it")  # fmt: skip
+        table.complain(
+            wrong,
+            "frame",
+            "latitude or longitude is out of range in frame {}",
+            "check the order of `axes`: X, Y, Z of the tables follow it",
+        )
         rows = np.setdiff1d(rows, np.union1d(partial, wrong))
         given = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
         unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
@@ -119,9 +123,7 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float,
     return result, result_covariance
 
 
-def _moved(
-    xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: float | None
-) -> tuple[Float, Float]:  # fmt: skip
+def _moved(xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: float | None) -> tuple[Float, Float]:
     """Coordinates and covariances in the first frame; `undulation` stands for a geoid grid that is missing.
 
     With it the heights of the first frame are levelled ones, whereas latitude, longitude, height and geocentric

@@ -97,8 +97,10 @@ def _block(source: Source) -> Block:
     settings = source.settings
     height = settings.terrain_height
     if height is not None:
-        source.reporter.log("terrain_height is for refraction and earth curvature (image_refinement), and for what is "
-                            "said of positions; an adjustment alone has no use for it")  # fmt: skip
+        source.reporter.log(
+            "terrain_height is for refraction and earth curvature (image_refinement), and for what is "
+            "said of positions; an adjustment alone has no use for it"
+        )
     return block_of(
         name=settings.name or source.folder.resolve().name,
         rotation=settings.rotation or "omega-phi-kappa",
@@ -107,11 +109,21 @@ def _block(source: Source) -> Block:
         undulation_m=np.nan if settings.undulation is None else float(settings.undulation),
         heading=settings.heading or "true",
         files=[source.folder / name for name in FILES],
-        frames=_frames(settings), rig_members=rigs, **camera._asdict(), images=images, points=points,
-        image_points=image_points, fiducial_points=fiducial_points, ground_points=ground,
-        ground_point_covariances=between_points, exterior=exterior, geodetic=geodetic.distances,
-        geodetic_covariances=geodetic.covariances, relative_control=relative, relative_control_members=members,
-    )  # fmt: skip
+        frames=_frames(settings),
+        rig_members=rigs,
+        **camera._asdict(),
+        images=images,
+        points=points,
+        image_points=image_points,
+        fiducial_points=fiducial_points,
+        ground_points=ground,
+        ground_point_covariances=between_points,
+        exterior=exterior,
+        geodetic=geodetic.distances,
+        geodetic_covariances=geodetic.covariances,
+        relative_control=relative,
+        relative_control_members=members,
+    )
 
 
 def _check_files(source: Source) -> None:
@@ -141,9 +153,11 @@ def _check_frames(source: Source) -> None:
 def _frames(settings: Settings) -> Frames:
     frames = settings.frames
     return Frames.of(
-        id=list(frames), axes=[",".join(f.axes) for f in frames.values()], crs=[f.crs for f in frames.values()],
+        id=list(frames),
+        axes=[",".join(f.axes) for f in frames.values()],
+        crs=[f.crs for f in frames.values()],
         vertical=[f.vertical for f in frames.values()],
-    )  # fmt: skip
+    )
 
 
 def _earth_curvature(source: Source) -> str:

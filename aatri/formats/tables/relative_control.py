@@ -107,15 +107,19 @@ def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[Relati
     members = [(k, part, name) for k, c in enumerate(conditions) for part, name in c.members]
     return (
         RelativeControl(
-            type=texts(c.type for c in conditions), value=np.array([c.value for c in conditions], float),
-            sigma=np.array([c.sigma for c in conditions], float), axis=texts(c.axis for c in conditions),
-            file=np.full(n, file, np.int32), line=np.array([c.line for c in conditions], np.int32),
+            type=texts(c.type for c in conditions),
+            value=np.array([c.value for c in conditions], float),
+            sigma=np.array([c.sigma for c in conditions], float),
+            axis=texts(c.axis for c in conditions),
+            file=np.full(n, file, np.int32),
+            line=np.array([c.line for c in conditions], np.int32),
         ),
         RelativeControlMembers(
-            condition=np.array([m[0] for m in members], np.int32), part=texts(m[1] for m in members),
+            condition=np.array([m[0] for m in members], np.int32),
+            part=texts(m[1] for m in members),
             id=texts(m[2] for m in members),
         ),
-    )  # fmt: skip
+    )
 
 
 def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, str]) -> None:
@@ -154,8 +158,11 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
 
     kind = str(item.get("type", "")) if isinstance(item, dict) else ""
     if kind not in FORMS:
-        fault(f"unknown condition {clipped(kind)!r}{did_you_mean(kind, FORMS)}", "type",
-              remedy=f"types are {', '.join(FORMS)}")  # fmt: skip
+        fault(
+            f"unknown condition {clipped(kind)!r}{did_you_mean(kind, FORMS)}",
+            "type",
+            remedy=f"types are {', '.join(FORMS)}",
+        )
         return None
     item = {key: value for key, value in item.items() if not key.startswith("x_")}
     form = FORMS[kind]
@@ -175,15 +182,21 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
     for part, name in members:
         where = "images" if part == "images" else "points"
         if name not in known[where]:
-            fault(f"{where[:-1]} {clipped(name)!r} is unknown{did_you_mean(name, known[where])}", part,
-                  remedy="mend the id; points must be measured or in ground_points.csv")  # fmt: skip
+            fault(
+                f"{where[:-1]} {clipped(name)!r} is unknown{did_you_mean(name, known[where])}",
+                part,
+                remedy="mend the id; points must be measured or in ground_points.csv",
+            )
     value, sigma = _figures(source, item, kind, form, fault)
     axis = str(item.get("axis") or "")
     if (kind == "coordinate_difference") != (axis in ("X", "Y", "Z")) or (axis and axis not in ("X", "Y", "Z")):
         fault(f"axis is {axis!r}", "axis", remedy="a coordinate_difference, and only it, has axis: X, Y or Z")
     if source.default_frame and axis and right_handed_axis(source, axis) != "Z":
-        fault("a difference in an axis of the first frame, which is in degrees", "axis",
-              remedy="make a map the first frame")  # fmt: skip
+        fault(
+            "a difference in an axis of the first frame, which is in degrees",
+            "axis",
+            remedy="make a map the first frame",
+        )
     if len(source.problems) > before:
         return None
     line = int(document.where(k).rsplit(":", 2)[1])
@@ -216,8 +229,9 @@ def _figures(source: Source, item: dict[str, Any], kind: str, form: ConditionFor
         fault(f"units.angle is missing in block.yaml, but {kind} is an angle", remedy="add units: {angle: deg}")
     key = "radius" if form.value == "optional" else "value"
     for name in ("value", "radius", "sigma"):
-        if name in item and (isinstance(item[name], bool) or not isinstance(item[name], int | float)
-                             or not np.isfinite(item[name])):  # fmt: skip
+        if name in item and (
+            isinstance(item[name], bool) or not isinstance(item[name], int | float) or not np.isfinite(item[name])
+        ):
             fault(f"{name} is {item[name]!r}, not a number", name, remedy="write a plain number")
             return np.nan, np.nan
     for name in ("value", "radius"):

@@ -27,13 +27,16 @@ def rig_member_table(source: Source) -> RigMembers:
     position_sigma = np.array([m.sigmas.position for m in members], float)
     angle_sigma = np.array([m.sigmas.angles for m in members], float)
     return RigMembers.of(
-        rig=[rig for rig, *_ in listed], member=[name for _, name, *_ in listed],
-        is_frame=[first for *_, first, _ in listed], position_m=[m.position for m in members],
+        rig=[rig for rig, *_ in listed],
+        member=[name for _, name, *_ in listed],
+        is_frame=[first for *_, first, _ in listed],
+        position_m=[m.position for m in members],
         angles_rad=np.array([m.angles for m in members], float) * unit,
         position_sigma_m=np.where(np.isinf(position_sigma), np.nan, position_sigma),
         position_free=np.isinf(position_sigma),
-        angle_sigma_rad=np.where(np.isinf(angle_sigma), np.nan, angle_sigma) * unit, angle_free=np.isinf(angle_sigma),
-    )  # fmt: skip
+        angle_sigma_rad=np.where(np.isinf(angle_sigma), np.nan, angle_sigma) * unit,
+        angle_free=np.isinf(angle_sigma),
+    )
 
 
 def check_rigs_of_images(source: Source, table: CsvTable) -> None:
@@ -43,8 +46,12 @@ def check_rigs_of_images(source: Source, table: CsvTable) -> None:
     if not any(rig) and not any(member):
         return
     look_up(table, "rig", {name: k for k, name in enumerate(rigs)}, "rig", "add it to `rigs` in block.yaml")
-    table.complain([k for k, name in enumerate(rig) if bool(name) != bool(member[k])], "rig",
-                   "rig is {}: an image has both rig and member, or none", "fill in the other column")  # fmt: skip
+    table.complain(
+        [k for k, name in enumerate(rig) if bool(name) != bool(member[k])],
+        "rig",
+        "rig is {}: an image has both rig and member, or none",
+        "fill in the other column",
+    )
     for k, name in enumerate(member):
         members = rigs.get(rig[k], {})
         if name and members and name not in members:
@@ -57,8 +64,12 @@ def check_rigs_of_images(source: Source, table: CsvTable) -> None:
             continue
         exposure = _exposure(table, k)
         if exposure is None:
-            table.complain([k], "rig", "an image of rig {} needs time, or strip and sequence",
-                           "they say which images are one exposure")  # fmt: skip
+            table.complain(
+                [k],
+                "rig",
+                "an image of rig {} needs time, or strip and sequence",
+                "they say which images are one exposure",
+            )
             continue
         earlier = first.setdefault((name, member[k], exposure), k)
         if earlier != k:

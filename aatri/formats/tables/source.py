@@ -67,14 +67,19 @@ class Source:
             return table
         lines = ", ".join(str(table.line[k]) for k in copies[:MOST_PER_COLUMN])
         more = ", ..." if len(copies) > MOST_PER_COLUMN else ""
-        self.reporter.warn(f"{table.where(copies[0])}: {len(copies)} rows are equal to earlier ones in every digit and "
-                           f"count once: line {lines}{more}")  # fmt: skip
+        self.reporter.warn(
+            f"{table.where(copies[0])}: {len(copies)} rows are equal to earlier ones in every digit and "
+            f"count once: line {lines}{more}"
+        )
         return table.taken(sorted(first.values()))
 
     def columns(self, table: CsvTable, declared: Mapping[str, Stated]) -> dict[str, Any]:
         """Columns of the Block that the cells of a table fill by themselves, and where its rows stand."""
-        values = {name: self._values(table, name, stated) for name, stated in declared.items()
-                  if stated.field and stated.unit not in ("angle", "type")}  # fmt: skip
+        values = {
+            name: self._values(table, name, stated)
+            for name, stated in declared.items()
+            if stated.field and stated.unit not in ("angle", "type")
+        }
         place = {"file": FILES.index(table.path.name)} if table.path.name in FILES else {}
         return components({name: declared[name] for name in values}, values) | {"line": table.line, **place}
 
@@ -176,8 +181,12 @@ def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike
         table.complain_of_numbers(bad, column)
     if unit == "rad":
         turns = np.flatnonzero(np.abs(np.nan_to_num(values)) > MOST_RAD)
-        table.complain(turns, column, f"{column} is {{}} rad, more than two turns: degrees or gon?",
-                       "set units: {angle: deg} (or gon) in block.yaml, if all angles are so")  # fmt: skip
+        table.complain(
+            turns,
+            column,
+            f"{column} is {{}} rad, more than two turns: degrees or gon?",
+            "set units: {angle: deg} (or gon) in block.yaml, if all angles are so",
+        )
     if unit is None and any(cells[k] for k in chosen):
         where = source.document.where("units")
         what = f"units.angle is missing, but {table.path.name} has angles in column {column}"
@@ -194,8 +203,13 @@ def plain_angle_rad(source: Source) -> float:
 def ask_for_angle_unit(source: Source, because: str, *keys: str) -> None:
     """A fault at a place of block.yaml that has angles, if the file does not say in which unit."""
     if source.settings.units.angle is None:
-        source.problems.append(InputError(f"units.angle is missing, but {because}", where=source.document.where(*keys),
-                                          remedy="add units: {angle: deg} (or gon, rad)"))  # fmt: skip
+        source.problems.append(
+            InputError(
+                f"units.angle is missing, but {because}",
+                where=source.document.where(*keys),
+                remedy="add units: {angle: deg} (or gon, rad)",
+            )
+        )
 
 
 def rad_of(text: str, unit: str | None) -> float:

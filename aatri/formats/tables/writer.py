@@ -74,8 +74,11 @@ def _tables(block: Block) -> dict[str, dict[str, Cells]]:
         "geodetic.csv": (block.geodetic, _of_geodetic(block)),
     }
     always = ("images.csv", "image_points.csv") if len(block.images) else ()
-    tables = {name: _cells(block, rows, TABLES[name], own) for name, (rows, own) in made.items()
-              if len(rows) or name in always}  # fmt: skip
+    tables = {
+        name: _cells(block, rows, TABLES[name], own)
+        for name, (rows, own) in made.items()
+        if len(rows) or name in always
+    }
     if len(block.geodetic_covariances) or len(block.ground_point_covariances):
         tables["covariances.csv"] = _covariances(block)
     return tables
@@ -83,8 +86,11 @@ def _tables(block: Block) -> dict[str, dict[str, Cells]]:
 
 def _cells(block: Block, rows: Table, columns: Mapping[str, Stated], own: Mapping[str, Cells]) -> dict[str, Cells]:
     """Cells of a table: its own where they are more than a value, and those of the Block's columns."""
-    return {name: own[name] if name in own else _values(block, rows, stated) for name, stated in columns.items()
-            if stated.field or name in own}  # fmt: skip
+    return {
+        name: own[name] if name in own else _values(block, rows, stated)
+        for name, stated in columns.items()
+        if stated.field or name in own
+    }
 
 
 def _values(block: Block, rows: Table, stated: Stated) -> Cells:

@@ -95,8 +95,9 @@ class CsvTable:
         return cells_of(self.source[int(self.line[row]) - 1])[self.header.index(column)]
 
 
-def read_csv(path: Path, columns: Mapping[str, CsvColumn], problems: list[AatriError],
-             reporter: Reporter = SILENT) -> CsvTable:  # fmt: skip
+def read_csv(
+    path: Path, columns: Mapping[str, CsvColumn], problems: list[AatriError], reporter: Reporter = SILENT
+) -> CsvTable:
     """Read a CSV file.
 
     Parameters

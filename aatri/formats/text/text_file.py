@@ -31,8 +31,12 @@ MEMORY_PER_BYTE = 13
 MOST_NAMES = 10
 """Most names of a folder listed in a message."""
 
-_COMMON = {sign for high in (*range(0xA1, 0xAA), *range(0xB0, 0xD8)) for low in range(0xA1, 0xFF)
-           for sign in bytes([high, low]).decode("gb2312", errors="ignore")}  # fmt: skip
+_COMMON = {
+    sign
+    for high in (*range(0xA1, 0xAA), *range(0xB0, 0xD8))
+    for low in range(0xA1, 0xFF)
+    for sign in bytes([high, low]).decode("gb2312", errors="ignore")
+}
 """Signs and the 3755 common characters of GB 2312."""
 _WITHIN_A_WORD = re.compile("[a-zA-Z][\u3400-\u9fff]{1,2}[a-z]")
 _CHINESE_OR_ASCII = re.compile("[\t\n\r\x20-\x7e\u2000-\u206f\u3000-\u303f\u3400-\u9fff\uff00-\uffef]*")

@@ -191,8 +191,10 @@ def _image_coordinates(
                 photo, last = entry.words[0].removeprefix("-"), entry.words[0].startswith("-")
                 _add_photo(photos, photo, len(numbers) - 1, entry)
             elif not _ends(entry):
-                raise entry.error(f"{len(entry.words)} words, but a strip or photo should begin here",
-                                   "a strip is `strip count scale 0`, a photo `photo 0`")  # fmt: skip
+                raise entry.error(
+                    f"{len(entry.words)} words, but a strip or photo should begin here",
+                    "a strip is `strip count scale 0`, a photo `photo 0`",
+                )
         except InputError as error:
             problems.append(error)
     if photo:

@@ -23,8 +23,9 @@ CAMERA = "PRECAI"
 """Id of the camera; the files give it none."""
 
 
-def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m: float | None = None,
-                reporter: Reporter = SILENT) -> Block:  # fmt: skip
+def read_wucaps(
+    folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m: float | None = None, reporter: Reporter = SILENT
+) -> Block:
     """Read a folder of WuCAPS files.
 
     Parameters
@@ -52,22 +53,36 @@ def read_wucaps(folder: Path, *, image_sigma_mm: float = 0.010, control_sigma_m:
         files=files.paths,
         frames=Frames.of(id="map", axes="north,east,up", crs="local", vertical=""),
         cameras={
-            "id": CAMERA, "kind": "film", "image_coordinates": "photo", "principal_distance_mm": c,
+            "id": CAMERA,
+            "kind": "film",
+            "image_coordinates": "photo",
+            "principal_distance_mm": c,
             "principal_point_mm": [x0, y0],
         },
         fiducials=Fiducials.of(
-            camera=0, id=canonical(marks), xy_mm=[marks[m] for m in canonical(marks)],
+            camera=0,
+            id=canonical(marks),
+            xy_mm=[marks[m] for m in canonical(marks)],
         ),
         images={
-            "id": [p.id for p in photos], "camera": CAMERA, "sequence": [p.sequence for p in photos],
-            "strip": [files.strips[p.strip] for p in photos], "at": [p.entry for p in photos],
+            "id": [p.id for p in photos],
+            "camera": CAMERA,
+            "sequence": [p.sequence for p in photos],
+            "strip": [files.strips[p.strip] for p in photos],
+            "at": [p.entry for p in photos],
         },
         image_points={
-            "image": [m.photo for m in rows], "point": [m.point for m in rows],
-            "xy": np.array([m.xy for m in rows], float), "sigma_mm": image_sigma_mm, "at": [m.entry for m in rows],
+            "image": [m.photo for m in rows],
+            "point": [m.point for m in rows],
+            "xy": np.array([m.xy for m in rows], float),
+            "sigma_mm": image_sigma_mm,
+            "at": [m.entry for m in rows],
         },
         ground_points={
-            "point": names, "xyz_m": [files.ground[p].xyz_m for p in names], "sigma_m": control_sigma_m or 0.0,
-            "role": [files.roles.get(p, [NO_ROLE] * 3) for p in names], "at": [files.ground[p].entry for p in names],
+            "point": names,
+            "xyz_m": [files.ground[p].xyz_m for p in names],
+            "sigma_m": control_sigma_m or 0.0,
+            "role": [files.roles.get(p, [NO_ROLE] * 3) for p in names],
+            "at": [files.ground[p].entry for p in names],
         },
-    )  # fmt: skip
+    )

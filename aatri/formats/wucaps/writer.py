@@ -56,9 +56,11 @@ def write_wucaps(block: Block, folder: Path, image_points: ImagePoints | None = 
     _refuse(block, corrected=image_points is not None)
     xy_mm, used = _coordinates(block, image_points)
     texts = {
-        "PRECAI": _camera(block, corrected=image_points is not None), "PREPHI": _images(block, xy_mm, used),
-        "PRECKI": _ground(block), "PRECPI": _roles(block),
-    }  # fmt: skip
+        "PRECAI": _camera(block, corrected=image_points is not None),
+        "PREPHI": _images(block, xy_mm, used),
+        "PRECKI": _ground(block),
+        "PRECPI": _roles(block),
+    }
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, lines in texts.items():
@@ -190,8 +192,11 @@ def _left_out(block: Block, used: Bool) -> list[Note]:
         warn("0 stands for coordinates that are not known, of plan or height control", block.points.id[g.point[filled]])
     if not used.all():
         warn(f"{int((~used).sum())} image points that are not used are not written")
-    for what, table in (("positions and attitudes", block.exterior), ("geodetic observations", block.geodetic),
-                        ("relative control", block.relative_control)):  # fmt: skip
+    for what, table in (
+        ("positions and attitudes", block.exterior),
+        ("geodetic observations", block.geodetic),
+        ("relative control", block.relative_control),
+    ):
         if table is not None and len(table):
             warn(f"{what} have no place in WuCAPS files and are not written")
     if block.frames.crs[0] != "local":

@@ -181,8 +181,15 @@ def _analysed(
     turned = 0 if datum.attitudes is None else len(datum.attitudes.row)
     if others is not None:
         length, turned = length[others[: len(length)]], int(others[len(length) :].sum())
-    analysis = analyse_datum(datum.x[use] @ rotation.T, datum.given[use], names, body @ rotation.T,
-                             length=length, turned=turned, weakest=weakest)  # fmt: skip
+    analysis = analyse_datum(
+        datum.x[use] @ rotation.T,
+        datum.given[use],
+        names,
+        body @ rotation.T,
+        length=length,
+        turned=turned,
+        weakest=weakest,
+    )
     if analysis.open or analysis.defect:
         raise GeometryError(_undetermined(datum, use, analysis, what), remedy=_remedy(analysis))
     return analysis
@@ -193,8 +200,14 @@ def _adjust(
 ) -> tuple[TiedResult, Float]:
     n, m = len(datum.x), datum.coordinates
     centre = datum.x[use].mean(0)
-    ties = similarity_ties(np.zeros(n, dtype=np.int32), np.arange(n), datum.x - centre, datum.covariance, names=[what],
-                           offset_m=datum.offset_m)  # fmt: skip
+    ties = similarity_ties(
+        np.zeros(n, dtype=np.int32),
+        np.arange(n),
+        datum.x - centre,
+        datum.covariance,
+        names=[what],
+        offset_m=datum.offset_m,
+    )
     begin = similarities_of([compose(start, Similarity(centre, 1.0, np.eye(3)))])
     names = np.array(datum.name, dtype=np.str_) if datum.id is None else datum.id
     observed = [ties.observed(COMPONENT_POINT, np.full(n, what), names, begin), *_of_datum(datum, names)]

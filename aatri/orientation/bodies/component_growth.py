@@ -171,9 +171,11 @@ def _common(a: _Body, b: _Body) -> _Common:
     first = there[second]
     count_a, count_b = a.count[first], b.count[second]
     return _Common(
-        b.xyz[second] / count_b[:, None], a.xyz[first] / count_a[:, None],
-        b.variance[second] / count_b**2, a.variance[first] / count_a**2,
-    )  # fmt: skip
+        b.xyz[second] / count_b[:, None],
+        a.xyz[first] / count_a[:, None],
+        b.variance[second] / count_b**2,
+        a.variance[first] / count_a**2,
+    )
 
 
 def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:

@@ -84,9 +84,14 @@ class FreeBlock:
 
 
 def join_strips(
-    points: StripPoints, names: Sequence[str], *, point_ids: Text | None = None, active: Bool | None = None,
-    limit: float = TIE_LIMIT, weakly: bool = True,
-) -> FreeBlock:  # fmt: skip
+    points: StripPoints,
+    names: Sequence[str],
+    *,
+    point_ids: Text | None = None,
+    active: Bool | None = None,
+    limit: float = TIE_LIMIT,
+    weakly: bool = True,
+) -> FreeBlock:
     """Join strips by common points to free components.
 
     Parameters
@@ -127,9 +132,14 @@ def join_strips(
 
 
 def _adjusted(
-    points: StripPoints, strips: Int, pose: list[Similarity], use: Bool, limit: float, names: Sequence[str],
+    points: StripPoints,
+    strips: Int,
+    pose: list[Similarity],
+    use: Bool,
+    limit: float,
+    names: Sequence[str],
     point_ids: Text,
-) -> Component:  # fmt: skip
+) -> Component:
     rows = np.flatnonzero(np.isin(points.strip, strips))
     mine = points.take(rows)
     number, point = np.unique(mine.point, return_inverse=True)
@@ -143,9 +153,13 @@ def _adjusted(
     centre = _means(mine.xyz, local, len(strips))
     start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
     ties = similarity_ties(
-        local, point, mine.xyz - centre[local], mine.covariance, names=[names[k] for k in strips],
+        local,
+        point,
+        mine.xyz - centre[local],
+        mine.covariance,
+        names=[names[k] for k in strips],
         free=np.arange(len(strips)) != held,
-    )  # fmt: skip
+    )
     begin = similarities_of(start)
     active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
     what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
@@ -155,8 +169,15 @@ def _adjusted(
     tied = adjust_tied(problem, Snooping(limit), active=active)
     component_from_strip = [compose(tied.state[BODY][k], Similarity(-c, 1.0, np.eye(3))) for k, c in enumerate(centre)]
     solved = np.isfinite(tied.mean_m).all(1)
-    return Component(strips, tuple(component_from_strip), rows, number[solved], tied.mean_m[solved],
-                     tied.mean_covariance_m2[solved], tied)  # fmt: skip
+    return Component(
+        strips,
+        tuple(component_from_strip),
+        rows,
+        number[solved],
+        tied.mean_m[solved],
+        tied.mean_covariance_m2[solved],
+        tied,
+    )
 
 
 def _loosest(points: StripPoints, strips: Int) -> int:

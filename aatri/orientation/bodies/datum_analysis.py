@@ -47,9 +47,15 @@ class DatumAnalysis:
 
 
 def analyse_datum(
-    observed: Float, given: Bool, names: Sequence[str], body: Float, *, length: Float | None = None, turned: int = 0,
+    observed: Float,
+    given: Bool,
+    names: Sequence[str],
+    body: Float,
+    *,
+    length: Float | None = None,
+    turned: int = 0,
     weakest: float = UNDETERMINED,
-) -> DatumAnalysis:  # fmt: skip
+) -> DatumAnalysis:
     """Find what control leaves open.
 
     Parameters

@@ -73,8 +73,10 @@ def turned_start(datum: Datum, rotation: Float, use: Bool, what: str) -> Similar
     x = turned[rows, axis]
     count = np.bincount(axis, minlength=3)
     if not count.all():
-        raise GeometryError(f"{what}: no coordinate {'XYZ'[int(np.argmin(count))]} is known",
-                            remedy="give control or positions with X, Y and Z")  # fmt: skip
+        raise GeometryError(
+            f"{what}: no coordinate {'XYZ'[int(np.argmin(count))]} is known",
+            remedy="give control or positions with X, Y and Z",
+        )
     mean_x, mean_X = (np.bincount(axis, a, 3) / count for a in (x, value))
     dx, dX = x - mean_x[axis], value - mean_X[axis]
     extent = float(np.linalg.norm(turned - turned.mean(axis=0), axis=1).max(initial=0.0))

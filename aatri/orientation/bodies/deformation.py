@@ -81,8 +81,10 @@ class Misfit:
             return []
         text = f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {limit:g}{why}: strips and control do not fit "
         text += "each other"
-        remedy = ("check ids of points and control, units and axes of control, strips and models of the images; "
-                  "standard deviations that are too small by this factor are to be corrected in the block")  # fmt: skip
+        remedy = (
+            "check ids of points and control, units and axes of control, strips and models of the images; "
+            "standard deviations that are too small by this factor are to be corrected in the block"
+        )
         if self.max_sigma0 is not None or not off_m <= START * self.distance_m:
             raise ConvergenceError(text, remedy=remedy)
         share = f"{off_m:.2g} m (RMS), {off_m / self.distance_m:.1%} of the distance of the images"
@@ -143,9 +145,12 @@ def sigma0_notes(
         )
     if np.isfinite(sigma0):
         notes.append(
-            Note("note", f"strips deform by {sigma0:.3g} times the standard deviations of their points; strips of "
-                 f"{models} models lead one to expect about {expected_ratio(models):.2g} times")
-        )  # fmt: skip
+            Note(
+                "note",
+                f"strips deform by {sigma0:.3g} times the standard deviations of their points; strips of "
+                f"{models} models lead one to expect about {expected_ratio(models):.2g} times",
+            )
+        )
     return notes
 
 

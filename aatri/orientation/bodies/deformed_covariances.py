@@ -85,9 +85,13 @@ class DeformedCovariances:
 
 
 def deformed_covariances(
-    result: StripPolynomials, points: StripPoints, n_points: int, axes: Sequence[StripAxes], control: Control,
+    result: StripPolynomials,
+    points: StripPoints,
+    n_points: int,
+    axes: Sequence[StripAxes],
+    control: Control,
     models: Int,
-) -> DeformedCovariances:  # fmt: skip
+) -> DeformedCovariances:
     """Covariances of points and coefficients of adjusted strips.
 
     Parameters
@@ -105,9 +109,13 @@ def deformed_covariances(
 
 
 def _deformed_covariances(
-    result: StripPolynomials, points: StripPoints, n_points: int, axes: Sequence[StripAxes], control: Control,
+    result: StripPolynomials,
+    points: StripPoints,
+    n_points: int,
+    axes: Sequence[StripAxes],
+    control: Control,
     models: Int,
-) -> DeformedCovariances:  # fmt: skip
+) -> DeformedCovariances:
     tied, n_strips = result.tied, len(axes)
     kept = kept_coefficients(result.degree, result.basis)
     K = kept.shape[1]
@@ -170,8 +178,10 @@ def covariance_notes(found: DeformedCovariances) -> list[Note]:
     """How far the joints of the strips err, or why there are no standard deviations."""
     if found.missing:
         return [Note("note", f"no standard deviations of points and coefficients: {found.missing}")]
-    parts = [f"{name} {sigma:.3f} m" if name in HELD else f"{name} {1e6 * sigma:.3g} urad"
-             for name, sigma in found.sigma.items()]  # fmt: skip
+    parts = [
+        f"{name} {sigma:.3f} m" if name in HELD else f"{name} {1e6 * sigma:.3g} urad"
+        for name, sigma in found.sigma.items()
+    ]
     of = ", ".join(parts)
     return [Note("note", f"summed deformation, counted in the standard deviations of points and coefficients: {of}")]
 

@@ -76,8 +76,10 @@ class HeightFactor:
         return self.factor > SURELY or self.factor < 1 / SURELY
 
     def __str__(self) -> str:
-        return (f"heights of control vary {self.factor:.2f} (+- {self.sigma:.2f}) times as much as those of the model: "
-                f"{self.cause}")  # fmt: skip
+        return (
+            f"heights of control vary {self.factor:.2f} (+- {self.sigma:.2f}) times as much as those of the model: "
+            f"{self.cause}"
+        )
 
 
 def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | None = None) -> HeightFactor | None:

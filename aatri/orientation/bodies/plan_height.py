@@ -119,15 +119,20 @@ def _blocks(block: Any, J: Float, shape: tuple[int, int]) -> Any:
 
 def _in_turn(N: Any, plan: Any, height: Any, what: str) -> Callable[[Float], Float]:
     """Plan step, height step, plan step: the symmetric round that conjugate gradients need."""
-    P, H, C = (sparse.csc_array(N[rows][:, columns])
-               for rows, columns in ((plan, plan), (height, height), (plan, height)))  # fmt: skip
+    P, H, C = (
+        sparse.csc_array(N[rows][:, columns]) for rows, columns in ((plan, plan), (height, height), (plan, height))
+    )
     factors = []
     for name, matrix in (("plan", P), ("height", H)):
         d = matrix.diagonal()
         scale = sparse.diags_array(1.0 / np.sqrt(np.where(d > 0, d, 1.0)))
         try:
-            factor = splu(sparse.csc_array(scale @ matrix @ scale), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                          options={"SymmetricMode": True})  # fmt: skip
+            factor = splu(
+                sparse.csc_array(scale @ matrix @ scale),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
         except RuntimeError as error:
             raise GeometryError(f"{what}: the {name} of the models is not determined") from error
         factors.append((factor, scale))

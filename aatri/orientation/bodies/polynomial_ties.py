@@ -25,9 +25,13 @@ from aatri.orientation.bodies.spectrum import spectrum_of
 
 
 def polynomial_ties(
-    points: StripPoints, axes: Sequence[StripAxes], *, names: Sequence[str] | Text, free: Bool,
+    points: StripPoints,
+    axes: Sequence[StripAxes],
+    *,
+    names: Sequence[str] | Text,
+    free: Bool,
     basis: StripBasis = SECOND_DEGREE,
-) -> Ties[Float]:  # fmt: skip
+) -> Ties[Float]:
     """Ties by polynomials; the state is the coefficients, (n_strips, K).
 
     Parameters

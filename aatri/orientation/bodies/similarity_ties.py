@@ -76,9 +76,15 @@ def moved(value: Similarities, step: Float) -> Similarities:
 
 
 def similarity_ties(
-    strip: Int, point: Int, x: Float, covariance: Float, *, names: Sequence[str] | Text, free: Bool | None = None,
+    strip: Int,
+    point: Int,
+    x: Float,
+    covariance: Float,
+    *,
+    names: Sequence[str] | Text,
+    free: Bool | None = None,
     offset_m: Float | None = None,
-) -> Ties[Similarities]:  # fmt: skip
+) -> Ties[Similarities]:
     """Ties by similarities.
 
     Parameters

@@ -35,8 +35,14 @@ SCALE, AZIMUTH, PITCH, ROLL, HELD_PLAN, HELD_HEIGHT = range(6)
 """Variance components: of the joints' scale, azimuth and two tilts, which relative orientation determines differently
 well; of similarities that are held."""
 
-COMPONENTS = ("joints, scale", "joints, azimuth", "joints, tilt along", "joints, tilt across",
-              "held similarities, in plan", "held similarities, in height")  # fmt: skip
+COMPONENTS = (
+    "joints, scale",
+    "joints, azimuth",
+    "joints, tilt along",
+    "joints, tilt across",
+    "held similarities, in plan",
+    "held similarities, in height",
+)
 
 TOGETHER = (SCALE, SCALE, PITCH, PITCH, HELD_PLAN, HELD_HEIGHT)
 """Plan and height alone, where a block tells not more."""

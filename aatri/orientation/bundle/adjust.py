@@ -78,8 +78,15 @@ def adjust_bundle(
     held = unknowns if free is None else minimally_held(free)
 
     def adjusted_from(values: State) -> Adjusted:
-        return adjust_large(held, records, values, constraints=constraints, veto=_veto(given, part), reporter=reporter,
-                            settings=settings.solution)  # fmt: skip
+        return adjust_large(
+            held,
+            records,
+            values,
+            constraints=constraints,
+            veto=_veto(given, part),
+            reporter=reporter,
+            settings=settings.solution,
+        )
 
     adjusted = adjusted_from(start)
     if (smaller := _without_open(given, adjusted, settings, reporter)) is not None:
@@ -120,8 +127,10 @@ def _without_open(
     poses, xyz = (given.poses, given.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
     if POSE in aside:
         out = aside[POSE]
-        poses = Poses(np.where(out[:, None], np.nan, poses.position_m),
-                      np.where(out[:, None, None], np.nan, poses.ground_from_image))  # fmt: skip
+        poses = Poses(
+            np.where(out[:, None], np.nan, poses.position_m),
+            np.where(out[:, None, None], np.nan, poses.ground_from_image),
+        )
     if POINT in aside:
         xyz = np.where(aside[POINT][:, None], np.nan, xyz)
     result = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
@@ -139,8 +148,11 @@ _WITHOUT_FACTOR = (
 
 def _within_reach(given: BundleInput, start: dict[str, object]) -> tuple[BundleInput, list[Note]]:
     """Observations between points or images whose standard deviations are too small beside those of all others."""
-    some = [i for i, o in enumerate(given.observed)
-            if len(o.records.touches) > 1 and not (o.exact or o.components or _is_ray(o.records))]  # fmt: skip
+    some = [
+        i
+        for i, o in enumerate(given.observed)
+        if len(o.records.touches) > 1 and not (o.exact or o.components or _is_ray(o.records))
+    ]
     if not some:
         return given, []
     others = [replace(o.records, active=o.records.active & ~np.bool_(o.exact)) for o in given.observed]
@@ -151,8 +163,10 @@ def _within_reach(given: BundleInput, start: dict[str, object]) -> tuple[BundleI
         far = np.flatnonzero(factor < 1)
         sigmas = [np.nanmin(f) for f in (o.sigmas()[far], o.sigmas()[far] / factor[far, None])]
         names = tuple(o.label(int(k)) for k in far)
-        text = (f"{o.kind}: the standard deviations of {len(far)} observations are too small beside all others; "
-                f"raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}")  # fmt: skip
+        text = (
+            f"{o.kind}: the standard deviations of {len(far)} observations are too small beside all others; "
+            f"raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}"
+        )
         notes.append(Note("note", text, names))
         observed[i] = replace(o, records=scaled(o.records, factor))
     return replace(given, observed=tuple(observed)), notes
@@ -216,9 +230,13 @@ def _veto(given: BundleInput, part: Participants) -> Callable[[State, State], st
 
 
 def _result(
-    given: BundleInput, adjusted: Adjusted, part: Participants, covariances: bool, free: FreeDatum | None,
+    given: BundleInput,
+    adjusted: Adjusted,
+    part: Participants,
+    covariances: bool,
+    free: FreeDatum | None,
     notes: tuple[Note, ...],
-) -> BundleResult:  # fmt: skip
+) -> BundleResult:
     image, point = part.of[POSE], part.of[POINT]
     groups = {u.name: np.full((len(u.free), u.size, u.size), np.nan) for u in adjusted.problem.unknowns}
     groups.setdefault(POSE, np.zeros((0, 6, 6)))

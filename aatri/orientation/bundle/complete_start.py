@@ -78,8 +78,10 @@ def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
 
 
 def _with(poses: Poses, some: Bool, others: Poses) -> Poses:
-    return Poses(np.where(some[:, None], others.position_m, poses.position_m),
-                 np.where(some[:, None, None], others.ground_from_image, poses.ground_from_image))  # fmt: skip
+    return Poses(
+        np.where(some[:, None], others.position_m, poses.position_m),
+        np.where(some[:, None, None], others.ground_from_image, poses.ground_from_image),
+    )
 
 
 def intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
@@ -103,17 +105,25 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
         seen = rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]]
         by_six = linear_orientation(*seen) if linear else None
         start = start_orientation(
-            *seen, area_mm2=_area_mm2(rays, seen[1]), others=() if by_six is None else ((FEWEST, by_six),),
+            *seen,
+            area_mm2=_area_mm2(rays, seen[1]),
+            others=() if by_six is None else ((FEWEST, by_six),),
             offered=(offered.position_m[image], offered.ground_from_image[image]),
-        )  # fmt: skip
+        )
         if start is not None:
             start_position[image], start_rotation[image] = start
     c_mm = np.ones(len(position))
     c_mm[images] = rays.c_mm[rows[first]]
     result = resect_images(
-        rays.xy_mm[rows], rays.sigma_mm[rows], rays.image[rows], rays.point[rows], c_mm, xyz_m,
-        start_position, start_rotation,
-    )  # fmt: skip
+        rays.xy_mm[rows],
+        rays.sigma_mm[rows],
+        rays.image[rows],
+        rays.point[rows],
+        c_mm,
+        xyz_m,
+        start_position,
+        start_rotation,
+    )
     found = result.resected & finite_rows(start_position)
     position[found], rotation[found] = result.position_m[found], result.ground_from_image[found]
     return Poses(position, rotation)

@@ -70,9 +70,14 @@ class FreeDatum:
 
     @staticmethod
     def of(
-        unknowns: Sequence[Unknowns], records: Sequence[Records], start: State, part: Mapping[str, Bool],
-        over: str, marked: Bool, absent: Bool,
-    ) -> FreeDatum:  # fmt: skip
+        unknowns: Sequence[Unknowns],
+        records: Sequence[Records],
+        start: State,
+        part: Mapping[str, Bool],
+        over: str,
+        marked: Bool,
+        absent: Bool,
+    ) -> FreeDatum:
         """The datum rests on all points, all images, or the marked points."""
         image, point = part[POSE], part[POINT]
         none = np.zeros_like(point)

@@ -129,8 +129,10 @@ def _resected(
     rays = given.rays
     clean = rays.point[best.ray_used & ~bad[rays.image]]
     lost = (np.bincount(clean, minlength=len(given.point_ids)) < 2) & ~_known_points(given)
-    position, rotation = (np.where(bad.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
-                          for a in (best.poses.position_m - given.origin_m, best.poses.ground_from_image))  # fmt: skip
+    position, rotation = (
+        np.where(bad.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
+        for a in (best.poses.position_m - given.origin_m, best.poses.ground_from_image)
+    )
     known = np.where(lost[:, None], np.nan, best.xyz_m - given.origin_m)
     poses, xyz = complete_start(rays, Poses(position, rotation), known)
     try:

@@ -38,12 +38,19 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
     """
     assert given.given is not None
     rest = tuple(o for o in given.observed if not _is_shape(o))
-    found = adjust_bundle(replace(given, observed=rest), replace(settings, covariances=False, weights=()),
-                          reporter=reporter)  # fmt: skip
+    found = adjust_bundle(
+        replace(given, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
+    )
     xyz = np.where(np.isfinite(found.xyz_m), found.xyz_m - given.origin_m, given.xyz_m)
-    poses = Poses(*(np.where(np.isfinite(new), new, old) for new, old in
-                    ((found.poses.position_m - given.origin_m, given.poses.position_m),
-                     (found.poses.ground_from_image, given.poses.ground_from_image))))  # fmt: skip
+    poses = Poses(
+        *(
+            np.where(np.isfinite(new), new, old)
+            for new, old in (
+                (found.poses.position_m - given.origin_m, given.poses.position_m),
+                (found.poses.ground_from_image, given.poses.ground_from_image),
+            )
+        )
+    )
     anew = replace(given.given, start={**given.given.start, POSE: poses, POINT: xyz})
     observed = []
     for o in given.observed:

@@ -84,8 +84,10 @@ def with_known_images(given: BundleInput, known: Bool, covariance: Float | None)
     covariance : (n_images, 6, 6) float64, m and rad, or None
         Of position and rotation increment. None: held.
     """
-    poses = Poses(np.where(known[:, None], given.poses.position_m, np.nan),
-                  np.where(known[:, None, None], given.poses.ground_from_image, np.nan))  # fmt: skip
+    poses = Poses(
+        np.where(known[:, None], given.poses.position_m, np.nan),
+        np.where(known[:, None, None], given.poses.ground_from_image, np.nan),
+    )
     given = replace(of_unknown(given, POINT), poses=poses)
     if covariance is None:
         return replace(given, held_images=known)
@@ -103,5 +105,6 @@ def with_known_images(given: BundleInput, known: Bool, covariance: Float | None)
     records = Records("image_prior", touches, evaluate, whitener, np.ones(len(rows), dtype=bool))
     names = named(image=np.asarray(given.image_ids, dtype=np.str_)[rows])
     components = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
-    return replace(given, observed=(*given.observed, Observed(records, np.full(len(rows), -1), names, "",
-                                                              components=components)))  # fmt: skip
+    return replace(
+        given, observed=(*given.observed, Observed(records, np.full(len(rows), -1), names, "", components=components))
+    )

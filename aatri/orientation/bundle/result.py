@@ -136,7 +136,15 @@ def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
         np.where(image[:, None, None], state[POSE].ground_from_image, given.poses.ground_from_image),
     )
     observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
-    datum = [old if known is None else known for known, old in ((given.datum_position_m, given.poses.position_m),
-                                                                (given.datum_xyz_m, given.xyz_m))]  # fmt: skip
-    return replace(given, poses=poses, xyz_m=np.where(point[:, None], state[POINT], given.xyz_m), observed=observed,
-                   datum_position_m=datum[0], datum_xyz_m=datum[1])  # fmt: skip
+    datum = [
+        old if known is None else known
+        for known, old in ((given.datum_position_m, given.poses.position_m), (given.datum_xyz_m, given.xyz_m))
+    ]
+    return replace(
+        given,
+        poses=poses,
+        xyz_m=np.where(point[:, None], state[POINT], given.xyz_m),
+        observed=observed,
+        datum_position_m=datum[0],
+        datum_xyz_m=datum[1],
+    )

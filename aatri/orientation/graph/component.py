@@ -77,9 +77,14 @@ class ImageComponent:
 
 
 def adjusted_component(
-    rays: ImagePointRows, images: Bool, rotation: Float, centre: Float, image_ids: Ids, point_ids: Ids,
+    rays: ImagePointRows,
+    images: Bool,
+    rotation: Float,
+    centre: Float,
+    image_ids: Ids,
+    point_ids: Ids,
     reporter: Reporter = SILENT,
-) -> ImageComponent:  # fmt: skip
+) -> ImageComponent:
     """A component from its rotations and projection centres.
 
     Raises
@@ -93,9 +98,13 @@ def adjusted_component(
 
 
 def refined(
-    rays: ImagePointRows, poses: Poses, image_ids: Ids, point_ids: Ids, limits_mm: tuple[float | None, ...],
+    rays: ImagePointRows,
+    poses: Poses,
+    image_ids: Ids,
+    point_ids: Ids,
+    limits_mm: tuple[float | None, ...],
     reporter: Reporter = SILENT,
-) -> ImageComponent:  # fmt: skip
+) -> ImageComponent:
     """Points, trimming and bundle, once for every limit; None is that of the spread of the residuals.
 
     Raises
@@ -151,9 +160,14 @@ def _well_held(rays: ImagePointRows, poses: Poses, kept: Bool) -> tuple[Poses, B
 
 
 def _bundled(
-    rays: ImagePointRows, poses: Poses, xyz: Float, image_ids: Ids, point_ids: Ids, tolerance: float,
+    rays: ImagePointRows,
+    poses: Poses,
+    xyz: Float,
+    image_ids: Ids,
+    point_ids: Ids,
+    tolerance: float,
     reporter: Reporter,
-) -> tuple[Poses, Float]:  # fmt: skip
+) -> tuple[Poses, Float]:
     ids, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
     names = named(image=ids[rays.image], point=points[rays.point])
     given = BundleInput(

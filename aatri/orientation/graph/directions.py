@@ -59,10 +59,16 @@ def adjusted_directions(
     """
     free = np.ones((len(xyz), 3), dtype=bool)
     unknowns = [
-        Unknowns(CENTRE, np.ones((len(centre), 3), dtype=bool), ("X0", "Y0", "Z0"), _names(len(centre)), add_step,
-                 position=centre[:, :2]),
+        Unknowns(
+            CENTRE,
+            np.ones((len(centre), 3), dtype=bool),
+            ("X0", "Y0", "Z0"),
+            _names(len(centre)),
+            add_step,
+            position=centre[:, :2],
+        ),
         Unknowns(POINT, free, ("X", "Y", "Z"), _names(len(xyz)), add_step, eliminated=True),
-    ]  # fmt: skip
+    ]
     start: dict[str, Float] = {CENTRE: centre, POINT: xyz}
     if linear:
         start = dict(adjust_large(unknowns, [_of_length_one(direction, image, point), _prior(centre)], start).state)

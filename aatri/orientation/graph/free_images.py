@@ -56,10 +56,17 @@ class FreeImages:
 
 
 def orient_free(
-    graph: PairGraph, turns: RotationPairs, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, *,
+    graph: PairGraph,
+    turns: RotationPairs,
+    rays: ImagePointRows,
+    image_ids: Ids,
+    point_ids: Ids,
+    *,
     start: Start = "bases",
-    observed_m: Float | None = None, rng: np.random.Generator | None = None, reporter: Reporter = SILENT,
-) -> FreeImages:  # fmt: skip
+    observed_m: Float | None = None,
+    rng: np.random.Generator | None = None,
+    reporter: Reporter = SILENT,
+) -> FreeImages:
     """Orient all images to each other.
 
     Parameters
@@ -143,9 +150,15 @@ def _off(rotation: Float, graph: PairGraph, pair: Float) -> Float:
 
 
 def _centres(
-    pairs: PairGraph, length: Float, rotation: Float, rays: ImagePointRows, images: Bool, start: Start,
-    observed_m: Float | None, rng: np.random.Generator | None,
-) -> tuple[Float, list[str]]:  # fmt: skip
+    pairs: PairGraph,
+    length: Float,
+    rotation: Float,
+    rays: ImagePointRows,
+    images: Bool,
+    start: Start,
+    observed_m: Float | None,
+    rng: np.random.Generator | None,
+) -> tuple[Float, list[str]]:
     """Projection centres of a component, and what there is to say of their start."""
     known = observed_m is not None and bool(np.isfinite(observed_m[images]).all())
     if start == "random" and rng is not None:

@@ -107,8 +107,9 @@ def _by_images(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity
     if not shared.any() or common.sum() < FEWEST_DISTANCES:
         return None
     (c, R), (C, S) = ((of.poses.position_m[shared], of.poses.ground_from_image[shared]) for of in (other, whole))
-    away, far = (np.linalg.norm(of.xyz[common][None] - centre[:, None], axis=2)
-                 for of, centre in ((other, c), (whole, C)))  # fmt: skip
+    away, far = (
+        np.linalg.norm(of.xyz[common][None] - centre[:, None], axis=2) for of, centre in ((other, c), (whole, C))
+    )
     ratio = np.median(np.log(far / np.maximum(away, 1e-300)), axis=0)
     fits = np.abs(ratio - np.median(ratio)) < SAME_SCALE
     if fits.sum() < max(FEWEST_DISTANCES, (1.0 - MOST_WRONG) * len(ratio)):

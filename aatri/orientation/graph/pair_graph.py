@@ -81,11 +81,19 @@ class PairGraph:
         count = self.inliers[pairs]
         rows = np.repeat(self.start[pairs] - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
         return PairGraph(
-            self.images, self.left[pairs], self.right[pairs], self.left_from_right[pairs], self.base[pairs],
-            self.rotation_sigma_rad[pairs], self.base_sigma_rad[pairs], np.concatenate([[0], np.cumsum(count)]),
-            self.point[rows], self.depth[rows], self.parallax_rad[rows],
+            self.images,
+            self.left[pairs],
+            self.right[pairs],
+            self.left_from_right[pairs],
+            self.base[pairs],
+            self.rotation_sigma_rad[pairs],
+            self.base_sigma_rad[pairs],
+            np.concatenate([[0], np.cumsum(count)]),
+            self.point[rows],
+            self.depth[rows],
+            self.parallax_rad[rows],
             self.second[pairs],
-        )  # fmt: skip
+        )
 
     def strength(self) -> Float:
         """How well a pair carries scale: root of its points times their median parallax, (m,)."""

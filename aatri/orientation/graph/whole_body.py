@@ -99,8 +99,9 @@ def _adjusted(observe: Observe, poses: Poses, xyz: Float, start: Similarity) -> 
             (constraints if o.exact else records).append(record)
     unknowns = [Unknowns(BODY, np.ones((1, 7), dtype=bool), LABELS, ("as a whole",), _retracted)]
     unknowns += [replace(u, generator=None) for o in observed for u in o.unknowns]
-    done = adjust_large(unknowns, records, {**own, BODY: first}, constraints=constraints, max_iterations=ITERATIONS,
-                        tolerance=TOLERANCE)  # fmt: skip
+    done = adjust_large(
+        unknowns, records, {**own, BODY: first}, constraints=constraints, max_iterations=ITERATIONS, tolerance=TOLERANCE
+    )
     return done.state[BODY], done.cost
 
 
@@ -132,8 +133,14 @@ def _of_body(records: Records, poses: Poses, xyz: Float) -> Records:
         now = _state(state, poses, xyz)
         v, jacobians = records.evaluate(now, rows)
         moves = {POSE: pose_generator(now), POINT: point_generator(now)}
-        J = np.sum([J @ moves[group][block[rows]] for (group, block), J, body in
-                    zip(records.touches, jacobians, mine) if body], axis=0)  # fmt: skip
+        J = np.sum(
+            [
+                J @ moves[group][block[rows]]
+                for (group, block), J, body in zip(records.touches, jacobians, mine)
+                if body
+            ],
+            axis=0,
+        )
         return v, (J, *(J for J, body in zip(jacobians, mine) if not body))
 
     touches = ((BODY, np.zeros(len(records.active), dtype=np.int32)), *others)
@@ -153,8 +160,12 @@ def _scaled(observed: Iterable[Observed], poses: Poses, xyz: Float, start: Simil
         if o.kind != IMAGE_POINT and len(rows) and not o.exact and {g for g, _ in o.records.touches} <= {POSE, POINT}:
             plain.append(_of_body(o.records.take(rows), poses, xyz))
     for _ in range(LINEAR_STEPS if plain else 0):
-        v, J = zip(*((w.ravel(), A[0].reshape(-1, 7)) for w, A in
-                     (whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain)))  # fmt: skip
+        v, J = zip(
+            *(
+                (w.ravel(), A[0].reshape(-1, 7))
+                for w, A in (whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain)
+            )
+        )
         used = [0, 1, 2, 6]
         step = np.zeros((1, 7))
         step[0, used] = -np.linalg.lstsq(np.concatenate(J)[:, used], np.concatenate(v), rcond=1e-9)[0]

@@ -137,14 +137,33 @@ def fit_fiducials(
     covariance[:, :k, :k] = np.linalg.inv(_safe(_normal(K, weight), determined))
     covariance[~determined] = np.nan
     linear = np.where(determined[:, None, None], linear, np.nan)
-    return FiducialFit(model, matrix, terms, linear, covariance, sigma0, redundancy, residual, tests.gross_error_mm,
-                       tests.test, tests.alone, used, determined)  # fmt: skip
+    return FiducialFit(
+        model,
+        matrix,
+        terms,
+        linear,
+        covariance,
+        sigma0,
+        redundancy,
+        residual,
+        tests.gross_error_mm,
+        tests.test,
+        tests.alone,
+        used,
+        determined,
+    )
 
 
 def snooped_fiducials(
-    model: str, measured: Float, calibrated_mm: Float, sigma_mm: Float, used: Bool, nominal: Float | None = None,
-    *, limit: float = 4.0,
-) -> FiducialFit:  # fmt: skip
+    model: str,
+    measured: Float,
+    calibrated_mm: Float,
+    sigma_mm: Float,
+    used: Bool,
+    nominal: Float | None = None,
+    *,
+    limit: float = 4.0,
+) -> FiducialFit:
     """Transformations with rejection of gross errors, one mark of each image at a time.
 
     Parameters

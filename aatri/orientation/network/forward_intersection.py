@@ -87,9 +87,15 @@ def intersect(A_m: Array, B_m: Array, angles_rad: Array, target_height_m: float 
 
 
 def forward_intersection(
-    A_m: Float, B_m: Float, angles_rad: Float, sigma_m: Float, sigma_rad: Float, *,
-    target_height_m: float = 0.0, left: bool = True,
-) -> IntersectedPoint:  # fmt: skip
+    A_m: Float,
+    B_m: Float,
+    angles_rad: Float,
+    sigma_m: Float,
+    sigma_rad: Float,
+    *,
+    target_height_m: float = 0.0,
+    left: bool = True,
+) -> IntersectedPoint:
     """Place and covariance of a point seen from two stations.
 
     Parameters
@@ -132,8 +138,9 @@ def derivatives(A_m: Float, B_m: Float, angles_rad: Float, left: bool = True) ->
     return J
 
 
-def plan_accuracy(d_A_m: float, d_B_m: float, gamma_rad: float, sigma_rad: float, m_A_m: float, m_B_m: float,
-                  base_m: float) -> float:  # fmt: skip
+def plan_accuracy(
+    d_A_m: float, d_B_m: float, gamma_rad: float, sigma_rad: float, m_A_m: float, m_B_m: float, base_m: float
+) -> float:
     """Point error in plan by the formula of the notes, M_P, m.
 
     Parameters

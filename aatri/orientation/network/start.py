@@ -248,8 +248,9 @@ def _bearings(network: Network, xy: Float, known: Bool) -> Iterator[tuple[int, i
         yield from zip(m.start.tolist(), m.end.tolist(), m.value.tolist())
     oriented: dict[tuple[int, int], float] = {}
     for a, b in [] if "azimuth" not in network else zip(network["azimuth"].start, network["azimuth"].end):
-        oriented[int(a), int(b)] = float(network["azimuth"].value[(network["azimuth"].start == a)
-                                                                 & (network["azimuth"].end == b)][0])  # fmt: skip
+        oriented[int(a), int(b)] = float(
+            network["azimuth"].value[(network["azimuth"].start == a) & (network["azimuth"].end == b)][0]
+        )
         oriented[int(b), int(a)] = oriented[int(a), int(b)] + np.pi
 
     def side(station: int, target: int) -> float | None:

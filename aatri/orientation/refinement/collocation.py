@@ -70,9 +70,13 @@ class Collocation:
 
 
 def collocate(
-    xy_mm: Float, residual_mm: Float, *, model: str = "best", cells_per_side: int = 20,
+    xy_mm: Float,
+    residual_mm: Float,
+    *,
+    model: str = "best",
+    cells_per_side: int = 20,
     function: CovarianceFunction | None = None,
-) -> Collocation:  # fmt: skip
+) -> Collocation:
     """Estimate the common signal of the residuals of one camera or session.
 
     Parameters
@@ -138,9 +142,14 @@ def predict(collocation: Collocation, xy_mm: Float) -> tuple[Float, Float]:
 
 
 def collocate_groups(
-    group: Int, xy_mm: Float, residual_mm: Float, active: Bool, *, model: str = "best",
+    group: Int,
+    xy_mm: Float,
+    residual_mm: Float,
+    active: Bool,
+    *,
+    model: str = "best",
     cells_per_side: int = 20,
-) -> tuple[Float, Float, dict[int, Collocation]]:  # fmt: skip
+) -> tuple[Float, Float, dict[int, Collocation]]:
     """Collocation by camera or session: corrections of all image points, also of those set aside.
 
     Parameters

@@ -165,18 +165,32 @@ def _adjusted(rays: RayPairs, active: Bool, R: Float, base: Float, before: Befor
     scale, size = float(np.exp(s)), np.where(use, -v_p / r, -v_p) * sigma
     size_sigma = np.asarray(sigma * np.where(use, r**-0.5, r**0.5))
     return Connected(
-        R, base, covariance, scale, scale * float(np.sqrt(inverse[5, 5])), sigma0, redundancy, iteration, use,
-        size, size_sigma, np.abs(v_p) / np.sqrt(r),
-    )  # fmt: skip
+        R,
+        base,
+        covariance,
+        scale,
+        scale * float(np.sqrt(inverse[5, 5])),
+        sigma0,
+        redundancy,
+        iteration,
+        use,
+        size,
+        size_sigma,
+        np.abs(v_p) / np.sqrt(r),
+    )
 
 
 def _connection(rays: RayPairs, R: Float, base: Float, before: Before) -> tuple[Float, Float, Float]:
     """log r_a - log r_b, its sigma, and its derivatives over sigma by the latent errors of the model before, (c, 5)."""
     points, c = intersect_pair(R, base, rays.take(before.row)), np.arange(len(before.row))
     both = ModelTable(
-        np.stack([before.left_from_right, R]), np.stack([before.base, base]),
-        np.stack([before.covariance, np.eye(5)]), np.array([0, len(c), 2 * len(c)]), np.tile(c, 2),
-        np.concatenate([before.xyz, points.xyz]), np.concatenate([before.point_covariance, points.covariance]),
-    )  # fmt: skip
+        np.stack([before.left_from_right, R]),
+        np.stack([before.base, base]),
+        np.stack([before.covariance, np.eye(5)]),
+        np.array([0, len(c), 2 * len(c)]),
+        np.tile(c, 2),
+        np.concatenate([before.xyz, points.xyz]),
+        np.concatenate([before.point_covariance, points.covariance]),
+    )
     observed, sigma, A = observed_scales(both, c, len(c) + c)
     return observed, sigma, A[:, :5]

@@ -78,11 +78,20 @@ def _connected(
     common, at_a, at_b = common[good], at_a[good], at_b[good]
     rays = pairs.rays.take(np.arange(b.start, b.stop))
     one = connected_orientation(
-        rays, orientations.active[b], orientations.left_from_right[pair], orientations.base[pair],
-        Before(orientations.left_from_right[before], orientations.base[before], orientations.covariance[before], at_b,
-               orientations.xyz[a][at_a], orientations.point_covariance[a][at_a]),
+        rays,
+        orientations.active[b],
+        orientations.left_from_right[pair],
+        orientations.base[pair],
+        Before(
+            orientations.left_from_right[before],
+            orientations.base[before],
+            orientations.covariance[before],
+            at_b,
+            orientations.xyz[a][at_a],
+            orientations.point_covariance[a][at_a],
+        ),
         limit=limit,
-    )  # fmt: skip
+    )
     if one is None:
         return None
     orientations.left_from_right[pair], orientations.base[pair] = one.left_from_right, one.base

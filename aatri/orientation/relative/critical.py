@@ -104,8 +104,10 @@ def judged(
     if redundancy == 0:
         texts.append("exactly 5 points: no redundancy, nothing is checked")
     elif redundancy == 1 and sigma0 > limit:
-        texts.append(f"sigma0 is {sigma0:.1f} with one redundant point: there is a gross error, but which point "
-                     "has it cannot be told")  # fmt: skip
+        texts.append(
+            f"sigma0 is {sigma0:.1f} with one redundant point: there is a gross error, but which point "
+            "has it cannot be told"
+        )
     rejected, n = int((~active).sum()), len(active)
     if n >= 10 and rejected > MANY_REJECTED * n:
         texts.append(f"{rejected} of {n} points are rejected: mismatches, or standard deviations that are too small")

@@ -127,9 +127,15 @@ class EssentialOrientations:
 
 
 def essential_orientations(
-    rays: RayPairs, start: Int, *, snooping_limit: float | None = None, max_iterations: int = 20, min_points: int = 5,
-    max_samples: int = SAMPLES, reporter: Reporter = SILENT,
-) -> EssentialOrientations:  # fmt: skip
+    rays: RayPairs,
+    start: Int,
+    *,
+    snooping_limit: float | None = None,
+    max_iterations: int = 20,
+    min_points: int = 5,
+    max_samples: int = SAMPLES,
+    reporter: Reporter = SILENT,
+) -> EssentialOrientations:
     """Orient the right image of every pair to its left one.
 
     Pairs of so few points that a wrong one cannot be located begin as parallel images where that leads somewhere.

@@ -50,8 +50,9 @@ def film_in_orientations(
         sigma = np.concatenate([rays.left_sigma, rays.right_sigma], axis=1)
         gain = np.linalg.solve(J.T @ J, J.T / np.linalg.norm(gradient * sigma, axis=1))
         for image, measured, part in (
-            (pairs.left[k], pairs.left_row, gradient[:, :2]), (pairs.right[k], pairs.right_row, gradient[:, 2:])
-        ):  # fmt: skip
+            (pairs.left[k], pairs.left_row, gradient[:, :2]),
+            (pairs.right[k], pairs.right_row, gradient[:, 2:]),
+        ):
             G = gain @ np.einsum("ni,nis->ns", part, basis[measured[rows]])
             added[k] += G @ film_covariance[image] @ G.T
     return added

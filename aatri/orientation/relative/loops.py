@@ -178,9 +178,16 @@ def _adjusted_from(
 
 
 def _adjust_portion(
-    made: AdjustedPairs, mine: slice, rows: slice, rays: RayPairs, start: Int, pairs: Int, begin: Start, enough: float,
+    made: AdjustedPairs,
+    mine: slice,
+    rows: slice,
+    rays: RayPairs,
+    start: Int,
+    pairs: Int,
+    begin: Start,
+    enough: float,
     settings: PairSettings,
-) -> None:  # fmt: skip
+) -> None:
     """The compiled loops over some of the pairs, those of `mine` with the points of `rows`."""
     m, n, count = len(pairs), len(rays.left), np.diff(start)
     table = np.concatenate([rays.left, rays.right, rays.left_sigma**2, rays.right_sigma**2], axis=1)
@@ -277,9 +284,14 @@ def _judge(orientations: RelativeOrientations, start: Int, limit: float) -> None
         rows = slice(int(start[pair]), int(start[pair + 1]))
         try:
             orientations.warnings[pair] = judged(
-                orientations.covariance[pair], int(orientations.redundancy[pair]), float(orientations.sigma0[pair]),
-                orientations.active[rows], limit, orientations.xyz[rows], orientations.base[pair],
-            )  # fmt: skip
+                orientations.covariance[pair],
+                int(orientations.redundancy[pair]),
+                float(orientations.sigma0[pair]),
+                orientations.active[rows],
+                limit,
+                orientations.xyz[rows],
+                orientations.base[pair],
+            )
         except GeometryError as error:
             orientations.formed[pair] = False
             orientations.reasons[pair] = error.what

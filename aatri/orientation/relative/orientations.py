@@ -73,11 +73,22 @@ class RelativeOrientations:
         """Of m pairs with n points, none of them formed."""
         nan = np.nan
         return RelativeOrientations(
-            np.zeros(m, dtype=bool), np.full((m, 3, 3), nan), np.full((m, 3), nan), np.full((m, 5, 5), nan),
-            np.full(m, nan), np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros(n, dtype=bool),
-            np.full(n, nan), np.full(n, nan), np.full(n, nan), np.full(n, nan), np.full((n, 3), nan),
-            np.full((n, 3, 3), nan), np.full((n, 2), nan),
-        )  # fmt: skip
+            np.zeros(m, dtype=bool),
+            np.full((m, 3, 3), nan),
+            np.full((m, 3), nan),
+            np.full((m, 5, 5), nan),
+            np.full(m, nan),
+            np.zeros(m, dtype=np.int64),
+            np.zeros(m, dtype=np.int64),
+            np.zeros(n, dtype=bool),
+            np.full(n, nan),
+            np.full(n, nan),
+            np.full(n, nan),
+            np.full(n, nan),
+            np.full((n, 3), nan),
+            np.full((n, 3, 3), nan),
+            np.full((n, 2), nan),
+        )
 
     def put(
         self, pairs: Int, rows: Int, other: RelativeOrientations, its_pairs: Int | int, its_rows: Int | int

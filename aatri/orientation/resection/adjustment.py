@@ -95,9 +95,21 @@ def resect_images(
     R = np.array(ground_from_image, dtype=np.float64, order="C")
     Q, spread, done = np.full((n_images, 6, 6), np.nan), np.full(n_images, np.nan), np.zeros(n_images, dtype=bool)
     arguments = (
-        first, np.ascontiguousarray(X - origin), np.ascontiguousarray(xy), 1.0 / sigma,
-        np.array(c_mm, dtype=np.float64), MIN_POINTS, HUBER, DECREMENT, max_iterations, X0, R, Q, spread, done,
-    )  # fmt: skip
+        first,
+        np.ascontiguousarray(X - origin),
+        np.ascontiguousarray(xy),
+        1.0 / sigma,
+        np.array(c_mm, dtype=np.float64),
+        MIN_POINTS,
+        HUBER,
+        DECREMENT,
+        max_iterations,
+        X0,
+        R,
+        Q,
+        spread,
+        done,
+    )
     in_threads(len(xy), lambda a, b: resect(*items_between(first, a, b), *arguments), worth=WORTH_A_THREAD)
     mean_sigma = np.bincount(row, sigma.mean(axis=1), minlength=n_images) / np.maximum(count, 1)
     return ResectedImages(

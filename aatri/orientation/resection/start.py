@@ -53,9 +53,14 @@ Orientation = tuple[Float, Float]
 
 
 def start_orientation(
-    xy_mm: Float, c_mm: float, xyz_m: Float, *, area_mm2: float | None = None, offered: Orientation | None = None,
+    xy_mm: Float,
+    c_mm: float,
+    xyz_m: Float,
+    *,
+    area_mm2: float | None = None,
+    offered: Orientation | None = None,
     others: tuple[tuple[int, Orientation], ...] = (),
-) -> Orientation | None:  # fmt: skip
+) -> Orientation | None:
     """Orientation of one image from ground points, good enough to start a resection.
 
     Parameters

@@ -96,7 +96,7 @@ def _nowhere(n: int) -> tuple[Int, Float, Float, Float]:
 
 def _followed(
     models: ModelTable, joints: JointTable, count: Int, order: Int, used: Int
-) -> tuple[Float, Float, Float, Float]:  # fmt: skip
+) -> tuple[Float, Float, Float, Float]:
     """Projection centres and rotations of images, rotations and scales of models; one model farther at a time."""
     n = len(count)
     first_image, first_model = np.cumsum(count + 1) - count - 1, np.cumsum(count) - count

@@ -138,10 +138,20 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
     start, first_row, second_row = _common(models, first, second)
     n, j = len(first_row), len(first)
     joints = JointTable(
-        np.asarray(first), np.asarray(second), np.full(j, np.nan), np.full(j, np.nan), np.full(j, np.nan),
-        start, first_row, second_row, np.zeros(n, dtype=bool),
-        np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan),
-    )  # fmt: skip
+        np.asarray(first),
+        np.asarray(second),
+        np.full(j, np.nan),
+        np.full(j, np.nan),
+        np.full(j, np.nan),
+        start,
+        first_row,
+        second_row,
+        np.zeros(n, dtype=bool),
+        np.full(n, np.nan),
+        np.full(n, np.nan),
+        np.full(n, np.nan),
+        np.full(n, np.nan),
+    )
     pieces = max(round(n / AT_ONCE), 1)
     bounds = np.searchsorted(start[:-1], np.linspace(0, n, pieces + 1)[1:-1])
     edges = np.unique(np.concatenate([[0], bounds, [j]])).tolist()
@@ -262,9 +272,9 @@ def _spreads(models: ModelTable, joints: JointTable) -> Float:
     joint_1, row_1 = _rows_of(models.start, joints.first)
     joint_2, row_2 = _rows_of(models.start, joints.second)
     from_right = models.xyz[row_1] - models.base[joints.first][joint_1]
-    seen = np.concatenate([
-        (from_right[:, None, :] @ models.left_from_right[joints.first][joint_1])[:, 0], models.xyz[row_2]
-    ])  # fmt: skip
+    seen = np.concatenate(
+        [(from_right[:, None, :] @ models.left_from_right[joints.first][joint_1])[:, 0], models.xyz[row_2]]
+    )
     of_all = _extents(seen, np.concatenate([joint_1, joint_2]), across)
     of_used = _extents(models.xyz[joints.second_row[joints.active]], joints.of_row()[joints.active], across)
     return np.where((of_all > 0) & (joints.used() > 0), of_used / np.where(of_all > 0, of_all, 1.0), 0.0)

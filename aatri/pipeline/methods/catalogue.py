@@ -58,9 +58,7 @@ class Catalogue:
         Options may name Python of the project, which will be executed.
     """
 
-    def __init__(
-        self, local: Path | None = None, registry: Registry | None = None, *, runs_code: bool = False
-    ) -> None:  # fmt: skip
+    def __init__(self, local: Path | None = None, registry: Registry | None = None, *, runs_code: bool = False) -> None:
         self.local, self._registry, self._runs_code = local, registry, runs_code
         self._found = {} if registry is not None else _origins(local)
         self._codes = Cache(cache_name("code", PACKAGE))
@@ -119,8 +117,13 @@ class Catalogue:
         source = path or Path(inspect.getsourcefile(card.function) or "")
         code = self._reader.code_of(module, source)
         if origin is not None and origin.file is not None:
-            entry = {"method": method.plain(), "options": plain, "files": files, "uses": uses,
-                     "needs": [asdict(need) for need in needs]}  # fmt: skip
+            entry = {
+                "method": method.plain(),
+                "options": plain,
+                "files": files,
+                "uses": uses,
+                "needs": [asdict(need) for need in needs],
+            }
             self._methods.put(self._entry(stage, code, spec.base if files else None), entry)
         return Prepared(method, plain, files, uses, code, needs)
 

@@ -102,8 +102,11 @@ def in_project(folder: Path) -> Iterator[Declaration]:
         If it is not there, or a file has a name that no variant can have.
     """
     if not folder.is_dir():
-        raise PluginError("no such folder", where=str(folder),
-                          remedy="put your stages there as ROLE/VARIANT.py, or leave out --local-plugins")  # fmt: skip
+        raise PluginError(
+            "no such folder",
+            where=str(folder),
+            remedy="put your stages there as ROLE/VARIANT.py, or leave out --local-plugins",
+        )
     yield from _in_folder(folder, _PROJECT_PACKAGE, PROJECT)
 
 
@@ -120,8 +123,9 @@ def installed() -> Iterator[Declaration]:
         distribution = f"{point.dist.name} {point.dist.version}" if point.dist else ""
         parts = point.name.split("/")
         if len(parts) > 2 or not all(map(_NAME.fullmatch, parts)):
-            raise PluginError(f"entry point {point.name!r} is not ROLE/VARIANT", where=distribution or point.value,
-                              remedy=_NAME_RULE)  # fmt: skip
+            raise PluginError(
+                f"entry point {point.name!r} is not ROLE/VARIANT", where=distribution or point.value, remedy=_NAME_RULE
+            )
         attribute = point.attr or ("ROLE" if len(parts) == 1 else parts[1])
         file = file_of_module(point.module)
         yield Declaration(point.name, Origin(INSTALLED, point.module, attribute, file, distribution))
@@ -166,8 +170,11 @@ def _in_folder(folder: Path, package: str, source: str) -> Iterator[Declaration]
             continue
         for path in (role, *files):
             if not _NAME.fullmatch(path.stem if path.is_file() else path.name):
-                raise PluginError("no role or variant can have this name", where=str(path),
-                                  remedy=f"{_NAME_RULE}; a helper begins with _")  # fmt: skip
+                raise PluginError(
+                    "no role or variant can have this name",
+                    where=str(path),
+                    remedy=f"{_NAME_RULE}; a helper begins with _",
+                )
         declared = init.is_file() and bool(_DECLARES_ROLE.search(init.read_text(encoding="utf-8", errors="replace")))
         yield Declaration(role.name, Origin(source, f"{package}.{role.name}", "ROLE", init), declared)
         for path in files:

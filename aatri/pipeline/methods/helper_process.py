@@ -38,8 +38,10 @@ class HelperProcess:
         path = os.pathsep.join(entry or str(Path.cwd()) for entry in sys.path)
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", _SERVE],  # -P: nothing is imported from the folder where it happens to run
-            env={**os.environ, "PYTHONPATH": path, **environment}, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        )  # fmt: skip
+            env={**os.environ, "PYTHONPATH": path, **environment},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
         atexit.register(self._process.kill)
 
     def __enter__(self) -> HelperProcess:
@@ -67,8 +69,10 @@ class HelperProcess:
             self._process.stdin.flush()
             raised, answer = pickle.load(self._process.stdout)
         except (EOFError, BrokenPipeError) as error:
-            raise ResourceError("a process that helps this one was ended from outside, perhaps for lack of memory",
-                                remedy="a machine with more memory") from error  # fmt: skip
+            raise ResourceError(
+                "a process that helps this one was ended from outside, perhaps for lack of memory",
+                remedy="a machine with more memory",
+            ) from error
         if raised:
             raise answer
         result: R = answer

@@ -153,8 +153,11 @@ def _variant_loader(found: Declaration) -> Callable[[], Callable[..., Any]]:
         if not inspect.isroutine(function):
             stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
             has = f"; it has {', '.join(stages)}" if stages else ""
-            raise PluginError(f"has no function {wanted}{has}", where=found.origin.where,
-                              remedy="the stage function is named like its file")  # fmt: skip
+            raise PluginError(
+                f"has no function {wanted}{has}",
+                where=found.origin.where,
+                remedy="the stage function is named like its file",
+            )
         return function
 
     return load

@@ -119,8 +119,19 @@ def _node(stage: StageSpec, prepared: Prepared) -> StageNode:
     wanted = {port.name for port in prepared.method.ports}
     used = {port: source for port, source in stage.inputs.items() if port in wanted}
     unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
-    return StageNode(stage.name, prepared.method, used, unused, stage.options, prepared.options, prepared.files,
-                prepared.code.digest, prepared.uses, prepared.code.modules, prepared.needs)  # fmt: skip
+    return StageNode(
+        stage.name,
+        prepared.method,
+        used,
+        unused,
+        stage.options,
+        prepared.options,
+        prepared.files,
+        prepared.code.digest,
+        prepared.uses,
+        prepared.code.modules,
+        prepared.needs,
+    )
 
 
 def _roles(
@@ -169,17 +180,26 @@ def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], erro
     for port, source in stage.inputs.items():
         if port not in ports:
             hint = did_you_mean(port, ports) or f"; it has {', '.join(ports) or 'none'}"
-            errors.append(SpecError(f"{role} has no port {port!r}{hint}",
-                                    where=spec.where_key(stage.name, "from", port)))  # fmt: skip
+            errors.append(
+                SpecError(f"{role} has no port {port!r}{hint}", where=spec.where_key(stage.name, "from", port))
+            )
         elif source not in spec.stages:
-            errors.append(SpecError(f"no stage {source!r}{did_you_mean(source, spec.stages)}",
-                                    where=spec.where(stage.name, "from", port),
-                                    remedy=_candidates(spec, stage.name, port, ports, roles)))  # fmt: skip
+            errors.append(
+                SpecError(
+                    f"no stage {source!r}{did_you_mean(source, spec.stages)}",
+                    where=spec.where(stage.name, "from", port),
+                    remedy=_candidates(spec, stage.name, port, ports, roles),
+                )
+            )
         elif source in roles and roles[source].kind != ports[port]:
             wanted, given = ports[port], roles[source].kind
-            errors.append(SpecError(f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
-                                    where=spec.where(stage.name, "from", port),
-                                    remedy=_candidates(spec, stage.name, port, ports, roles)))  # fmt: skip
+            errors.append(
+                SpecError(
+                    f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
+                    where=spec.where(stage.name, "from", port),
+                    remedy=_candidates(spec, stage.name, port, ports, roles),
+                )
+            )
 
 
 def _check_required(
@@ -187,10 +207,13 @@ def _check_required(
 ) -> None:
     for port in method.ports:
         if not port.optional and port.name not in stage.inputs:
-            errors.append(SpecError(f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
-                                    where=spec.where(stage.name, "from"),
-                                    remedy=_candidates(spec, stage.name, port.name, roles[stage.name].ports,
-                                                       roles)))  # fmt: skip
+            errors.append(
+                SpecError(
+                    f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
+                    where=spec.where(stage.name, "from"),
+                    remedy=_candidates(spec, stage.name, port.name, roles[stage.name].ports, roles),
+                )
+            )
 
 
 def _candidates(spec: Spec, stage: str, port: str, ports: Mapping[str, str], roles: Mapping[str, _Role]) -> str:
@@ -240,5 +263,8 @@ def _cycle(spec: Spec, cycle: list[str], position: Mapping[str, int]) -> SpecErr
     ring = ring[start:] + ring[:start]
     first, source = ring[0], ring[-1]
     port = next(port for port, given in spec.stages[first].inputs.items() if given == source)
-    return SpecError(f"stages wait for each other: {' -> '.join([*ring, first])}",
-                     where=spec.where(first, "from", port), remedy="remove one of these links")  # fmt: skip
+    return SpecError(
+        f"stages wait for each other: {' -> '.join([*ring, first])}",
+        where=spec.where(first, "from", port),
+        remedy="remove one of these links",
+    )

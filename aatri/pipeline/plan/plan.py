@@ -176,7 +176,7 @@ def plan(nodes: tuple[StageNode, ...], view: View, seed: int, selection: Selecti
 
 def decide(
     node: StageNode, digests: Mapping[str, str | None], view: View, seed: int, selection: Selection = Selection()
-) -> Decision:  # fmt: skip
+) -> Decision:
     """Decide on one stage.
 
     Parameters
@@ -209,9 +209,7 @@ def decide(
     return Decision(node.name, State.run, reasons, parts, key, selected=selected)
 
 
-def _serving(
-    stage: str, key: str, parts: Mapping[str, Any], view: View
-) -> tuple[Mapping[str, Any] | None, bool]:  # fmt: skip
+def _serving(stage: str, key: str, parts: Mapping[str, Any], view: View) -> tuple[Mapping[str, Any] | None, bool]:
     """The record under a key, or the one that the user accepts in its stead; and whether it is the latter."""
     record = view.record(stage, key)
     if record is not None and record["parts"] == parts:

@@ -21,9 +21,13 @@ def cannot_be_written(error: BaseException) -> bool:
 
 
 def finished(
-    spec: Spec, nodes: tuple[StageNode, ...], warned: Callable[[str, str], None], selection: Selection, view: StoreView,
+    spec: Spec,
+    nodes: tuple[StageNode, ...],
+    warned: Callable[[str, str], None],
+    selection: Selection,
+    view: StoreView,
     planned: Plan | None = None,
-) -> list[dict[str, Any]] | None:  # fmt: skip
+) -> list[dict[str, Any]] | None:
     """The records of a run in which there is nothing to do; None if there is something."""
     planned = planned or plan(nodes, view, spec.seed, selection)
     if planned.stale:

@@ -24,15 +24,11 @@ DONE, GATE_FAILED = "done", "gate_failed"
 
 def overview_of(spec: Spec, nodes: tuple[StageNode, ...], request: Mapping[str, Any]) -> dict[str, Any]:
     """What run.json says of a pipeline."""
-    stages = [
-        {"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes
-    ]  # fmt: skip
+    stages = [{"stage": n.name, "use": n.method.name, "from": dict(n.inputs), "kind": n.method.kind} for n in nodes]
     return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
 
 
-def is_settled(
-    spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, found: Unused, selection: Selection
-) -> bool:  # fmt: skip
+def is_settled(spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, found: Unused, selection: Selection) -> bool:
     """Whether the run folder shows just the results that the plan finds fresh, and the verdicts of their gates."""
     if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
         return False

@@ -79,8 +79,20 @@ def task_of(
 ) -> Task:
     """The task of a stage that is to run, with the records of the stages above it."""
     inputs = {port: records[stage] for port, stage in node.inputs.items()}
-    return Task(spec.run, node.name, node.method.name, node.method.version, node.written, node.options, spec.base,
-                inputs, decision.key or "", decision.parts, spec.seed, source)  # fmt: skip
+    return Task(
+        spec.run,
+        node.name,
+        node.method.name,
+        node.method.version,
+        node.written,
+        node.options,
+        spec.base,
+        inputs,
+        decision.key or "",
+        decision.parts,
+        spec.seed,
+        source,
+    )
 
 
 def failed(error: AatriError) -> TaskOutcome:

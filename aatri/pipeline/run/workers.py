@@ -59,8 +59,11 @@ def share_cores(jobs: int) -> None:
         If the process may have so little memory that numeric libraries end or stop it while they are loaded.
     """
     if _memory_limit() < LEAST_BYTES:
-        raise ResourceError(f"this process may take {_memory_limit() / 1e6:.0f} MB of memory, and libraries alone need "
-                            f"{LEAST_BYTES / 1e6:.0f} MB", remedy="raise the limit (ulimit -v)")  # fmt: skip
+        raise ResourceError(
+            f"this process may take {_memory_limit() / 1e6:.0f} MB of memory, and libraries alone need "
+            f"{LEAST_BYTES / 1e6:.0f} MB",
+            remedy="raise the limit (ulimit -v)",
+        )
     for name in _BLAS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault(_KERNELS, str(max(1, (os.cpu_count() or 1) // jobs)))
@@ -156,8 +159,10 @@ class _Processes:
             try:
                 outcome.set_result(done.result())
             except BrokenProcessPool:
-                died = ResourceError(f"the process of {task.stage} was ended from outside, perhaps for lack of memory",
-                                     remedy="fewer --jobs, or a machine with more memory")  # fmt: skip
+                died = ResourceError(
+                    f"the process of {task.stage} was ended from outside, perhaps for lack of memory",
+                    remedy="fewer --jobs, or a machine with more memory",
+                )
                 outcome.set_result(failed(died))
             except BaseException as error:
                 outcome.set_exception(error)

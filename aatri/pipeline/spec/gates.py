@@ -77,8 +77,13 @@ def read_gates(spec: Spec, errors: list[AatriError]) -> tuple[Gate, ...]:
     gates = []
     for stage, metrics in spec.gates.items():
         if not isinstance(metrics, dict) or not metrics:
-            errors.append(SpecError(f"gates of {stage}: {metrics!r}, not metrics with bounds",
-                                    where=spec.where_gate(stage), remedy=_REMEDY))  # fmt: skip
+            errors.append(
+                SpecError(
+                    f"gates of {stage}: {metrics!r}, not metrics with bounds",
+                    where=spec.where_gate(stage),
+                    remedy=_REMEDY,
+                )
+            )
             continue
         for metric, given in metrics.items():
             if given != OFF:
@@ -89,7 +94,7 @@ def read_gates(spec: Spec, errors: list[AatriError]) -> tuple[Gate, ...]:
 
 def judge(
     spec: Spec, records: Iterable[Mapping[str, Any]], stages: Collection[str] | None = None
-) -> tuple[Verdict, ...]:  # fmt: skip
+) -> tuple[Verdict, ...]:
     """Hold the figures of stages against their gates.
 
     Parameters
@@ -108,8 +113,9 @@ def judge(
     errors: list[AatriError] = []
     made = {
         str(r["stage"]): (figures_of(r), tuple(w for w in r["warnings"] if w.startswith(CONTRADICTION)))
-        for r in records if stages is None or r["stage"] in stages
-    }  # fmt: skip
+        for r in records
+        if stages is None or r["stage"] in stages
+    }
     verdicts = _contradicted(spec, made)
     for gate in read_gates(spec, errors):
         if gate.stage not in made:
@@ -117,8 +123,13 @@ def judge(
         figures = made[gate.stage][0]
         if gate.metric not in figures:
             hint = did_you_mean(gate.metric, figures) or f"; it has {', '.join(figures)}"
-            errors.append(SpecError(f"gate: {gate.stage} has no metric {gate.metric!r}{hint}", where=gate.where,
-                                    remedy="`aatri metrics` lists them"))  # fmt: skip
+            errors.append(
+                SpecError(
+                    f"gate: {gate.stage} has no metric {gate.metric!r}{hint}",
+                    where=gate.where,
+                    remedy="`aatri metrics` lists them",
+                )
+            )
             continue
         value = figures[gate.metric]
         verdicts.append(Verdict(gate, value if value is not None and math.isfinite(value) else None))

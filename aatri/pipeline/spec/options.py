@@ -28,8 +28,12 @@ def validated(
     """
     if card.options is None:
         for option in stage.options:
-            errors.append(SpecError(f"unknown option {option!r}; {card.name} takes no options",
-                                    where=spec.where_key(stage.name, "with", option)))  # fmt: skip
+            errors.append(
+                SpecError(
+                    f"unknown option {option!r}; {card.name} takes no options",
+                    where=spec.where_key(stage.name, "with", option),
+                )
+            )
         return None
     try:
         text = json.dumps(dict(stage.options))
@@ -77,8 +81,11 @@ def _located(spec: Spec, stage: StageSpec, card: StageCard, found: dict[str, Any
     if found["type"] == "extra_forbidden":
         known = _known_names(card.options, keys[:-1])
         hint = did_you_mean(str(keys[-1]), known) or f"; known are {', '.join(known) or 'none'}"
-        return SpecError(f"unknown option {dotted!r}{hint}", where=spec.where_key(stage.name, "with", *keys),
-                         remedy=f"see `aatri stages {card.name}`")  # fmt: skip
+        return SpecError(
+            f"unknown option {dotted!r}{hint}",
+            where=spec.where_key(stage.name, "with", *keys),
+            remedy=f"see `aatri stages {card.name}`",
+        )
     where = spec.where(stage.name, "with", *keys)
     if found["type"] == "missing":
         return SpecError(f"option {dotted!r} of {card.name} is missing", where=where, remedy=_about(card, keys))

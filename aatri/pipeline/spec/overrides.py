@@ -115,8 +115,9 @@ def with_variant(spec: Spec, name: str) -> Spec:
             written_at[(stage_name, "with", option)] = spec.document.where(*at, "with", option)
         written_at[(stage_name, "use")] = spec.document.where(*at, "use")
         stages[stage_name] = dataclasses.replace(stage, use=use, inputs=inputs, options=options)
-    return dataclasses.replace(spec, stages=stages, written_at=written_at, gates=gates, variant=name,
-                               run=spec.run / VARIANTS / name)  # fmt: skip
+    return dataclasses.replace(
+        spec, stages=stages, written_at=written_at, gates=gates, variant=name, run=spec.run / VARIANTS / name
+    )
 
 
 def _patched(old: Any, new: Any) -> Any:

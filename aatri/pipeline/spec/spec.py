@@ -122,8 +122,7 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
     gates = {} if gates_off else _gates(document, (GATES,), tuple(stages), errors)
     variants = _variants(document, tuple(stages), errors)
     raise_all(errors)
-    return Spec(path, run, seed, stages, variants, document, ignore=ignore, gates=gates,
-                gates_off=gates_off)  # fmt: skip
+    return Spec(path, run, seed, stages, variants, document, ignore=ignore, gates=gates, gates_off=gates_off)
 
 
 def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: list[AatriError]) -> Path:
@@ -144,8 +143,13 @@ def _ignored(document: Document, top: Mapping[str, Any], errors: list[AatriError
     names = top.get("ignore") or []
     if isinstance(names, list) and all(isinstance(name, str) for name in names):
         return tuple(names)
-    errors.append(SpecError(f"ignore is {names!r}, not a list of names", where=document.where("ignore"),
-                            remedy="ignore: [exterior.angles_rad]"))  # fmt: skip
+    errors.append(
+        SpecError(
+            f"ignore is {names!r}, not a list of names",
+            where=document.where("ignore"),
+            remedy="ignore: [exterior.angles_rad]",
+        )
+    )
     return ()
 
 
@@ -153,8 +157,13 @@ def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec
     at = ("stages", name)
     _check_name(document, at, "stage", errors)
     if name == GATES:
-        errors.append(SpecError(f"a stage cannot be named {name!r}: the key of the quality gates",
-                                where=document.where_key(*at), remedy="another name"))  # fmt: skip
+        errors.append(
+            SpecError(
+                f"a stage cannot be named {name!r}: the key of the quality gates",
+                where=document.where_key(*at),
+                remedy="another name",
+            )
+        )
     entry = _mapping(document, at, _STAGE_KEYS, errors)
     use = entry.get("use")
     if not isinstance(use, str) or not USE.fullmatch(use):
@@ -169,9 +178,13 @@ def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec
 def _check_name(document: Document, at: tuple[str, str], what: str, errors: list[AatriError]) -> None:
     """Names of stages and variants are names of files too."""
     if not is_stage_name(at[1]):
-        errors.append(SpecError(f"{clipped(at[1])!r} is no name of a {what}", where=document.where_key(*at),
-                                remedy=f"at most {MAX_NAME} small letters, digits and _, beginning with a "
-                                       "letter"))  # fmt: skip
+        errors.append(
+            SpecError(
+                f"{clipped(at[1])!r} is no name of a {what}",
+                where=document.where_key(*at),
+                remedy=f"at most {MAX_NAME} small letters, digits and _, beginning with a letter",
+            )
+        )
 
 
 def _inputs(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, str]:
@@ -209,7 +222,7 @@ def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriErr
 
 def _gates(
     document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Bounds by stage and metric; `gates.read_gates` checks them, with what variant and command line change."""
     gates = _mapping(document, at, None, errors)
     for stage in gates:
@@ -217,9 +230,7 @@ def _gates(
     return dict(gates)
 
 
-def _check_stage(
-    document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]
-) -> None:  # fmt: skip
+def _check_stage(document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]) -> None:
     if at[-1] not in stages:
         hint = did_you_mean(at[-1], stages)
         errors.append(SpecError(f"no stage {at[-1]!r}{hint}", where=document.where_key(*at)))

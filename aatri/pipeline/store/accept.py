@@ -57,8 +57,11 @@ def accept(run: Path, stage: str, old: Mapping[str, Any] | None, new: Mapping[st
         raise SpecError(f"{stage} has no result to accept", where=str(run), remedy="aatri run")
     changed = [name for name in new if old["parts"].get(name) != new[name] and name not in _ACCEPTABLE]
     if changed:
-        raise SpecError(f"of {stage} not only the code has changed but also {', '.join(changed)}", where=str(run),
-                        remedy="a new result is needed: aatri run")  # fmt: skip
+        raise SpecError(
+            f"of {stage} not only the code has changed but also {', '.join(changed)}",
+            where=str(run),
+            remedy="a new result is needed: aatri run",
+        )
     base = base_of(run)
     said = {"stage": stage, "old": old["key"], "new": key, "why": why, "by": getpass.getuser(), "time": now()}
     with on_disk(base / "accepted"):

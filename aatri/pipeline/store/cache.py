@@ -109,8 +109,9 @@ def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:
         return known["value"]
     seen = time.time_ns()
     value = compute(path)
-    if stat_of(path) == state and (known is None or known["stat"] != state or known["value"] != value
-                                   or max(state[1:3]) + _GRAIN_NS < seen):  # fmt: skip
+    if stat_of(path) == state and (
+        known is None or known["stat"] != state or known["value"] != value or max(state[1:3]) + _GRAIN_NS < seen
+    ):
         cache.put(key, {"stat": state, "seen": seen, "value": value})
     return value
 

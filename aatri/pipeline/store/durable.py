@@ -30,5 +30,8 @@ def on_disk(where: Path) -> Iterator[None]:
     except (ArtifactError, ResourceError):
         raise
     except OSError as error:
-        raise ResourceError(f"cannot write: {error.strerror or error}", where=str(error.filename or where),
-                            remedy="free space, check the permission, or use --into DIR") from error  # fmt: skip
+        raise ResourceError(
+            f"cannot write: {error.strerror or error}",
+            where=str(error.filename or where),
+            remedy="free space, check the permission, or use --into DIR",
+        ) from error

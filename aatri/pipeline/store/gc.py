@@ -86,8 +86,11 @@ def _referred(base: Path) -> Iterator[tuple[str, str]]:
                     if record is not None:
                         yield record["stage"], record["key"]
                         continue
-                raise ArtifactError("cannot be read, so it is not known what it refers to",
-                                    where=str(run / folder / name), remedy="aatri run writes it again")  # fmt: skip
+                raise ArtifactError(
+                    "cannot be read, so it is not known what it refers to",
+                    where=str(run / folder / name),
+                    remedy="aatri run writes it again",
+                )
 
 
 def _is_ours(base: Path, stage: str, key: str) -> bool:

@@ -95,8 +95,9 @@ def read(run: Path, *names: str) -> bytes:
     with open_regular(path, _NO_FOLLOW) as file:
         data = file.read(MAX_TEXT_BYTES + 1)
     if len(data) > MAX_TEXT_BYTES:
-        raise ArtifactError(f"larger than {MAX_TEXT_BYTES} bytes: not a file of a run", where=str(path),
-                            remedy="remove it")  # fmt: skip
+        raise ArtifactError(
+            f"larger than {MAX_TEXT_BYTES} bytes: not a file of a run", where=str(path), remedy="remove it"
+        )
     return data
 
 
@@ -238,5 +239,6 @@ def _not_a_folder(path: Path) -> str:
 
 def _foreign(path: Path, what: str) -> ArtifactError:
     shown = what if what.startswith("a ") else f"a {what}"
-    return ArtifactError(f"is {shown}, which aatri never puts there and does not follow", where=str(path),
-                         remedy="remove it")  # fmt: skip
+    return ArtifactError(
+        f"is {shown}, which aatri never puts there and does not follow", where=str(path), remedy="remove it"
+    )

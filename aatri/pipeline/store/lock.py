@@ -62,11 +62,15 @@ def _held(base: Path, *names: str, command: str, shared: bool) -> Iterator[None]
             _lock(handle, shared=shared)
         except OSError as error:
             if error.errno in _BUSY:
-                raise ResourceError(_busy(base, *names), where=str(path.parent),
-                                    remedy="wait until it ends, or use --into DIR") from error  # fmt: skip
+                raise ResourceError(
+                    _busy(base, *names), where=str(path.parent), remedy="wait until it ends, or use --into DIR"
+                ) from error
             if error.errno in _NO_LOCKS:
-                raise ResourceError(f"this file system has no locks ({error.strerror})", where=str(path),
-                                    remedy="--no-lock, if surely nothing else writes there") from error  # fmt: skip
+                raise ResourceError(
+                    f"this file system has no locks ({error.strerror})",
+                    where=str(path),
+                    remedy="--no-lock, if surely nothing else writes there",
+                ) from error
             raise ResourceError(f"cannot be locked: {error.strerror}", where=str(path)) from error
         if not shared:
             owner = {"pid": os.getpid(), "host": platform.node(), "command": command, "since": now()}

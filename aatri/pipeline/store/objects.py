@@ -70,8 +70,13 @@ def commit_object(
             inside.sync(folder)
         finally:
             temporary.unlink(missing_ok=True)
-        output = {"kind": artifact.kind, "file": final.name, "sha256": sha256, "size": size,
-                  "content_digest": content_digest}  # fmt: skip
+        output = {
+            "kind": artifact.kind,
+            "file": final.name,
+            "sha256": sha256,
+            "size": size,
+            "content_digest": content_digest,
+        }
         if with_log and inside.kind(run, "running", f"{stage}.log") == "file":
             log = inside.path_of(run, "running", f"{stage}.log")
             log.replace(inside.path_of(base, *at, "stage.log"))
@@ -127,9 +132,13 @@ def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
     try:
         path = artifact_file(run, record)
     except FileNotFoundError as error:
-        raise ArtifactError("the artifact of the record is gone", where=str(error.filename),
-                            remedy="aatri run") from error  # fmt: skip
+        raise ArtifactError(
+            "the artifact of the record is gone", where=str(error.filename), remedy="aatri run"
+        ) from error
     if file_sha256(path) != record["output"]["sha256"]:
-        raise ArtifactError("altered since it was written: its SHA-256 is not that of its record", where=str(path),
-                            remedy="aatri run makes it again")  # fmt: skip
+        raise ArtifactError(
+            "altered since it was written: its SHA-256 is not that of its record",
+            where=str(path),
+            remedy="aatri run makes it again",
+        )
     return hdf5.read(path, kind)

@@ -54,8 +54,9 @@ def read_json(run: Path, *names: str) -> dict[str, Any] | None:
     except OSError as error:
         if isinstance(error, ArtifactError):
             raise
-        raise ArtifactError(f"not readable: {error.strerror}", where=str(inside.path_of(run, *names)),
-                            remedy=_REMEDY) from error  # fmt: skip
+        raise ArtifactError(
+            f"not readable: {error.strerror}", where=str(inside.path_of(run, *names)), remedy=_REMEDY
+        ) from error
     where = str(inside.path_of(run, *names))
     try:
         value = strict_json(data)
@@ -92,8 +93,11 @@ def read_record(run: Path, *names: str) -> dict[str, Any] | None:
         return None
     where, remedy = str(inside.path_of(run, *names)), "aatri run makes the result again"
     if record.get("schema") != SCHEMA:
-        raise ArtifactError(f"a record of form {str(record.get('schema'))[:20]}; this aatri reads form {SCHEMA}",
-                            where=where, remedy=remedy)  # fmt: skip
+        raise ArtifactError(
+            f"a record of form {str(record.get('schema'))[:20]}; this aatri reads form {SCHEMA}",
+            where=where,
+            remedy=remedy,
+        )
     if record.get("seal") != seal(record):
         raise ArtifactError("the record was altered", where=where, remedy=remedy)
     _check(record, _RECORD, where, remedy)
@@ -188,28 +192,56 @@ def _key(value: Any) -> bool:
 
 _ANY = _by_name(lambda _: True)
 _PARTS = _with(
-    plugin=_text, version=_number, options=_ANY, files=_by_name(_text), inputs=_by_name(_text), code=_text,
-    schemas=_ANY, seed=_optional(_number), modules=_optional(_by_name(_text)),
-)  # fmt: skip
+    plugin=_text,
+    version=_number,
+    options=_ANY,
+    files=_by_name(_text),
+    inputs=_by_name(_text),
+    code=_text,
+    schemas=_ANY,
+    seed=_optional(_number),
+    modules=_optional(_by_name(_text)),
+)
 _RECORD: dict[str, Check] = {
-    "stage": is_stage_name, "key": _key, "plugin": _text, "version": _number, "options": _ANY,
-    "inputs": _by_name(_with(stage=is_stage_name, key=_key, content_digest=_text)), "parts": _PARTS,
-    "metrics": _by_name(_optional(_number)), "warnings": _list_of(_text), "started": _time, "ended": _time,
-    "seconds": _number, "environment": _by_name(_text),
+    "stage": is_stage_name,
+    "key": _key,
+    "plugin": _text,
+    "version": _number,
+    "options": _ANY,
+    "inputs": _by_name(_with(stage=is_stage_name, key=_key, content_digest=_text)),
+    "parts": _PARTS,
+    "metrics": _by_name(_optional(_number)),
+    "warnings": _list_of(_text),
+    "started": _time,
+    "ended": _time,
+    "seconds": _number,
+    "environment": _by_name(_text),
     "offers": _optional(_list_of(_with(name=_text, nature=_text, what=_text, where=_text, bears_on=_text))),
     "output": _with(kind=_text, file=lambda name: name == ARTIFACT, sha256=_text, size=_number, content_digest=_text),
-}  # fmt: skip
+}
 _REQUEST = _with(pipeline=_text, into=_text, variant=_text, set_=_list_of(_text), use=_list_of(_text))
 _GATE = _with(
-    stage=is_stage_name, metric=_text, min=_optional(_number), max=_optional(_number),
-    value=_optional(_number), passed=lambda value: isinstance(value, bool),
-)  # fmt: skip
+    stage=is_stage_name,
+    metric=_text,
+    min=_optional(_number),
+    max=_optional(_number),
+    value=_optional(_number),
+    passed=lambda value: isinstance(value, bool),
+)
 _OVERVIEW: dict[str, Check] = {
     "stages": _list_of(_with(stage=is_stage_name, use=_text, kind=_text, **{"from": _by_name(is_stage_name)})),
-    "request": _optional(lambda value: value == {} or _REQUEST(value)), "status": _text, "pipeline": _text,
-    "started": _optional(_text), "warnings": _optional(_list_of(_with(stage=_text, message=_text))),
+    "request": _optional(lambda value: value == {} or _REQUEST(value)),
+    "status": _text,
+    "pipeline": _text,
+    "started": _optional(_text),
+    "warnings": _optional(_list_of(_with(stage=_text, message=_text))),
     "gates": _optional(_list_of(lambda gate: _GATE(gate) and (gate["min"], gate["max"]) != (None, None))),
-}  # fmt: skip
+}
 _FAILURE: dict[str, Check] = {
-    "what": _text, "where": _text, "remedy": _text, "exit_code": _number, "ended": _text, "key": _optional(_text),
-}  # fmt: skip
+    "what": _text,
+    "where": _text,
+    "remedy": _text,
+    "exit_code": _number,
+    "ended": _text,
+    "key": _optional(_text),
+}

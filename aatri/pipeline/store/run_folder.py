@@ -174,8 +174,11 @@ def last_record(run: Path, stage: str) -> dict[str, Any] | None:
 def _own_record(run: Path, folder: str, stage: str) -> dict[str, Any] | None:
     record = read_record(run, folder, f"{stage}.json")
     if record is not None and record["stage"] != stage:
-        raise ArtifactError(f"the record of another stage, {record['stage']}",
-                            where=str(inside.path_of(run, folder, f"{stage}.json")), remedy="aatri run")  # fmt: skip
+        raise ArtifactError(
+            f"the record of another stage, {record['stage']}",
+            where=str(inside.path_of(run, folder, f"{stage}.json")),
+            remedy="aatri run",
+        )
     return record
 
 
@@ -196,8 +199,9 @@ def artifact_path(run: Path, stage: str) -> Path:
     try:
         return artifact_file(run, record)
     except FileNotFoundError as error:
-        raise ArtifactError("the artifact of the record is gone", where=str(error.filename),
-                            remedy="aatri run") from error  # fmt: skip
+        raise ArtifactError(
+            "the artifact of the record is gone", where=str(error.filename), remedy="aatri run"
+        ) from error
 
 
 def load(run: Path, stage: str, kind: type[A]) -> A:
@@ -249,5 +253,19 @@ def _link(source: Path, link: Path) -> None:
     temporary.replace(link)
 
 
-__all__ = ["artifact_path", "begin", "check_is_run", "commit", "current_record", "fail", "failure", "is_current",
-           "last_record", "load", "make_current", "read_overview", "withdraw", "write_json"]  # fmt: skip
+__all__ = [
+    "artifact_path",
+    "begin",
+    "check_is_run",
+    "commit",
+    "current_record",
+    "fail",
+    "failure",
+    "is_current",
+    "last_record",
+    "load",
+    "make_current",
+    "read_overview",
+    "withdraw",
+    "write_json",
+]

@@ -39,9 +39,11 @@ class Labels:
         for (x, y), text in zip(xy.tolist(), texts):
             wide = CHARACTER_PX * len(text)
             spots = (
-                (x + AWAY_PX, y + 3, "start"), (x - AWAY_PX, y + 3, "end"), (x, y - AWAY_PX, "middle"),
+                (x + AWAY_PX, y + 3, "start"),
+                (x - AWAY_PX, y + 3, "end"),
+                (x, y - AWAY_PX, "middle"),
                 (x, y + AWAY_PX + LINE_PX - 3, "middle"),
-            )  # fmt: skip
+            )
             for spot in spots:
                 mark = self._write(*spot, wide, text, class_)
                 if mark is not None:

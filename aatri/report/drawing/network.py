@@ -71,8 +71,13 @@ def network_picture(block: Block, solution: Solution) -> Picture | None:
     fixed, new = points[is_control[points]], points[~is_control[points]]
     labels = Labels(plan.width_px, plan.height_px)
     names, left = labels.around(plan.px(ground[points[:MOST_NAMES]]), block.points.id[points[:MOST_NAMES]].tolist())
-    marks += [*drawn, svg.dots(plan.px(ground[new]), "new"), svg.triangles(plan.px(ground[fixed]), "control"), *names,
-              *furniture(plan)]  # fmt: skip
+    marks += [
+        *drawn,
+        svg.dots(plan.px(ground[new]), "new"),
+        svg.triangles(plan.px(ground[fixed]), "control"),
+        *names,
+        *furniture(plan),
+    ]
     caption = f"Network: {len(lines)} lines observed between {len(points)} points, control as triangles"
     caption += f", {int(wrong.sum())} with a rejected observation" if wrong.any() else ""
     caption += f"; standard ellipses enlarged {scale:g} times" if scale else ""

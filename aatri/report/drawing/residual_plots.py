@@ -31,17 +31,13 @@ Vectors = dict[str, tuple[Float, Float]]
 """Places and differences by class, both (n, 3) float64, m; a difference is NaN where a coordinate takes no part."""
 
 
-def plan_vectors(
-    groups: Vectors, title: str = "Differences", between: str = "solution minus given"
-) -> Picture | None:  # fmt: skip
+def plan_vectors(groups: Vectors, title: str = "Differences", between: str = "solution minus given") -> Picture | None:
     """Differences in X and Y as vectors; None where there is nothing to draw."""
     on_screen = {name: (xyz, d[:, :2] * [1.0, -1.0]) for name, (xyz, d) in groups.items()}
     return _vectors(on_screen, f"{title} in plan, {between}")
 
 
-def height_bars(
-    groups: Vectors, title: str = "Differences", between: str = "solution minus given"
-) -> Picture | None:  # fmt: skip
+def height_bars(groups: Vectors, title: str = "Differences", between: str = "solution minus given") -> Picture | None:
     """Differences in Z as vertical bars, up is too high; None where there is nothing to draw."""
     on_screen = {name: (xyz, d[:, [2]] * [0.0, -1.0]) for name, (xyz, d) in groups.items()}
     return _vectors(on_screen, f"{title} in height, {between}")

@@ -107,8 +107,9 @@ def plan_of(xy_m: Float, *, width: float = 720.0, margin: float = 30.0, most_hei
     scale = (width - 2 * margin) / max(east - west, 0.2 * extent)
     scale = min(scale, (most_height - 2 * margin) / max(north - south, 0.2 * extent))
     left = (width - scale * (east - west)) / 2
-    return GroundPlan(float(scale), float(west), float(north), float(left), margin, width,
-                float(scale * (north - south) + 2 * margin))  # fmt: skip
+    return GroundPlan(
+        float(scale), float(west), float(north), float(left), margin, width, float(scale * (north - south) + 2 * margin)
+    )
 
 
 @dataclass(frozen=True)

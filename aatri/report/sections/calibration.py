@@ -83,9 +83,16 @@ def _film(solution: Solution) -> PageTable | None:
         mine = np.flatnonzero(film & (p.name == name))
         sigma = p.sigma[mine][np.isfinite(p.sigma[mine])]  # none where the bundle gave no standard deviations
         worst = mine[int(np.argmax(np.abs(p.value[mine])))]
-        rows.append((str(name), str(units[worst]), str(p.object[worst]), number(len(mine)),
-                     number(float(np.sqrt((p.value[mine] ** 2).mean()))),
-                     number(float(np.sqrt((sigma**2).mean())) if len(sigma) else np.nan),
-                     number(float(np.abs(p.value[worst])))))  # fmt: skip
+        rows.append(
+            (
+                str(name),
+                str(units[worst]),
+                str(p.object[worst]),
+                number(len(mine)),
+                number(float(np.sqrt((p.value[mine] ** 2).mean()))),
+                number(float(np.sqrt((sigma**2).mean())) if len(sigma) else np.nan),
+                number(float(np.abs(p.value[worst]))),
+            )
+        )
     heads = ("film correction", "unit", "largest in", "images", "RMS", "RMS sigma", "largest")
     return PageTable("Film corrections per image, in figures", heads, rows, 3)

@@ -72,8 +72,11 @@ def strips_table(errors: StripErrors | None) -> PageTable | None:
     """Errors of free strips by number of the model."""
     if errors is None:
         return None
-    thousandths = {"height, RMS": errors.rms[:, 2], "law": errors.law[:, 2],
-                   **{f"mean d{a}": errors.mean[:, i] for i, a in enumerate("XYZ")}}  # fmt: skip
+    thousandths = {
+        "height, RMS": errors.rms[:, 2],
+        "law": errors.law[:, 2],
+        **{f"mean d{a}": errors.mean[:, i] for i, a in enumerate("XYZ")},
+    }
     columns: Columns = {
         "model": [str(model) for model in errors.model],
         "strips": errors.strips,

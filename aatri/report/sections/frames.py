@@ -32,8 +32,10 @@ def _of_adjustment(block: Block) -> PageTable | None:
     except AatriError as error:
         return PageTable("Frame of the adjustment", ("", ""), [("none", str(error))], 2)
     geodesy = geodesy_of(block, frame)
-    rows = [("adjusted in", "a tangent frame of the ellipsoid" if frame is not None else "the block's own frame"),
-            ("earth_curvature", block.earth_curvature)]  # fmt: skip
+    rows = [
+        ("adjusted in", "a tangent frame of the ellipsoid" if frame is not None else "the block's own frame"),
+        ("earth_curvature", block.earth_curvature),
+    ]
     if geodesy is not None:
         origin = np.zeros((1, 3))
         place = ", ".join(f"{value:.0f}" for value in geodesy.to_block(origin)[0])
@@ -42,8 +44,10 @@ def _of_adjustment(block: Block) -> PageTable | None:
             D = geodesy.derivatives_at(origin)[0]
             true, grid = geodesy.true_axes_at(origin)[0], geodesy.axes_at(origin)[0]
             turn = np.degrees(np.arctan2(grid[:, 1] @ true[:, 0], grid[:, 1] @ true[:, 1]))
-            rows += [("scale of the map there", f"{np.sqrt(abs(np.linalg.det(D[:2, :2]))):.7f}"),
-                     ("convergence of the map there, deg", f"{turn:.5f}")]  # fmt: skip
+            rows += [
+                ("scale of the map there", f"{np.sqrt(abs(np.linalg.det(D[:2, :2]))):.7f}"),
+                ("convergence of the map there, deg", f"{turn:.5f}"),
+            ]
     if np.isfinite(block.undulation_m):
         rows.append(("undulation, m", f"{block.undulation_m:g}"))
     return PageTable("Frame of the adjustment", ("", ""), rows, 2)

@@ -52,12 +52,22 @@ def _by_kind(solution: Solution) -> PageTable | None:
         unit = str(residuals.unit[np.flatnonzero(mine)[0]])
         found, effect = size[np.isfinite(size)], tests.external[mine]
         moved = tests.point_moved_m[mine]
-        rows.append((
-            str(kind), unit, number(int(known.sum())), number(float(r[known].mean())), number(float(r[known].min())),
-            number(int((r[known] < UNCONTROLLED).sum())),
-            number(float(np.median(found))) if len(found) else DASH, number(float(found.max())) if len(found) else DASH,
-            _of(np.nanmedian, effect), _of(np.nanmax, effect), _of(np.nanmax, moved), _of(np.nanmax, np.abs(w)),
-        ))  # fmt: skip
+        rows.append(
+            (
+                str(kind),
+                unit,
+                number(int(known.sum())),
+                number(float(r[known].mean())),
+                number(float(r[known].min())),
+                number(int((r[known] < UNCONTROLLED).sum())),
+                number(float(np.median(found))) if len(found) else DASH,
+                number(float(found.max())) if len(found) else DASH,
+                _of(np.nanmedian, effect),
+                _of(np.nanmax, effect),
+                _of(np.nanmax, moved),
+                _of(np.nanmax, np.abs(w)),
+            )
+        )
     heads = (
         *("observations", "unit", "tested", "mean redundancy", "smallest", "uncontrolled", "median detectable error"),
         *("largest", "median external", "largest external", "largest effect on a point (m)", "largest |w|"),

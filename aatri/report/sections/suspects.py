@@ -18,8 +18,12 @@ def suspects_tables(suspects: Suspects) -> list[PageTable]:
     if not len(suspects):
         return []
     counts = Counter(zip(suspects.stage.tolist(), suspects.kind.tolist(), suspects.verdict.tolist()))
-    summary = PageTable("Suspects by stage and kind", ("tested by", "observation", "verdict", "count"),
-                        [(*key, number(n)) for key, n in sorted(counts.items())], 3)  # fmt: skip
+    summary = PageTable(
+        "Suspects by stage and kind",
+        ("tested by", "observation", "verdict", "count"),
+        [(*key, number(n)) for key, n in sorted(counts.items())],
+        3,
+    )
     order = np.argsort(-np.abs(np.nan_to_num(suspects.test)), kind="stable")
     columns: Columns = {
         "tested by": suspects.stage,

@@ -121,11 +121,18 @@ def residual_classes(solution: Solution) -> PageTable | None:
         worst = used[int(np.argmax(size))]
         where = " / ".join(filter(None, (str(residuals.image[worst]), str(residuals.point[worst]))))
         normalised = float(np.sqrt(np.mean((v[weighted] / sigma[weighted]) ** 2))) if weighted.any() else None
-        rows.append((
-            str(kind), unit, where or DASH, number(len(used)), number(int((residuals.kind == kind).sum() - len(used))),
-            number(factor * float(np.sqrt(np.mean(v[known] ** 2)))) if known.any() else DASH,
-            number(normalised), number(factor * float(size.max())),
-        ))  # fmt: skip
+        rows.append(
+            (
+                str(kind),
+                unit,
+                where or DASH,
+                number(len(used)),
+                number(int((residuals.kind == kind).sum() - len(used))),
+                number(factor * float(np.sqrt(np.mean(v[known] ** 2)))) if known.any() else DASH,
+                number(normalised),
+                number(factor * float(size.max())),
+            )
+        )
     heads = ("observations", "unit", "largest at", "used", "rejected", "RMS residual", "RMS of v / sigma", "largest")
     return PageTable("Residuals (adjusted minus observed) by kind", heads, rows, 3) if rows else None
 

@@ -16,9 +16,13 @@ from tests.stages.chain import simulated
 
 BLOCKS = 12
 FILM = {
-    "flight": {"strips": 2, "images_per_strip": 6, "cross_strips": 0}, "known": {"full": 8}, "earth": "flat",
-    "camera": {"distortion": "none"}, "refraction": "none", "ties": {"new_points": 150},
-}  # fmt: skip
+    "flight": {"strips": 2, "images_per_strip": 6, "cross_strips": 0},
+    "known": {"full": 8},
+    "earth": "flat",
+    "camera": {"distortion": "none"},
+    "refraction": "none",
+    "ties": {"new_points": 150},
+}
 
 
 def nees(block: Block, models: Models) -> float:

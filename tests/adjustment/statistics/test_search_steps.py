@@ -87,9 +87,11 @@ def test_what_could_not_move_the_added_standard_deviation_is_rejected_only_with_
             return 1.0
 
     found = search(
-        lambda before, use, tau: Watched(tau, lambda _: 1.0, tests, int((~use).sum())), np.ones(2000, bool), RULE,
+        lambda before, use, tau: Watched(tau, lambda _: 1.0, tests, int((~use).sum())),
+        np.ones(2000, bool),
+        RULE,
         _pool(2000),
-    )  # fmt: skip
+    )
     assert np.flatnonzero(~found.active).tolist() == [100, 700]
     assert any(robust and out for robust, out in asked) == first_robust
     assert asked[-1] == (False, 2)

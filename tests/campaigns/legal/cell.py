@@ -66,10 +66,7 @@ def covering(seed: int = 1) -> list[Cell]:
     Source: Cohen et al. 1997, The AETG system.
     """
     names, rng = list(FACTORS), np.random.default_rng(seed)
-    pairs = {
-        (a, x, b, y)
-        for i, a in enumerate(names) for b in names[i + 1 :] for x in FACTORS[a] for y in FACTORS[b]
-    }  # fmt: skip
+    pairs = {(a, x, b, y) for i, a in enumerate(names) for b in names[i + 1 :] for x in FACTORS[a] for y in FACTORS[b]}
     cells: list[Cell] = []
     while pairs:
         a, x, b, y = sorted(pairs)[rng.integers(len(pairs))]

@@ -275,7 +275,8 @@ def _far_away(scene: Scene, rng: np.random.Generator) -> None:
     xy = -camera["c"] * u[:, :2] / u[:, 2:]
     scene.far_point = len(scene.xyz_m)
     scene.xyz_m = np.vstack([scene.xyz_m, np.full(3, np.nan)])
-    scene.true_rays = Rays(np.append(rays.image, images), np.append(rays.point, np.full(3, scene.far_point)),
-                           np.vstack([rays.xy_mm, xy]))  # fmt: skip
+    scene.true_rays = Rays(
+        np.append(rays.image, images), np.append(rays.point, np.full(3, scene.far_point)), np.vstack([rays.xy_mm, xy])
+    )
     noise = rng.normal(0, IMAGE_MM[scene.cell.camera], xy.shape)
     scene.xy_mm = np.vstack([scene.xy_mm, xy + np.array([camera["x0"], camera["y0"]]) + noise])

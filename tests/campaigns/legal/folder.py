@@ -65,20 +65,32 @@ def write_block(scene: Scene, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     cell, images, points = scene.cell, scene.image_ids, scene.point_ids
     (folder / "block.yaml").write_text(_block_yaml(cell))
-    _table(folder / "images.csv", "image,camera,strip,sequence",
-           [(i, "cam", f"s{s + 1}", k + 1) for i, s, k in zip(images, scene.strip, scene.sequence)])  # fmt: skip
+    _table(
+        folder / "images.csv",
+        "image,camera,strip,sequence",
+        [(i, "cam", f"s{s + 1}", k + 1) for i, s, k in zip(images, scene.strip, scene.sequence)],
+    )
     rng = np.random.default_rng([cell.seed, 20])
     place = [_placed(rng) for _ in images]
     rays = scene.true_rays
     xy = [_as_measured(scene.xy_mm[k], place[rays.image[k]], cell) for k in range(len(scene.xy_mm))]
-    _table(folder / "image_points.csv", "image,point,x,y",
-           [(images[i], points[p], *v) for i, p, v in zip(rays.image, rays.point, xy)])  # fmt: skip
+    _table(
+        folder / "image_points.csv",
+        "image,point,x,y",
+        [(images[i], points[p], *v) for i, p, v in zip(rays.image, rays.point, xy)],
+    )
     if cell.camera == "film":
-        marks = [(i, name, *_as_measured(np.array(mark) + rng.normal(0, FIDUCIAL_MM, 2), at, cell))
-                 for i, at in zip(images, place) for name, mark in MARKS_MM.items()]  # fmt: skip
+        marks = [
+            (i, name, *_as_measured(np.array(mark) + rng.normal(0, FIDUCIAL_MM, 2), at, cell))
+            for i, at in zip(images, place)
+            for name, mark in MARKS_MM.items()
+        ]
         _table(folder / "fiducials.csv", "image,fiducial,x,y", marks)
-    ground = [(points[p], *xyz, role) for role, rows, given in (("control", scene.control, scene.control_m),
-              ("check", scene.check, scene.check_m)) for p, xyz in zip(rows, given)]  # fmt: skip
+    ground = [
+        (points[p], *xyz, role)
+        for role, rows, given in (("control", scene.control, scene.control_m), ("check", scene.check, scene.check_m))
+        for p, xyz in zip(rows, given)
+    ]
     _table(folder / "ground_points.csv", "point,X,Y,Z,role", ground)
     _exterior(scene, folder)
 

@@ -92,8 +92,13 @@ def network_of(scene: Scene, *, taken_in: bool = False) -> Network:
     of_images[used[firm]] = np.sqrt((root[firm] ** 2).sum(axis=1))
     poses = of_images[: 6 * n].reshape(n, 6)
     weak = bool(np.nanmax(of_points, initial=0.0) > WEAK * HEIGHT_M)
-    return Network(np.flatnonzero(np.isfinite(poses).all(axis=1)), np.flatnonzero(np.isfinite(of_points).all(axis=1)),
-                   of_points, _size(scene, poses[:, :3], of_points), weak)  # fmt: skip
+    return Network(
+        np.flatnonzero(np.isfinite(poses).all(axis=1)),
+        np.flatnonzero(np.isfinite(of_points).all(axis=1)),
+        of_points,
+        _size(scene, poses[:, :3], of_points),
+        weak,
+    )
 
 
 def _size(scene: Scene, of_images: Float, of_points: Float) -> float:

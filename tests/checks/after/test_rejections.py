@@ -16,12 +16,17 @@ from tests.made_solutions import made_block, made_solution
 def _suspects() -> Suspects:
     n = 4
     return Suspects(
-        kind=np.array(["control", "control", "image_point", "control"]), row=np.arange(n, dtype=np.int32),
-        image=np.array(["", "", "i1", ""]), point=np.array(["A", "B", "p", "C"]),
-        stage=np.array(["absolute_orientation"] * 3 + ["strip_formation"]), size=np.array([0.5, 2.0, 0.03, 9.0]),
-        unit=np.array(["m", "m", "mm", "m"]), sigma=np.full(n, 0.1), test=np.array([5.0, 20.0, 6.0, 90.0]),
+        kind=np.array(["control", "control", "image_point", "control"]),
+        row=np.arange(n, dtype=np.int32),
+        image=np.array(["", "", "i1", ""]),
+        point=np.array(["A", "B", "p", "C"]),
+        stage=np.array(["absolute_orientation"] * 3 + ["strip_formation"]),
+        size=np.array([0.5, 2.0, 0.03, 9.0]),
+        unit=np.array(["m", "m", "mm", "m"]),
+        sigma=np.full(n, 0.1),
+        test=np.array([5.0, 20.0, 6.0, 90.0]),
         verdict=np.array(["rejected", "rejected", "kept", "rejected"]),
-    )  # fmt: skip
+    )
 
 
 def test_rejections_of_the_stage_are_warnings_the_largest_first() -> None:
@@ -40,9 +45,15 @@ def _rejected(given: np.ndarray, seen: np.ndarray, rows: list[int]) -> list[tupl
     xyz[control.row[:n]] = given
     block = replace(block, ground_points=replace(block.ground_points, xyz_m=xyz))
     residuals = Residuals(
-        kind=np.full(n, "control"), row=control.row[:n], image=np.full(n, ""), point=block.points.id[control.point[:n]],
-        residual=seen - given, sigma=np.full((n, 3), 0.01), active=~np.isin(np.arange(n), rows), unit=np.full(n, "m"),
-    )  # fmt: skip
+        kind=np.full(n, "control"),
+        row=control.row[:n],
+        image=np.full(n, ""),
+        point=block.points.id[control.point[:n]],
+        residual=seen - given,
+        sigma=np.full((n, 3), 0.01),
+        active=~np.isin(np.arange(n), rows),
+        unit=np.full(n, "m"),
+    )
     return [f.ids for f in exchanged_numbers(block, made_solution(block, residuals=residuals))]
 
 

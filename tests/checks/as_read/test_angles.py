@@ -33,8 +33,15 @@ def _rays(height: float = 800.0, seed: int = 4, error_m: float = 0.0) -> Control
         rows += [(i, k, *xy[k]) for k in np.flatnonzero((np.abs(xy) < 110).all(axis=1))]
     table = np.array(rows)
     image, point = table[:, 0].astype(int), table[:, 1].astype(int)
-    return ControlRays(image, point, table[:, 2:], np.zeros((len(table), 2)), np.full(len(table), C_MM),
-                station + chance.normal(0, error_m, station.shape), control)  # fmt: skip
+    return ControlRays(
+        image,
+        point,
+        table[:, 2:],
+        np.zeros((len(table), 2)),
+        np.full(len(table), C_MM),
+        station + chance.normal(0, error_m, station.shape),
+        control,
+    )
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
@@ -130,8 +137,14 @@ def test_a_single_image_of_another_camera_is_named() -> None:
 
 def test_two_rays_say_nothing() -> None:
     rays = _rays()
-    few = replace(rays, image=rays.image[:2], point=rays.point[:2], xy_mm=rays.xy_mm[:2] * 9,
-                  principal_point_mm=rays.principal_point_mm[:2], c_mm=rays.c_mm[:2])  # fmt: skip
+    few = replace(
+        rays,
+        image=rays.image[:2],
+        point=rays.point[:2],
+        xy_mm=rays.xy_mm[:2] * 9,
+        principal_point_mm=rays.principal_point_mm[:2],
+        c_mm=rays.c_mm[:2],
+    )
     assert contradiction(few) is None
 
 

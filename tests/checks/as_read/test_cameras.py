@@ -16,8 +16,9 @@ ZERO = np.zeros(3, dtype=np.int64)
 
 
 def test_a_line_per_camera_tells_what_is_given_and_nothing_of_a_camera_of_which_nothing_is() -> None:
-    bare = Cameras(["c", "bare"], np.array([150.0, np.nan]), np.array([[115.0, 115.0], [np.nan, np.nan]]),
-                   np.array([0.02, np.nan]))  # fmt: skip
+    bare = Cameras(
+        ["c", "bare"], np.array([150.0, np.nan]), np.array([[115.0, 115.0], [np.nan, np.nan]]), np.array([0.02, np.nan])
+    )
     (finding,) = camera_figures(bare, ZERO, np.array([740.0, 750.0, 760.0]))
     # 2 atan(115 sqrt(2) / 150) = 94.6 deg; 750 m away at c = 150 mm: 1 : 5,000, 0.02 mm are 0.1 m
     assert str(finding) == (

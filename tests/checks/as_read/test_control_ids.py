@@ -20,10 +20,19 @@ def named(old: str, new: str, points: int = 10) -> Written:
     return of
 
 
-@pytest.mark.parametrize(("old", "new"), [
-    ("GCP-", "gcp-"), ("Größe", "GRÖSSE"), (unicodedata.normalize("NFD", "é"), "é"), ("G", "Ｇ"), ("P0", "P"),
-    ("00", ""), ("P_", "P-"), ("P ", "P"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("GCP-", "gcp-"),
+        ("Größe", "GRÖSSE"),
+        (unicodedata.normalize("NFD", "é"), "é"),
+        ("G", "Ｇ"),
+        ("P0", "P"),
+        ("00", ""),
+        ("P_", "P-"),
+        ("P ", "P"),
+    ],
+)
 def test_control_under_other_names_is_an_error_that_names_them(tmp_path: Path, old: str, new: str) -> None:
     if old == "P ":
         old, new = "P 1-", "P_1-"

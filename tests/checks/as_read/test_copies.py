@@ -93,8 +93,9 @@ def test_a_geodetic_observation_copied_counts_once_but_not_two_of_a_set(tmp_path
     assert [r[:2] for r in rejects(block)] == [("geodetic", "distance p1 p2")]
 
 
-@pytest.mark.parametrize("name", ["images.csv", "fiducials.csv", "ground_points.csv", "exterior.csv",
-                                  "covariances.csv"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name", ["images.csv", "fiducials.csv", "ground_points.csv", "exterior.csv", "covariances.csv"]
+)
 def test_a_row_copied_in_any_table_counts_once(tmp_path: Path, name: str) -> None:
     row = FILES[name].splitlines()[2 if name != "covariances.csv" else 1]
     heard = Heard()

@@ -19,11 +19,14 @@ def test_points_spread_over_the_image_are_no_error_and_no_warning(cameras: Camer
     assert not [finding for finding in coverage(cameras, OF, XY) if finding.level != "note"]
 
 
-@pytest.mark.parametrize(("factor", "what"), [
-    (1e-3, "its 40 image points lie within"),  # metres
-    (1 / 25.4, "its 40 image points lie within"),  # inches
-    (1e3, "mm from the middle of the image"),  # micrometres
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("factor", "what"),
+    [
+        (1e-3, "its 40 image points lie within"),  # metres
+        (1 / 25.4, "its 40 image points lie within"),  # inches
+        (1e3, "mm from the middle of the image"),  # micrometres
+    ],
+)
 def test_another_unit_is_an_error_that_names_the_camera(factor: float, what: str) -> None:
     (error,) = coverage(FILM, OF, factor * XY)
     assert error.level == "error"

@@ -41,11 +41,15 @@ class Written:
             ]
 
     def read(self, folder: Path, reporter: Any = None) -> Block:
-        about = {"aatri_block": 1, "name": "s", "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
-                 "earth_curvature": "ignore", "units": {"sigma_image": "um", "sigma_ground": "m", "ground": "m",
-                                                        "angle": "deg"},
-                 "sigma": {"image": 5, "control": [1, 1, 1], "position": [1, 1, 1]},
-                 "cameras": {"c": {**self.camera, "distortion": {"model": "none"}}}}  # fmt: skip
+        about = {
+            "aatri_block": 1,
+            "name": "s",
+            "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
+            "earth_curvature": "ignore",
+            "units": {"sigma_image": "um", "sigma_ground": "m", "ground": "m", "angle": "deg"},
+            "sigma": {"image": 5, "control": [1, 1, 1], "position": [1, 1, 1]},
+            "cameras": {"c": {**self.camera, "distortion": {"model": "none"}}},
+        }
         (folder / "block.yaml").write_text(yaml.safe_dump(about))
         write(folder / "images.csv", "image,camera", [f"{i},c" for i in self.images])
         write(
@@ -106,8 +110,12 @@ def test_a_pixel_point_may_lie_as_much_outside_from_its_own_origin(
     tmp_path: Path, origin: str, low: tuple[float, float], high: tuple[float, float], axis: int
 ) -> None:
     camera = {**PIXEL, "pixel": {"size": 0.005, "origin": origin, "y": "down"}}
-    for value, is_out in ((low[axis] + 0.1, False), (low[axis] - 0.1, True), (high[axis] - 0.1, False),
-                          (high[axis] + 0.1, True)):  # fmt: skip
+    for value, is_out in (
+        (low[axis] + 0.1, False),
+        (low[axis] - 0.1, True),
+        (high[axis] - 0.1, False),
+        (high[axis] + 0.1, True),
+    ):
         of = Written(camera)
         of.points[29] = "i2,p9,2500,1500"  # all in a corner would be another unit
         xy = [13.0, 12.875]

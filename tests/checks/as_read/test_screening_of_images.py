@@ -22,9 +22,15 @@ def more_images(points: int) -> Written:
 def test_an_image_needs_three_points(tmp_path: Path, points: int, stays: bool) -> None:
     block = more_images(points).read(tmp_path)
     assert block.images.active.tolist().count(False) == (not stays)
-    expected = [] if stays else [("image", "few", "fewer than 3 points and no observed position"),
-                                 ("image_point", "few/p0", "its image is rejected"),
-                                 ("image_point", "few/p1", "its image is rejected")]  # fmt: skip
+    expected = (
+        []
+        if stays
+        else [
+            ("image", "few", "fewer than 3 points and no observed position"),
+            ("image_point", "few/p0", "its image is rejected"),
+            ("image_point", "few/p1", "its image is rejected"),
+        ]
+    )
     assert rejects(block) == expected
 
 
@@ -34,8 +40,9 @@ def test_the_same_point_twice_is_one_point_of_an_image(tmp_path: Path) -> None:
     assert ("image", "few", "fewer than 3 points and no observed position") in rejects(of.read(tmp_path))
 
 
-@pytest.mark.parametrize(("cells", "stays"), [("1,2,3,observed", True), ("1,2,3,approximate", False),
-                                              ("1,2,,observed", False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("cells", "stays"), [("1,2,3,observed", True), ("1,2,3,approximate", False), ("1,2,,observed", False)]
+)
 def test_an_image_with_an_observed_position_stays(tmp_path: Path, cells: str, stays: bool) -> None:
     of = more_images(1)
     of.exterior = [f"few,{cells}", "i0,5,6,7,observed"]
@@ -80,6 +87,8 @@ def test_every_reject_is_said_aloud(tmp_path: Path) -> None:
     of.points[13] = "i1,p3,500,0"
     of.read(tmp_path, heard)
     said = [line for line in heard.warned if line.startswith("rejected: ")]
-    assert said == ["rejected: image few: fewer than 3 points and no observed position",
-                    "rejected: image_point few/p0: its image is rejected",
-                    "rejected: image_point i1/p3: outside the image format"]  # fmt: skip
+    assert said == [
+        "rejected: image few: fewer than 3 points and no observed position",
+        "rejected: image_point few/p0: its image is rejected",
+        "rejected: image_point i1/p3: outside the image format",
+    ]

@@ -15,8 +15,16 @@ from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.geodetic_blocks import made
 
-SURVEY = {"survey": {"distances": 20, "direction_sets": 4, "azimuths": 8, "angles": 8, "zenith_angles": 10,
-                     "height_differences": 8}}  # fmt: skip
+SURVEY = {
+    "survey": {
+        "distances": 20,
+        "direction_sets": 4,
+        "azimuths": 8,
+        "angles": 8,
+        "zenith_angles": 10,
+        "height_differences": 8,
+    }
+}
 
 
 def _told(block: Block) -> list[str]:

@@ -123,8 +123,13 @@ def test_a_film_block_is_written_from_its_corrected_image_points(tmp_path: Path)
     solution: Solution = made_solution(block)
     (written,) = write_bal_problem(solution, block, tmp_path, image_points=None)  # photo coordinates, no distortion
     assert _cost_of_the_file_near(written) < 1e-18
-    k1 = CameraParameters(camera=np.array([0]), name=np.array(["k1"]), value=np.array([1e-8]),
-                          sigma=np.array([np.nan]), free=np.array([False]))  # fmt: skip
+    k1 = CameraParameters(
+        camera=np.array([0]),
+        name=np.array(["k1"]),
+        value=np.array([1e-8]),
+        sigma=np.array([np.nan]),
+        free=np.array([False]),
+    )
     brown = dataclasses.replace(block.cameras, distortion=np.array(["brown"]))
     bent = dataclasses.replace(block, cameras=brown, camera_parameters=k1)
     with pytest.raises(InputError, match="camera cam: distortion brown is a correction"):
@@ -143,14 +148,16 @@ def _cost_of_the_file_near(path: Path) -> float:
 def _image_points(block: Block) -> ip.ImagePoints:
     rows = block.image_points
     return ip.ImagePoints(
-        images=ip.ImageIds(id=block.images.id), points=ip.PointIds(id=block.points.id),
+        images=ip.ImageIds(id=block.images.id),
+        points=ip.PointIds(id=block.points.id),
         measurements=ip.Measurements(
             image=rows.image, point=rows.point, xy_mm=rows.xy, sigma_mm=rows.sigma_mm, active=rows.active
         ),
-        interior=ip.Interior.empty(), fiducial_residuals=ip.FiducialResiduals.empty(),
+        interior=ip.Interior.empty(),
+        fiducial_residuals=ip.FiducialResiduals.empty(),
         corrections=ip.Corrections(name=np.array(["distortion"]), largest_mm=np.array([0.0])),
         suspects=Suspects.empty(),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(

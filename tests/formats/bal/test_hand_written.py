@@ -13,8 +13,9 @@ from aatri.formats.bal.reader import read_problem
 from aatri.geometry.rotations import rotation_from_angles
 from tests.reading import read_bal
 
-CAMERAS = np.array([[0.1, -0.2, 0.3, 1.0, -2.0, -9.0, 500.0, 1e-3, -2e-4],
-                    [-0.3, 0.1, 2.0, -1.5, 0.5, -12.0, 620.0, -3e-3, 5e-5]])  # fmt: skip
+CAMERAS = np.array(
+    [[0.1, -0.2, 0.3, 1.0, -2.0, -9.0, 500.0, 1e-3, -2e-4], [-0.3, 0.1, 2.0, -1.5, 0.5, -12.0, 620.0, -3e-3, 5e-5]]
+)
 """Rotation vector, translation, f, k1, k2: P = R X + t, p = -P / P.z, f (1 + k1 |p|^2 + k2 |p|^4) p, in pixels."""
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, -1.0], [-2.0, 1.0, 0.5], [0.5, -1.5, 1.0]])
 
@@ -56,8 +57,10 @@ def test_the_block_photographs_its_points_as_the_problem_does(tmp_path: Path) ->
     assert (rows.sigma_mm == 0.0005).all()
     assert (block.cameras.pixel_size_mm == 0.001).all()
     assert block.cameras.pixel_y.tolist() == ["up", "up"]
-    named = {(int(c), str(n)): (v, bool(free)) for c, n, v, free in
-             zip(*(getattr(block.camera_parameters, n) for n in ("camera", "name", "value", "free")))}  # fmt: skip
+    named = {
+        (int(c), str(n)): (v, bool(free))
+        for c, n, v, free in zip(*(getattr(block.camera_parameters, n) for n in ("camera", "name", "value", "free")))
+    }
     assert named[0, "k1"] == (1e-3, True)
     assert named[1, "k2"] == (5e-5, True)
     assert rows.line[(rows.image == 1) & (rows.point == 2)].tolist() == [7]

@@ -193,9 +193,20 @@ def _unit(q: list[float]) -> np.ndarray:
 
 @pytest.mark.parametrize(
     "model",
-    ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV",
-     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_FISHEYE", "FISHEYE"],
-)  # fmt: skip
+    [
+        "SIMPLE_PINHOLE",
+        "PINHOLE",
+        "SIMPLE_RADIAL",
+        "RADIAL",
+        "OPENCV",
+        "OPENCV_FISHEYE",
+        "FULL_OPENCV",
+        "SIMPLE_RADIAL_FISHEYE",
+        "RADIAL_FISHEYE",
+        "SIMPLE_FISHEYE",
+        "FISHEYE",
+    ],
+)
 @pytest.mark.parametrize("binary", [False, True])
 def test_every_camera_model_projects_as_pycolmap_does(tmp_path: Path, model: str, binary: bool) -> None:
     pycolmap = pytest.importorskip("pycolmap")

@@ -14,11 +14,16 @@ SXB_OFFSET_M = np.array([999779.50631, 112260.591, 139.8321])
 """What the reports of SXB and its exports are reduced by: control file minus control points of the f-op0 export."""
 
 INTERIOR = {
-    "Camera Constant": "c", "px - principal point x": "px", "py - principal point y": "py",
-    "K1 - radial distortion 1": "k1", "K2 - radial distortion 2": "k2", "K3 - radial distortion 3": "k3",
-    "P1 - decentering distortion 1": "p1", "P2 - decentering distortion 2": "p2",
+    "Camera Constant": "c",
+    "px - principal point x": "px",
+    "py - principal point y": "py",
+    "K1 - radial distortion 1": "k1",
+    "K2 - radial distortion 2": "k2",
+    "K3 - radial distortion 3": "k3",
+    "P1 - decentering distortion 1": "p1",
+    "P2 - decentering distortion 2": "p2",
     "as - off-unit aspect parameter": "as",
-}  # fmt: skip
+}
 EXTERIOR = ("Omega", "Phi", "Kappa", "Xc", "Yc", "Zc")
 
 

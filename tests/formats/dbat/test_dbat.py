@@ -58,9 +58,9 @@ def _interior(block: Block) -> np.ndarray:
     values = dict(zip(block.camera_parameters.name.tolist(), block.camera_parameters.value.tolist()))
     names = ("k1", "k2", "k3", "p1", "p2", "as")
     cameras = block.cameras
-    return np.array([
-        cameras.principal_distance_mm[0], *cameras.principal_point_mm[0], *(values.get(name, 0.0) for name in names)
-    ])  # fmt: skip
+    return np.array(
+        [cameras.principal_distance_mm[0], *cameras.principal_point_mm[0], *(values.get(name, 0.0) for name in names)]
+    )
 
 
 @pytest.mark.parametrize("case", ["f-op0", "w-op0", "w-op1"])
@@ -203,8 +203,16 @@ def test_adjusting_the_calibration_block_gives_the_report_to_all_printed_digits(
 def test_the_calibration_has_its_parameters_free(shared_data: Path) -> None:
     parameters = _camcal(shared_data).camera_parameters
     assert parameters.name.tolist() == [
-        "as", "k1", "k2", "k3", "p1", "p2", "principal_distance", "principal_point.x", "principal_point.y"
-    ]  # fmt: skip
+        "as",
+        "k1",
+        "k2",
+        "k3",
+        "p1",
+        "p2",
+        "principal_distance",
+        "principal_point.x",
+        "principal_point.y",
+    ]
     assert parameters.free.all()
     assert parameters.value[:3].tolist() == pytest.approx([7.25319 / 2272 * 1704 / 5.43764 - 1, 0.00498, -0.0001])
 

@@ -67,23 +67,39 @@ def test_a_negative_exponent_makes_no_degrees(tmp_path: Path) -> None:
     assert block.geodetic.value[block.geodetic.line == 16][0] == pytest.approx(7e-5 * math.pi / 200)
 
 
-@pytest.mark.parametrize(("old", "new", "line", "what"), [
-    ("1100.25", "12_043.305", 7, "thousands"), ("1100.25", "١١٠٠", 7, "not ASCII"),
-    ("1100.25", "1100,25", 7, "comma"),
-    ("1100.25", "1e999", 7, "too large"), ("1100.25", "nan", 7, "not a finite"), ("1100.25", "0x1F", 7, "not a number"),
-    ("45-00-59.5", "87-", 11, "not an angle"), ("45-00-59.5", "45-61-00", 11, "not an angle"),
-    ("45-00-59.5", "4_5-00-59.5", 11, "not an angle"), ("45-00-59.5", "45-00-5٩", 11, "not an angle"),
-    ('"3 2 0.5"', '"3 mm"', 5, "'mm'"), ('"3 2 0.5"', '"1 2 3 4"', 5, "4 numbers"), ('"10"', '"10 1"', 5, "2 numbers"),
-    ('"3 2 0.5"', '"3 2 1e9"', 12, "no number"), ('stdev="2"', 'stdev="-2"', 11, "impossible stdev"),
-    ('stdev="2"', 'stdev="1e60"', 11, "not the standard deviation of a measurement"),
-    ('dim="2"', 'dim="1e99"', 17, "whole number"), ('dim="2"', 'dim="9999999999"', 17, "dimension"),
-    ("25 10 100", "25 50 100", 16, "not positive definite"), ("25 10 100", "25 1٠ 100", 17, "not ASCII"),
-    ('"P"', f'"{"P" * 256}"', 8, "no id"), ('"P"', '"P&#x85;"', 8, "no id"),
-    ('id="B"', 'id="A"', 7, "twice"),
-    ("utf-8", "klingon-1", 1, "not known"), ("utf-8", "base64", 1, "not known"), ("utf-8", "ascii", 2, "not ascii"),
-    ("<gama-local ", '<!DOCTYPE gama-local [<!ENTITY e "5">]><gama-local ', 2, "entity"),
-    ("1100.25", "11&nix;00", 7, "entity"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "line", "what"),
+    [
+        ("1100.25", "12_043.305", 7, "thousands"),
+        ("1100.25", "١١٠٠", 7, "not ASCII"),
+        ("1100.25", "1100,25", 7, "comma"),
+        ("1100.25", "1e999", 7, "too large"),
+        ("1100.25", "nan", 7, "not a finite"),
+        ("1100.25", "0x1F", 7, "not a number"),
+        ("45-00-59.5", "87-", 11, "not an angle"),
+        ("45-00-59.5", "45-61-00", 11, "not an angle"),
+        ("45-00-59.5", "4_5-00-59.5", 11, "not an angle"),
+        ("45-00-59.5", "45-00-5٩", 11, "not an angle"),
+        ('"3 2 0.5"', '"3 mm"', 5, "'mm'"),
+        ('"3 2 0.5"', '"1 2 3 4"', 5, "4 numbers"),
+        ('"10"', '"10 1"', 5, "2 numbers"),
+        ('"3 2 0.5"', '"3 2 1e9"', 12, "no number"),
+        ('stdev="2"', 'stdev="-2"', 11, "impossible stdev"),
+        ('stdev="2"', 'stdev="1e60"', 11, "not the standard deviation of a measurement"),
+        ('dim="2"', 'dim="1e99"', 17, "whole number"),
+        ('dim="2"', 'dim="9999999999"', 17, "dimension"),
+        ("25 10 100", "25 50 100", 16, "not positive definite"),
+        ("25 10 100", "25 1٠ 100", 17, "not ASCII"),
+        ('"P"', f'"{"P" * 256}"', 8, "no id"),
+        ('"P"', '"P&#x85;"', 8, "no id"),
+        ('id="B"', 'id="A"', 7, "twice"),
+        ("utf-8", "klingon-1", 1, "not known"),
+        ("utf-8", "base64", 1, "not known"),
+        ("utf-8", "ascii", 2, "not ascii"),
+        ("<gama-local ", '<!DOCTYPE gama-local [<!ENTITY e "5">]><gama-local ', 2, "entity"),
+        ("1100.25", "11&nix;00", 7, "entity"),
+    ],
+)
 def test_what_is_wrong_is_told_with_its_line(tmp_path: Path, old: str, new: str, line: int, what: str) -> None:
     text = NETWORK.replace(old, new)
     if new == "ascii":

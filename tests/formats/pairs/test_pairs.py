@@ -73,8 +73,10 @@ def test_what_contradicts_is_named_with_its_line(tmp_path: Path, second: str, to
 def test_a_real_pair_is_oriented_as_the_block_reader_has_it(shared_data: Path, tmp_path: Path) -> None:
     """Photos 319 and 320 of rc30_2x3, written as a pair file."""
     data = shared_data / "rc30_2x3" / "Data" / "relative_orientation"
-    left, right = ([line.split() for line in (data / f"{n}.txt").read_text().splitlines() if line.strip()]
-                   for n in ("0319", "0320"))  # fmt: skip
+    left, right = (
+        [line.split() for line in (data / f"{n}.txt").read_text().splitlines() if line.strip()]
+        for n in ("0319", "0320")
+    )
     of = {row[0]: row[1:] for row in right[1:]}
     lines = [" ".join(left[0][:3]), *(" ".join([*row, *of[row[0]]]) for row in left[1:])]
     made = folder(tmp_path / "strip", **{"319-320": "\n".join(lines)})

@@ -15,8 +15,9 @@ def test_a_declared_system_is_written_and_a_local_one_is_none(tmp_path: Path) ->
     block = made_block()
     assert write_crs(block, tmp_path) is None
     assert list(tmp_path.iterdir()) == []
-    frames = replace(block.frames, crs=np.array(["EPSG:32650"]), vertical=np.array(["EPSG:5773"]),
-                     axes=np.array(["north,east,up"]))  # fmt: skip
+    frames = replace(
+        block.frames, crs=np.array(["EPSG:32650"]), vertical=np.array(["EPSG:5773"]), axes=np.array(["north,east,up"])
+    )
     path = write_crs(replace(block, frames=frames), tmp_path)
     assert path == tmp_path / "crs.txt"
     assert path.read_text() == "crs: EPSG:32650\nvertical: EPSG:5773\naxes: east,north,up\nunit: m\n"

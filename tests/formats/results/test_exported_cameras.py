@@ -36,8 +36,10 @@ def test_a_real_block_whose_distortion_is_zero_is_written_for_colmap_and_read_ba
     write_colmap_model(solution, block, tmp_path / "model", image_points=calibrated(block))
     again = read_colmap(tmp_path / "model", max_reject_share=0.1)  # one point is seen once, and no control there
     assert sorted(again.images.id) == sorted(block.images.id)
-    np.testing.assert_allclose(again.cameras.principal_distance_mm / again.cameras.pixel_size_mm[:, 0],
-                               block.cameras.principal_distance_mm / block.cameras.pixel_size_mm[:, 0])  # fmt: skip
+    np.testing.assert_allclose(
+        again.cameras.principal_distance_mm / again.cameras.pixel_size_mm[:, 0],
+        block.cameras.principal_distance_mm / block.cameras.pixel_size_mm[:, 0],
+    )
 
 
 def test_with_a_number_it_is_refused(made: tuple[Block, Solution], tmp_path: Path) -> None:
@@ -62,13 +64,21 @@ def test_a_refused_export_leaves_no_folder_behind(made: tuple[Block, Solution], 
 def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(tmp_path: Path) -> None:
     """Independent check: pinhole projection of the written model meets its written rays as the noise is, 1 um."""
     camera = {
-        "kind": "digital", "principal_distance_mm": 50.0, "format": (6000.0, 4000.0), "pixel_size_mm": 0.006,
-        "distortion": "brown", "brown": {"k1": 3e-6, "p1": 2e-6}, "distortion_known": False,
-    }  # fmt: skip
+        "kind": "digital",
+        "principal_distance_mm": 50.0,
+        "format": (6000.0, 4000.0),
+        "pixel_size_mm": 0.006,
+        "distortion": "brown",
+        "brown": {"k1": 3e-6, "p1": 2e-6},
+        "distortion_known": False,
+    }
     block = simulated(
-        camera=camera, flight={"strips": 2, "images_per_strip": 5, "side_overlap": 60.0}, noise={"image_um": 1.0},
-        refraction="none", known={"full": 8},
-    )  # fmt: skip
+        camera=camera,
+        flight={"strips": 2, "images_per_strip": 5, "side_overlap": 60.0},
+        noise={"image_um": 1.0},
+        refraction="none",
+        known={"full": 8},
+    )
     points = calibrated(block)
     start = graph(block, points, rng=np.random.default_rng(1))
     solution = bundle(block, points, start, options=BundleOptions(self_calibration={"set": "brown_conrady"}))
@@ -89,8 +99,10 @@ def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(
 
 def _written(folder: Path) -> tuple[Float, list[tuple[Float, Float, Float]], dict[int, Float]]:
     """f cx cy of the camera, (quaternion, translation, rays) of images, points by name: as COLMAP defines them."""
-    lines = {name: [row.split() for row in (folder / f"{name}.txt").read_text().splitlines() if row[:1] != "#"]
-             for name in ("cameras", "images", "points3D")}  # fmt: skip
+    lines = {
+        name: [row.split() for row in (folder / f"{name}.txt").read_text().splitlines() if row[:1] != "#"]
+        for name in ("cameras", "images", "points3D")
+    }
     assert lines["cameras"][0][1] == "SIMPLE_PINHOLE"
     images = [
         (np.array(head[1:5], float), np.array(head[5:8], float), np.array(rays, float).reshape(-1, 3))

@@ -30,8 +30,9 @@ def test_an_interior_orientation_is_told_as_adjusted(of: Hand, way: str, tmp_pat
     seen = of.xy_mm * TRUE[0] / C_MM + TRUE[1:] - PRINCIPAL_POINT_MM
     sigmas = {"principal_distance": float("inf"), "principal_point": [float("inf"), 0.5]}
     camera = {"sigmas": sigmas} if way == "model" else {}
-    block, points = read(tmp_path / "b", of, ground=ground_rows(of, range(30)), exterior=exterior(rows), xy_mm=seen,
-                         camera=camera)  # fmt: skip
+    block, points = read(
+        tmp_path / "b", of, ground=ground_rows(of, range(30)), exterior=exterior(rows), xy_mm=seen, camera=camera
+    )
     options = {} if way == "model" else {"self_calibration": {"set": "brown_conrady"}}
     found = bundle(block, points, start(of, block), options=BundleOptions(blunders="none", tolerance=1e-6, **options))
     np.testing.assert_allclose(found.cameras.principal_distance_mm, TRUE[:1], atol=3e-4)

@@ -22,33 +22,67 @@ from tests.made_solutions import made_block, made_solution
 def full_solution():
     nan = np.nan
     residuals = Residuals(
-        kind=["image_point", "image_point", "control"], row=[0, 1, 0], image=["1-0", "1-1", ""],
-        point=["p00", "p10", "p00"], residual=[[0.001, 0.002, nan], [0.03, 0.0, nan], [0.01, 0.0, 0.02]],
-        sigma=[[0.005, 0.005, nan], [0.005, 0.005, nan], [0.02, 0.02, 0.0]], active=[True, False, True],
-        unit=["mm", "mm", "m"])  # fmt: skip
+        kind=["image_point", "image_point", "control"],
+        row=[0, 1, 0],
+        image=["1-0", "1-1", ""],
+        point=["p00", "p10", "p00"],
+        residual=[[0.001, 0.002, nan], [0.03, 0.0, nan], [0.01, 0.0, 0.02]],
+        sigma=[[0.005, 0.005, nan], [0.005, 0.005, nan], [0.02, 0.02, 0.0]],
+        active=[True, False, True],
+        unit=["mm", "mm", "m"],
+    )
     tests = Reliability(
         redundancy=[[0.6, 0.7, nan], [0.5, 0.5, nan], [0.3, 0.3, nan]],
         test=[[0.26, -0.48, nan], [8.5, 0.0, nan], [-0.9, 0.0, nan]],
         detectable=[[0.027, 0.025, nan], [0.029, 0.029, nan], [0.15, 0.15, nan]],
-        external=[[3.4, 2.7, nan], [4.1, 4.1, nan], [6.3, 6.3, nan]], point_moved_m=np.full((3, 3), 0.01),
-        image_moved_m=np.full((3, 3), 0.02), image_turned_rad=np.full((3, 3), 1e-5))  # fmt: skip
+        external=[[3.4, 2.7, nan], [4.1, 4.1, nan], [6.3, 6.3, nan]],
+        point_moved_m=np.full((3, 3), 0.01),
+        image_moved_m=np.full((3, 3), 0.02),
+        image_turned_rad=np.full((3, 3), 1e-5),
+    )
     suspects = Suspects(
-        kind=["control", "image_point"], row=[0, 1], image=["", "1-1"], point=["p00", "p10"],
-        stage=["absolute_orientation", "bundle_adjustment"], size=[0.1, 0.06], unit=["m", "mm"], sigma=[0.025, 0.007],
-        test=[4.0, -8.5], verdict=["rejected", "rejected"])  # fmt: skip
+        kind=["control", "image_point"],
+        row=[0, 1],
+        image=["", "1-1"],
+        point=["p00", "p10"],
+        stage=["absolute_orientation", "bundle_adjustment"],
+        size=[0.1, 0.06],
+        unit=["m", "mm"],
+        sigma=[0.025, 0.007],
+        test=[4.0, -8.5],
+        verdict=["rejected", "rejected"],
+    )
     parameters = Parameters(
-        group=["film", "additional", "additional", "additional"], object=["1-0", "cam", "cam", "cam"],
-        name=["film correction d0", "k1", "k2", "p1"], value=[1e-4, 3e-8, 0.0, 2e-6],
-        sigma=[1e-3, 2e-9, 0.0, 1e-6])  # fmt: skip
+        group=["film", "additional", "additional", "additional"],
+        object=["1-0", "cam", "cam", "cam"],
+        name=["film correction d0", "k1", "k2", "p1"],
+        value=[1e-4, 3e-8, 0.0, 2e-6],
+        sigma=[1e-3, 2e-9, 0.0, 1e-6],
+    )
     covariances = ParameterCovariances(
-        first=[1, 1, 1, 2, 2, 3], second=[1, 2, 3, 2, 3, 3],
-        covariance=[4e-18, 0.0, -1e-15, 0.0, 0.0, 1e-12])  # fmt: skip
+        first=[1, 1, 1, 2, 2, 3], second=[1, 2, 3, 2, 3, 3], covariance=[4e-18, 0.0, -1e-15, 0.0, 0.0, 1e-12]
+    )
     sets = CalibratedSets(
-        object=["cam"], camera=["cam"], per=["camera"], set=["brown_conrady"], interior=[False], parameters=[3],
-        principal_distance_mm=[150.0], principal_point_mm=[[0.0, 0.0]], half_format_mm=[[115.0, 115.0]],
-        base_mm=[90.0])  # fmt: skip
-    return replace(made_solution(made_block()), residuals=residuals, tests=tests, suspects=suspects,
-                   parameters=parameters, parameter_covariances=covariances, calibrated_sets=sets)  # fmt: skip
+        object=["cam"],
+        camera=["cam"],
+        per=["camera"],
+        set=["brown_conrady"],
+        interior=[False],
+        parameters=[3],
+        principal_distance_mm=[150.0],
+        principal_point_mm=[[0.0, 0.0]],
+        half_format_mm=[[115.0, 115.0]],
+        base_mm=[90.0],
+    )
+    return replace(
+        made_solution(made_block()),
+        residuals=residuals,
+        tests=tests,
+        suspects=suspects,
+        parameters=parameters,
+        parameter_covariances=covariances,
+        calibrated_sets=sets,
+    )
 
 
 def test_the_worst_comes_first_by_id_and_with_its_unit() -> None:
@@ -57,17 +91,27 @@ def test_the_worst_comes_first_by_id_and_with_its_unit() -> None:
     assert "row" not in readable(solution, "suspects").head
     residuals = as_records(readable(solution, "residuals"))
     assert [(r["kind"], r["image"], r["unit"]) for r in residuals] == [
-        ("image_point", "1-1", "mm"), ("control", "", "m"), ("image_point", "1-0", "mm")]  # fmt: skip
+        ("image_point", "1-1", "mm"),
+        ("control", "", "m"),
+        ("image_point", "1-0", "mm"),
+    ]
     tests = as_records(readable(solution, "tests"))
     assert [(t["point"], t["test.x"], t["detectable.x"]) for t in tests] == [
-        ("p10", 8.5, 0.029), ("p00", -0.9, 0.15), ("p00", 0.26, 0.027)]  # fmt: skip
+        ("p10", 8.5, 0.029),
+        ("p00", -0.9, 0.15),
+        ("p00", 0.26, 0.027),
+    ]
     assert tests[0]["redundancy.x"] == 0.5
 
 
 def test_parameters_of_cameras_come_before_film_and_have_units() -> None:
     rows = as_records(readable(full_solution(), "parameters"))
     assert [(r["name"], r["unit"]) for r in rows] == [
-        ("k1", "mm^-2"), ("k2", "mm^-4"), ("p1", "mm^-1"), ("film correction d0", "mm")]  # fmt: skip
+        ("k1", "mm^-2"),
+        ("k2", "mm^-4"),
+        ("p1", "mm^-1"),
+        ("film correction d0", "mm"),
+    ]
 
 
 def test_what_is_left_off_is_counted() -> None:
@@ -110,10 +154,15 @@ def test_an_export_has_suspects_tests_correlations_and_empty_cells_for_what_was_
     suspects = _read(tmp_path / "suspects.csv")
     assert [(r["kind"], r["image"], r["w"], r["size"], r["unit"], r["verdict"]) for r in suspects] == [
         ("control", "", "4.0", "0.1", "m", "rejected"),
-        ("image_point", "1-1", "-8.5", "0.06", "mm", "rejected")]  # fmt: skip
+        ("image_point", "1-1", "-8.5", "0.06", "mm", "rejected"),
+    ]
     tests = _read(tmp_path / "tests.csv")
     assert (tests[1]["wx"], tests[1]["redundancy_x"], tests[1]["detectable_x"], tests[1]["active"]) == (
-        "8.5", "0.5", "0.029", "no")  # fmt: skip
+        "8.5",
+        "0.5",
+        "0.029",
+        "no",
+    )
     assert tests[1]["wz"] == ""
     assert [r["active"] for r in _read(tmp_path / "residuals.csv")] == ["yes", "no", "yes"]
     parameters = {r["name"]: r for r in _read(tmp_path / "parameters.csv")}
@@ -123,4 +172,5 @@ def test_an_export_has_suspects_tests_correlations_and_empty_cells_for_what_was_
     assert float(correlations["k1", "k1"]) == pytest.approx(1.0)
     assert not any("k2" in pair for pair in correlations)
     assert _read(tmp_path / "frame.csv") == [
-        {"frame": "map", "axes": "east,north,up", "crs": "EPSG:32650", "vertical": "EPSG:5773"}]  # fmt: skip
+        {"frame": "map", "axes": "east,north,up", "crs": "EPSG:32650", "vertical": "EPSG:5773"}
+    ]

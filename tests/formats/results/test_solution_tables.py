@@ -131,10 +131,12 @@ def test_a_folder_that_cannot_be_made_is_an_error_with_its_place(tmp_path):
 
 def test_what_nothing_controls_and_proposed_numbers_have_tables_if_there_are_any(tmp_path):
     block = made_block()
-    uncontrolled = Uncontrolled(kind=["control"], row=[0], image=[""], point=["p1"], redundancy=[0.004],
-                                direction=[[0.6, 0.8, np.nan]])  # fmt: skip
-    proposed = ProposedNumbers(kind=["image_point"], row=[3], image=["1-0"], point=["p1"], proposed=["p2"],
-                               exchanged=[True])  # fmt: skip
+    uncontrolled = Uncontrolled(
+        kind=["control"], row=[0], image=[""], point=["p1"], redundancy=[0.004], direction=[[0.6, 0.8, np.nan]]
+    )
+    proposed = ProposedNumbers(
+        kind=["image_point"], row=[3], image=["1-0"], point=["p1"], proposed=["p2"], exchanged=[True]
+    )
     solution = dataclasses.replace(made_solution(block), uncontrolled=uncontrolled, proposed_numbers=proposed)
     write_solution_tables(solution, block, tmp_path)
     (row,) = _read(tmp_path / "uncontrolled.csv")
@@ -150,12 +152,25 @@ def test_what_nothing_controls_and_proposed_numbers_have_tables_if_there_are_any
 def test_an_evaluation_has_tables_of_figures_differences_and_single_models(tmp_path):
     three = [[0.1, np.nan, -0.3]]
     evaluation = Evaluation(
-        verdict="", figures=Figures(name=["check_rmse_x_m"], value=[0.25]),
+        verdict="",
+        figures=Figures(name=["check_rmse_x_m"], value=[0.25]),
         differences=Differences(point=["p1"], kind=["check"], difference_m=three, sigma_m=three, rays=[3]),
-        models=SingleModels(left=["1"], right=["2"], points=[7], base_m=[500.0], parallax_rms_um=[4.5],
-                            parallax_max_um=[9.0], parallax_max_at=["p1"], w_rms=[np.nan], adjusted_rms_m=three,
-                            control_points=[0], control_rms_m=three, check_points=[1], check_rms_m=three),
-    )  # fmt: skip
+        models=SingleModels(
+            left=["1"],
+            right=["2"],
+            points=[7],
+            base_m=[500.0],
+            parallax_rms_um=[4.5],
+            parallax_max_um=[9.0],
+            parallax_max_at=["p1"],
+            w_rms=[np.nan],
+            adjusted_rms_m=three,
+            control_points=[0],
+            control_rms_m=three,
+            check_points=[1],
+            check_rms_m=three,
+        ),
+    )
     names = [path.name for path in write_evaluation_tables(evaluation, tmp_path)]
     assert names == ["figures.csv", "differences.csv", "models.csv"]
     assert _read(tmp_path / "figures.csv") == [{"name": "check_rmse_x_m", "value": "0.25"}]

@@ -89,8 +89,14 @@ def test_degrees_minutes_seconds(tmp_path: Path) -> None:
     yaml = FILES["block.yaml"].replace("angle: gon", "angle: dms")
     exterior = "image,a1,a2,a3\na1,0-30-00,-1-15-36,90-0-0\n"
     geodetic = "type,from,to,value,sigma\nazimuth,K,1,45-30-0.0,0-0-5\n"
-    changes = {"block.yaml": yaml, "exterior.csv": exterior, "geodetic.csv": geodetic, "covariances.csv": None,
-               "relative_control.yaml": None, **replaced("image_points.csv", ",no\n", ",\n")}  # fmt: skip
+    changes = {
+        "block.yaml": yaml,
+        "exterior.csv": exterior,
+        "geodetic.csv": geodetic,
+        "covariances.csv": None,
+        "relative_control.yaml": None,
+        **replaced("image_points.csv", ",no\n", ",\n"),
+    }
     block = read_block(write_folder(tmp_path / "block", changes))
     np.testing.assert_allclose(np.degrees(block.exterior.angles_rad[0]), [0.5, -1.26, 90.0], rtol=1e-14)
     assert math.degrees(block.geodetic.value[0]) == pytest.approx(45.5, rel=1e-15)

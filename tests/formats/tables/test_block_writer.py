@@ -32,8 +32,9 @@ def test_a_written_block_reads_back_the_same(tmp_path: Path, axes: str) -> None:
 
 
 def test_rejects_are_found_again(tmp_path: Path) -> None:
-    points = FILES["image_points.csv"] + "".join(f"t{k},{i},{k},{k}\n".replace("\n", ",,,,\n") for k in range(60)
-                                                 for i in ("a1", "a2"))  # fmt: skip
+    points = FILES["image_points.csv"] + "".join(
+        f"t{k},{i},{k},{k}\n".replace("\n", ",,,,\n") for k in range(60) for i in ("a1", "a2")
+    )
     points += "lonely,a1,3,3,,,,\nfar,d2,9000,100,,,,\nfar,a1,9,9,,,,\n"
     ground = FILES["ground_points.csv"] + "unseen,1,2,3,1,1,1,,,\n"
     block = read_block(write_folder(tmp_path / "b", {"image_points.csv": points, "ground_points.csv": ground}))

@@ -13,9 +13,13 @@ from aatri.tables.schema import columns_of
 
 PAGE = (Path(__file__).parents[3] / "docs" / "formats.md").read_text(encoding="utf-8")
 OF_BLOCK = {
-    "images.csv": kinds.Images, "image_points.csv": kinds.MeasuredPoints, "fiducials.csv": kinds.FiducialPoints,
-    "ground_points.csv": kinds.GroundPoints, "exterior.csv": kinds.Exterior, "geodetic.csv": kinds.Geodetic,
-}  # fmt: skip
+    "images.csv": kinds.Images,
+    "image_points.csv": kinds.MeasuredPoints,
+    "fiducials.csv": kinds.FiducialPoints,
+    "ground_points.csv": kinds.GroundPoints,
+    "exterior.csv": kinds.Exterior,
+    "geodetic.csv": kinds.Geodetic,
+}
 
 
 @pytest.mark.parametrize("name", TABLES)

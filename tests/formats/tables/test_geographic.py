@@ -74,8 +74,12 @@ def test_a_geographic_block_is_that_of_the_map(tmp_path: Path) -> None:
 
 
 def test_what_is_counted_in_axes_is_refused_by_name(tmp_path: Path) -> None:
-    block = made(2, 1000.0, survey={"azimuths": 2, "map_distances": 2, "baselines": 1,
-                                    "relative": {"coordinate_difference": 3}}, **IMU)  # fmt: skip
+    block = made(
+        2,
+        1000.0,
+        survey={"azimuths": 2, "map_distances": 2, "baselines": 1, "relative": {"coordinate_difference": 3}},
+        **IMU,
+    )
     folder = tmp_path / "block"
     write_block(block, folder)
     _as_geographic(folder)
@@ -110,10 +114,17 @@ def test_the_map_is_the_utm_zone_on_the_datum(crs: str, zone: str) -> None:
 @pytest.mark.parametrize("vertical", ["", ", vertical: EPSG:5773"])
 def test_ellipsoidal_positions_beside_an_undulation_are_levelled_by_it(tmp_path: Path, vertical: str) -> None:
     """h = H + N, with and without a geoid whose grid is not installed; the plan is pyproj's."""
-    folder = write_folder(tmp_path / "block", replaced("block.yaml", "crs: EPSG:32650}", f"""\
+    folder = write_folder(
+        tmp_path / "block",
+        replaced(
+            "block.yaml",
+            "crs: EPSG:32650}",
+            f"""\
 crs: EPSG:32650{vertical}}}
   wgs: {{axes: [latitude, longitude, height], crs: EPSG:4979}}
-undulation: -9.5"""))  # fmt: skip
+undulation: -9.5""",
+        ),
+    )
     (folder / "exterior.csv").write_text("image,X,Y,Z,sX,sY,sZ,frame\na1,40.7,116.4,390.0,1,1,1,wgs\n")
     block = read_block(folder)
     east, north = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32650", always_xy=True).transform(116.4, 40.7)

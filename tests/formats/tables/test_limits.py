@@ -46,13 +46,18 @@ LIMITS: dict[str, tuple[str, str, str, str, str]] = {
     "pairs": (RELATIVE, "[[K, 1], [2, 3]]", "[[K, 2], [1, 3]]", "[[K, 1], [2]]", "4"),
     "a member twice": (RELATIVE, "[K, 1, 2, 3]", "[K, 1, 3, 2]", "[K, 1, 2, 2]", "twice"),
     "axis": (RELATIVE, "axis: X", "axis: Z", "axis: W", "axis is 'W'"),
-    "exact": (RELATIVE, "radius: 1000, sigma: 0.01", "radius: 1000, exact: true",
-              "radius: 1000, sigma: 0.01, exact: true", "either `sigma` or `exact: true`"),
+    "exact": (
+        RELATIVE,
+        "radius: 1000, sigma: 0.01",
+        "radius: 1000, exact: true",
+        "radius: 1000, sigma: 0.01, exact: true",
+        "either `sigma` or `exact: true`",
+    ),
     "longest id": (POINTS, "1,a1,10.5", f"{'b' * 255},a1,10.5", f"{'b' * 256},a1,10.5", "255 bytes"),
     "undulation": (YAML, "terrain_height: 6.1", "undulation: -120.0", "undulation: -120.001", "greater than or equal"),
     "undulation above": (YAML, "terrain_height: 6.1", "undulation: 120.0", "undulation: 120.001", "less than or equal"),
     "mount": (YAML, "lever_arm: [0.1, 0.0, -0.3]", "mount: 270", "mount: 360", "mount"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", LIMITS)
@@ -81,8 +86,9 @@ def warnings_of(folder: Path, changes: dict[str, str | bytes | None]) -> list[st
     return heard.warned
 
 
-@pytest.mark.parametrize(("sigma_cm", "is_odd"), [("0.01", False), ("0.00999", True), ("99999", False),
-                                                  ("100001", True), ("0", False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("sigma_cm", "is_odd"), [("0.01", False), ("0.00999", True), ("99999", False), ("100001", True), ("0", False)]
+)
 def test_sigmas_below_a_tenth_of_a_millimetre_or_above_a_kilometre_are_pointed_out(
     tmp_path: Path, sigma_cm: str, is_odd: bool
 ) -> None:
@@ -106,8 +112,9 @@ def test_units_reach_every_column(tmp_path: Path) -> None:
     """cm, mgon, gon, ms and dm beside what the folder has; worked out by hand."""
     block = read_block(write_folder(tmp_path / "block"))
     ground = {block.points.id[p]: k for k, p in enumerate(block.ground_points.point)}
-    np.testing.assert_allclose(block.ground_points.covariance_m2[ground["1"]],
-                               [[4e-4, 0.5e-4, 0], [0.5e-4, 1e-4, 0], [0, 0, 9e-4]], atol=1e-18)  # fmt: skip
+    np.testing.assert_allclose(
+        block.ground_points.covariance_m2[ground["1"]], [[4e-4, 0.5e-4, 0], [0.5e-4, 1e-4, 0], [0, 0, 9e-4]], atol=1e-18
+    )
     assert block.ground_points.xyz_m[ground["K"]].tolist() == [446263.976, 4505079.577, 6.378]  # east, north, up
     assert block.ground_points.role[ground["1"]].tolist() == [1, 1, 2]
     assert block.ground_points.datum.tolist().count(True) == 1

@@ -45,8 +45,10 @@ def written(small: Small, folder: Path, sigma_m: float = 0.005, **cells: Any) ->
         R = Rotation.from_rotvec([0.3 + k, -0.5, 1.0]).as_matrix()
         for p in marks:
             x = (small.xyz_m[p] - small.xyz_m[marks[0]]) @ R.T
-            lines.append(f"{p}," + ",".join(map(repr, x.tolist())) + f",{sigma_m},{sigma_m},{sigma_m},"
-                         f"{cells.get('role', '')},{name}")  # fmt: skip
+            lines.append(
+                f"{p}," + ",".join(map(repr, x.tolist())) + f",{sigma_m},{sigma_m},{sigma_m},"
+                f"{cells.get('role', '')},{name}"
+            )
     path.write_text("\n".join([*lines, ""]))
     return folder
 

@@ -10,8 +10,18 @@ import pytest
 from aatri.errors import InputError, ResourceError
 from aatri.formats.text.text_file import read_lines
 
-WESTERN = ["Größe", "Übersicht,über,Öl", "45°30'N", "µm", "Straße;GRÖßE", "café,naïve", "São Paulo,Ñandú", "Ærø,Åse",
-           "x²,£5", "Müller,Jürgen"]  # fmt: skip
+WESTERN = [
+    "Größe",
+    "Übersicht,über,Öl",
+    "45°30'N",
+    "µm",
+    "Straße;GRÖßE",
+    "café,naïve",
+    "São Paulo,Ñandú",
+    "Ærø,Åse",
+    "x²,£5",
+    "Müller,Jürgen",
+]
 
 
 @pytest.mark.parametrize("text", WESTERN)

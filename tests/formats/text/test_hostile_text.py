@@ -40,10 +40,12 @@ def test_a_cell_of_any_length_is_refused_at_once_and_not_echoed(tmp_path: Path, 
 
 
 def test_an_id_of_any_length_is_not_echoed(tmp_path: Path) -> None:
-    for change in (replaced("images.csv", "a2,007", f"{'y' * 40_000},007"),
-                   replaced("images.csv", "a2,007", f"a2,{'z' * 40_000}"),
-                   replaced("block.yaml", "name: bit", f"{'k' * 40_000}: bit"),
-                   replaced("geodetic.csv", "distance,1,2", f"{'d' * 40_000},1,2")):  # fmt: skip
+    for change in (
+        replaced("images.csv", "a2,007", f"{'y' * 40_000},007"),
+        replaced("images.csv", "a2,007", f"a2,{'z' * 40_000}"),
+        replaced("block.yaml", "name: bit", f"{'k' * 40_000}: bit"),
+        replaced("geodetic.csv", "distance,1,2", f"{'d' * 40_000},1,2"),
+    ):
         text = fault_of(write_folder(tmp_path / "b", change))
         assert all(len(line) < 1000 for line in text.splitlines())
 
@@ -77,9 +79,14 @@ def test_a_number_too_large_for_its_square_is_no_quantity(tmp_path: Path, text: 
     assert numbers_of(["1", text, ""])[1] == [1]
     with pytest.raises(AatriError, match="too large"):
         loads(f"a: {text}")
-    for name, old in (("ground_points.csv", "6.378"), ("image_points.csv", "20.25"), ("exterior.csv", "385.1"),
-                      ("geodetic.csv", "141.42"), ("block.yaml", "153.84"),
-                      ("relative_control.yaml", "200.05")):  # fmt: skip
+    for name, old in (
+        ("ground_points.csv", "6.378"),
+        ("image_points.csv", "20.25"),
+        ("exterior.csv", "385.1"),
+        ("geodetic.csv", "141.42"),
+        ("block.yaml", "153.84"),
+        ("relative_control.yaml", "200.05"),
+    ):
         assert re.search("too large|not a number", fault_of(write_folder(tmp_path / "b", replaced(name, old, text))))
 
 
@@ -90,12 +97,19 @@ def test_whole_numbers_are_digits_within_64_bits() -> None:
             whole_number_of(text)
 
 
-@pytest.mark.parametrize(("name", "old", "new"), [
-    ("cameras", "1 SIMPLE_PINHOLE 1000", "1 SIMPLE_PINHOLE 1e3"), ("cameras", "1 SIMPLE", "1.0 SIMPLE"),
-    ("images", "1 1 0 0 0", "9223372036854775808 1 0 0 0"), ("images", " 1\n", " 9223372036854775808\n"),
-    ("points3D", "1 -1.0", "9223372036854775808 -1.0"), ("points3D", "1 -1.0", "1e0 -1.0"),
-    ("images", " 8\n", " 8.0\n"), ("cameras", "900", "1e308"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("cameras", "1 SIMPLE_PINHOLE 1000", "1 SIMPLE_PINHOLE 1e3"),
+        ("cameras", "1 SIMPLE", "1.0 SIMPLE"),
+        ("images", "1 1 0 0 0", "9223372036854775808 1 0 0 0"),
+        ("images", " 1\n", " 9223372036854775808\n"),
+        ("points3D", "1 -1.0", "9223372036854775808 -1.0"),
+        ("points3D", "1 -1.0", "1e0 -1.0"),
+        ("images", " 8\n", " 8.0\n"),
+        ("cameras", "900", "1e308"),
+    ],
+)
 def test_numbers_of_colmap_that_do_not_fit_are_refused(tmp_path: Path, name: str, old: str, new: str) -> None:
     folder = colmap_model(tmp_path / "m")
     path = folder / f"{name}.txt"

@@ -47,7 +47,7 @@ FILES = {
    -99  0.0  0.0  0.0
 """,
     "PRECPI.DAT": "  1  1  1\n  11\n  12\n  13\n  14\n",
-}  # fmt: skip
+}
 
 
 def write(folder: Path, name: str = "", old: str = "", new: str = "") -> Path:
@@ -82,8 +82,10 @@ def test_photos_keep_the_order_of_the_file_within_their_strips(block: Block) -> 
 
 def test_image_points(block: Block) -> None:
     rows = block.image_points
-    found = {(str(block.images.id[i]), str(block.points.id[p])): xy.tolist()
-             for i, p, xy in zip(rows.image, rows.point, rows.xy)}  # fmt: skip
+    found = {
+        (str(block.images.id[i]), str(block.points.id[p])): xy.tolist()
+        for i, p, xy in zip(rows.image, rows.point, rows.xy)
+    }
     assert len(rows) == 9
     assert found["321", "12"] == [76.5, -72.0]
     assert found["320", "11"] == [-8.5, 75.0]
@@ -123,12 +125,24 @@ LIMITS = {
     "unknown point": ("PRECPI.DAT", "  14\n", "  14\n", "  15\n", 5, "not in the ground point file"),
     "last photo": ("PREPHI.DAT", "  -400", "  -401", "   320", 13, "photo 320 twice"),
     "strip ends": ("PREPHI.DAT", "  -320", "  -320", "   320", 12, "the last one has no last photo"),
-    "photo ends": ("PREPHI.DAT", "     13    9.0    10.0\n    -99    0.0     0.0\n", "     13 9 10\n  -99 0 0\n",
-                   "     13    9.0    10.0\n", 16, "the file ends within photo 400"),
-    "four words": ("PREPHI.DAT", "   12   76.5   -72.0", "   12   76.5   -72.0", "   12   76.5   -72.0  1", 4,
-                   "4 words"),
+    "photo ends": (
+        "PREPHI.DAT",
+        "     13    9.0    10.0\n    -99    0.0     0.0\n",
+        "     13 9 10\n  -99 0 0\n",
+        "     13    9.0    10.0\n",
+        16,
+        "the file ends within photo 400",
+    ),
+    "four words": (
+        "PREPHI.DAT",
+        "   12   76.5   -72.0",
+        "   12   76.5   -72.0",
+        "   12   76.5   -72.0  1",
+        4,
+        "4 words",
+    ),
     "ground twice": ("PRECKI.DAT", "   14  ", "   15  ", "   12  ", 4, "point 12 twice, first in line 1"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", LIMITS)

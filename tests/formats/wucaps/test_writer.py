@@ -91,7 +91,7 @@ def test_what_is_not_used_or_not_known_is_left_out_and_said(tmp_path: Path) -> N
         ("points", {"id": np.array(["p q", *(f"p{k}" for k in range(19))])}, "read otherwise: p q"),
         ("points", {"id": np.array(["pü", *(f"p{k}" for k in range(19))])}, "read otherwise: pü"),
     ],
-)  # fmt: skip
+)
 def test_what_has_no_form_is_refused_by_name(tmp_path: Path, table: str, columns: dict[str, Any], said: str) -> None:
     with pytest.raises(AatriError, match=said.replace("(", "\\(")):
         write_wucaps(_changed(made_block(), table, **columns), tmp_path / "out")

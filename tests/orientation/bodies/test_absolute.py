@@ -25,10 +25,14 @@ def _orient(ground, given, *, sigma=0.0, error=0.0, offset=None, model_noise=0.0
     back = inverse(TRUE)
     x = transform(back, ground - offset @ TRUE.rotation.T) + RNG.normal(0, model_noise / TRUE.scale, (n, 3))
     datum = Datum(
-        name=tuple(f"point {k + 1}" for k in range(n)), x=x, covariance=np.tile(np.eye(3) * 1e-8, (n, 1, 1)),
-        offset_m=offset, xyz_m=ground + error, covariance_m2=np.tile(np.eye(3) * sigma**2, (n, 1, 1)),
+        name=tuple(f"point {k + 1}" for k in range(n)),
+        x=x,
+        covariance=np.tile(np.eye(3) * 1e-8, (n, 1, 1)),
+        offset_m=offset,
+        xyz_m=ground + error,
+        covariance_m2=np.tile(np.eye(3) * sigma**2, (n, 1, 1)),
         given=np.array(given),
-    )  # fmt: skip
+    )
     return orient_component(datum, transform(back, BODY), TRUE.rotation.T @ [0.02, 0.01, 1.0], what="component 1")
 
 
@@ -63,10 +67,13 @@ def test_antenna_positions_with_lever_arm_orient_exactly():
         (CORNERS, [PLAN, PLAN, HEIGHT, ALL], "not determined: rotation about the line through point 3 and point 4 ("),
         (CORNERS, [HEIGHT] * 4, "azimuth"),
         (CORNERS, [HEIGHT] * 4, "shift in X"),
-        (CORNERS[[0, 0, 0]] + np.outer([0, 1, 2], [800.0, 500, 0]), [ALL] * 3,
-         "rotation about the line through point 1 and point 3"),
+        (
+            CORNERS[[0, 0, 0]] + np.outer([0, 1, 2], [800.0, 500, 0]),
+            [ALL] * 3,
+            "rotation about the line through point 1 and point 3",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_control_leaves_open_is_named(ground, given, named):
     with pytest.raises(GeometryError, match="component 1: not determined: ") as raised:
         _orient(ground, given)
@@ -93,8 +100,15 @@ def test_no_control_at_all_says_so():
 def test_mirrored_control_is_refused():
     datum_ground = CORNERS[:, [1, 0, 2]]
     back = transform(inverse(TRUE), CORNERS)
-    datum = Datum(("a", "b", "c", "d"), back, np.tile(np.eye(3) * 1e-8, (4, 1, 1)), np.zeros((4, 3)),
-                  datum_ground * [1, 1, 0.0], np.zeros((4, 3, 3)), np.ones((4, 3), dtype=bool))  # fmt: skip
+    datum = Datum(
+        ("a", "b", "c", "d"),
+        back,
+        np.tile(np.eye(3) * 1e-8, (4, 1, 1)),
+        np.zeros((4, 3)),
+        datum_ground * [1, 1, 0.0],
+        np.zeros((4, 3, 3)),
+        np.ones((4, 3), dtype=bool),
+    )
     with pytest.raises(GeometryError, match="mirrored"):
         orient_component(datum, transform(inverse(TRUE), BODY), TRUE.rotation.T @ [0, 0, 1.0], what="component 1")
 
@@ -114,8 +128,15 @@ def test_precise_control_and_weaker_positions_work_together():
     error = np.concatenate([np.zeros((4, 3)), np.tile([0.5, 0, 0], (4, 1))])
     C = np.concatenate([np.tile(np.eye(3) * 0.01**2, (4, 1, 1)), np.tile(np.eye(3) * 1.0, (4, 1, 1))])
     back = inverse(TRUE)
-    datum = Datum(tuple("abcdefgh"), transform(back, ground), np.tile(np.eye(3) * 1e-10, (8, 1, 1)), np.zeros((8, 3)),
-                  ground + error, C, np.ones((8, 3), dtype=bool))  # fmt: skip
+    datum = Datum(
+        tuple("abcdefgh"),
+        transform(back, ground),
+        np.tile(np.eye(3) * 1e-10, (8, 1, 1)),
+        np.zeros((8, 3)),
+        ground + error,
+        C,
+        np.ones((8, 3), dtype=bool),
+    )
     found = orient_component(datum, transform(back, BODY), TRUE.rotation.T @ [0, 0, 1.0], what="component 1")
     # Weights 1 : 10,000: the systematic 0.5 m of the positions hardly moves the block.
     assert _error(found) < 0.002

@@ -32,9 +32,15 @@ class Made:
 
 
 def made(
-    strips: int, *, sigma: Any = (1e-4, 1e-4, 1e-4), centre: float = 1e-4, noise: Any = None, per_place: int = 1,
-    models: int | None = None, turned: bool = True,
-) -> Made:  # fmt: skip
+    strips: int,
+    *,
+    sigma: Any = (1e-4, 1e-4, 1e-4),
+    centre: float = 1e-4,
+    noise: Any = None,
+    per_place: int = 1,
+    models: int | None = None,
+    turned: bool = True,
+) -> Made:
     """60 % overlap along, 20 % across: columns of points a base apart, strips two rows apart."""
     rng, along = np.random.default_rng(7), 2 * strips if models is None else models
     column, row = (a.ravel() for a in np.meshgrid(np.arange(along + 1), np.arange(2 * strips + 1), indexing="ij"))
@@ -65,8 +71,13 @@ def made(
             x.append(local)
             C.append(turned_C)
             poses.append((T, s, R))
-    rows = ModelRows(np.concatenate(model), np.concatenate(point), np.concatenate(x), np.concatenate(C),
-                     np.zeros((sum(map(len, model)), 3, LATENT)))  # fmt: skip
+    rows = ModelRows(
+        np.concatenate(model),
+        np.concatenate(point),
+        np.concatenate(x),
+        np.concatenate(C),
+        np.zeros((sum(map(len, model)), 3, LATENT)),
+    )
     T, s, R = (np.array([p[k] for p in poses]) for k in range(3))
     near = Similarities(T + 0.01, s * 1.0002, exp_rotation(np.tile([0.01, -0.01, 0.01], (len(T), 1))) @ R)
     return Made(X, rows, ModelPoses(near, np.zeros((len(T), LATENT))), np.column_stack([column, row]), len(ground))
@@ -75,8 +86,13 @@ def made(
 def control(block: Made, full: Any, height: Any = (), plan: Any = ()) -> Control:
     """Exact control."""
     point = np.concatenate([full, height, plan]).astype(int)
-    given = np.concatenate([np.tile([True] * 3, (len(full), 1)), np.tile([False, False, True], (len(height), 1)),
-                            np.tile([True, True, False], (len(plan), 1))])  # fmt: skip
+    given = np.concatenate(
+        [
+            np.tile([True] * 3, (len(full), 1)),
+            np.tile([False, False, True], (len(height), 1)),
+            np.tile([True, True, False], (len(plan), 1)),
+        ]
+    )
     return Control(point, point.astype(np.int32), block.X[point], np.zeros((len(point), 3, 3)), ~given & given, given)
 
 
@@ -95,8 +111,10 @@ def corners(block: Made) -> Any:
 def adjusted(block: Made, given: Control, *, plan_height: bool = False) -> Any:
     names, ids = (np.arange(len(some)).astype(np.str_) for some in (block.start.latent, block.X))
     ties = model_ties(block.rows, names=names, latent=False)
-    observed = [ties.observed(MODEL_TIE, names[block.rows.model], ids[block.rows.block], block.start),
-                *observed_control(given, np.zeros(3), ids[given.point])]  # fmt: skip
+    observed = [
+        ties.observed(MODEL_TIE, names[block.rows.model], ids[block.rows.block], block.start),
+        *observed_control(given, np.zeros(3), ids[given.point]),
+    ]
     problem = tied_problem(observed, {POINT: ties.places(block.start, len(ids))}, {POINT: ids}, "independent models")
     everything = np.ones(problem.edges[-1], dtype=bool)
     return adjust_models(problem, limit=1e9, active=everything, plan_height=plan_height)
@@ -123,8 +141,13 @@ def test_plan_and_height_in_turn_end_where_all_seven_together_do() -> None:
 def test_derivatives_equal_differences() -> None:
     block = made(1)
     rng = np.random.default_rng(2)
-    rows = ModelRows(block.rows.model, block.rows.block, block.rows.x, block.rows.covariance,
-                     rng.normal(size=(len(block.rows.x), 3, LATENT)))  # fmt: skip
+    rows = ModelRows(
+        block.rows.model,
+        block.rows.block,
+        block.rows.x,
+        block.rows.covariance,
+        rng.normal(size=(len(block.rows.x), 3, LATENT)),
+    )
     ties = model_ties(rows, names=["a", "b"], latent=True)
     state = ModelPoses(block.start.similarity, rng.normal(size=(2, LATENT)))
     J = ties.derivatives(state, ties.rows)
@@ -140,8 +163,12 @@ def plan_sigma(block: Made, plan: Any) -> float:
     every = np.arange(block.n_ground)
     given = control(block, np.zeros(0), np.setdiff1d(every, plan), ())
     both = control(block, plan)
-    merged = Control(*(np.concatenate([getattr(both, n), getattr(given, n)])
-                       for n in ("row", "point", "xyz_m", "covariance_m2", "observed", "exact")))  # fmt: skip
+    merged = Control(
+        *(
+            np.concatenate([getattr(both, n), getattr(given, n)])
+            for n in ("row", "point", "xyz_m", "covariance_m2", "observed", "exact")
+        )
+    )
     tied = adjusted(block, merged)[0]
     new = np.setdiff1d(every, plan)
     variance = np.einsum("nii->ni", tied.covariances[POINT])[new, :2]

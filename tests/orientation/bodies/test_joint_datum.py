@@ -44,11 +44,17 @@ def datum_with(rng: np.random.Generator, *, given: int = 6, distances: bool = Tr
     known = np.zeros((n, 3), dtype=bool)
     known[:given] = True
     return Datum(
-        name=tuple(f"point {k}" for k in range(n)), x=x, covariance=OF_POINTS.repeat(n, 0),
-        offset_m=np.zeros((n, 3)), xyz_m=np.where(known, places + rng.normal(0, SIGMA_GIVEN, places.shape), 0.0),
-        covariance_m2=np.tile(np.eye(3) * SIGMA_GIVEN**2, (n, 1, 1)), given=known, n_control=4, n_given=6,
+        name=tuple(f"point {k}" for k in range(n)),
+        x=x,
+        covariance=OF_POINTS.repeat(n, 0),
+        offset_m=np.zeros((n, 3)),
+        xyz_m=np.where(known, places + rng.normal(0, SIGMA_GIVEN, places.shape), 0.0),
+        covariance_m2=np.tile(np.eye(3) * SIGMA_GIVEN**2, (n, 1, 1)),
+        given=known,
+        n_control=4,
+        n_given=6,
         distances=(length,) if distances else (),
-    )  # fmt: skip
+    )
 
 
 def oriented(datum: Datum) -> OrientedComponent:
@@ -66,8 +72,11 @@ def by_scipy(datum: Datum, start: Similarity, tau_m: float) -> Similarity:
 
     def residuals(p: np.ndarray) -> np.ndarray:
         X = p[7:].reshape(n, 3)
-        parts = [(X - transform(similarity(p), datum.x)) / sigma_x, ((X - datum.xyz_m) / SIGMA_GIVEN)[:6],
-                 (np.linalg.norm(X[d.target] - X[d.station], axis=1) - d.value) / SIGMA_D]  # fmt: skip
+        parts = [
+            (X - transform(similarity(p), datum.x)) / sigma_x,
+            ((X - datum.xyz_m) / SIGMA_GIVEN)[:6],
+            (np.linalg.norm(X[d.target] - X[d.station], axis=1) - d.value) / SIGMA_D,
+        ]
         return np.concatenate([part.ravel() for part in parts])
 
     p0 = np.concatenate([np.zeros(7), transform(start, datum.x).ravel()])
@@ -112,8 +121,15 @@ def attitudes(rng: np.random.Generator, n: int = 8, sigma_rad: float = 1e-4) -> 
     angles = Rotation.from_matrix(R).as_euler("XYZ") + rng.normal(0, sigma_rad, (n, 3))
     observed, turning = angle_axes(angles, "omega-phi-kappa")
     row = np.arange(n)
-    return GivenAttitudes("attitude", row, row.astype(np.str_), TRUE.rotation.T @ R, observed, turning,
-                          np.tile(np.eye(3) * sigma_rad**2, (n, 1, 1)))  # fmt: skip
+    return GivenAttitudes(
+        "attitude",
+        row,
+        row.astype(np.str_),
+        TRUE.rotation.T @ R,
+        observed,
+        turning,
+        np.tile(np.eye(3) * sigma_rad**2, (n, 1, 1)),
+    )
 
 
 def on_a_line(rng: np.random.Generator) -> Datum:
@@ -121,10 +137,15 @@ def on_a_line(rng: np.random.Generator) -> Datum:
     places = np.column_stack([np.linspace(0, 2000, 9), np.full(9, 600.0), np.full(9, 500.0)])
     x = transform(BACK, places + rng.normal(0, SIGMA_X, places.shape))
     return Datum(
-        name=tuple(f"image {k}" for k in range(9)), x=x, covariance=OF_POINTS.repeat(9, 0),
-        offset_m=np.zeros((9, 3)), xyz_m=places, covariance_m2=np.tile(np.eye(3) * 0.05**2, (9, 1, 1)),
-        given=np.ones((9, 3), dtype=bool), n_control=0,
-    )  # fmt: skip
+        name=tuple(f"image {k}" for k in range(9)),
+        x=x,
+        covariance=OF_POINTS.repeat(9, 0),
+        offset_m=np.zeros((9, 3)),
+        xyz_m=places,
+        covariance_m2=np.tile(np.eye(3) * 0.05**2, (9, 1, 1)),
+        given=np.ones((9, 3), dtype=bool),
+        n_control=0,
+    )
 
 
 def test_attitudes_give_the_rotation_that_positions_on_a_line_leave_open() -> None:

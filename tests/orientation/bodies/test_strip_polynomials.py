@@ -19,8 +19,10 @@ def _block(n_strips=3, noise_m=0.0, bend_m=0.3, degree_terms=5):
     x, y = np.meshgrid(np.arange(0, 2001, 100.0), np.arange(0, 300.0 * n_strips + 1, 60.0), indexing="ij")
     truth = np.column_stack([x.ravel(), y.ravel(), RNG.uniform(0, 20, x.size)])
     sets = [np.flatnonzero(abs(truth[:, 1] - 300 * k - 150) <= 215) for k in range(n_strips)]
-    centres = [np.column_stack([np.arange(0, 2001, 250.0), np.full(9, 300.0 * k + 150), np.full(9, 400.0)])
-               for k in range(n_strips)]  # fmt: skip
+    centres = [
+        np.column_stack([np.arange(0, 2001, 250.0), np.full(9, 300.0 * k + 150), np.full(9, 400.0)])
+        for k in range(n_strips)
+    ]
     sets.append(np.flatnonzero(abs(truth[:, 0] - 1000) <= 215))
     centres.append(np.column_stack([np.full(6, 1000.0), np.linspace(0, 300 * n_strips, 6), np.full(6, 400.0)]))
     axes, parts = [], []
@@ -34,8 +36,12 @@ def _block(n_strips=3, noise_m=0.0, bend_m=0.3, degree_terms=5):
         axes.append(ax)
         parts.append(deformed + RNG.normal(0, noise_m, deformed.shape))
     n = [len(p) for p in parts]
-    points = StripPoints(np.repeat(np.arange(len(n)), n), np.concatenate(sets), np.concatenate(parts),
-                         np.tile(np.diag([1e-4, 1e-4, 4e-4]), (sum(n), 1, 1)))  # fmt: skip
+    points = StripPoints(
+        np.repeat(np.arange(len(n)), n),
+        np.concatenate(sets),
+        np.concatenate(parts),
+        np.tile(np.diag([1e-4, 1e-4, 4e-4]), (sum(n), 1, 1)),
+    )
     return truth, points, axes
 
 
@@ -101,8 +107,9 @@ def test_plan_and_height_fall_apart():
     control = _control(truth, heights)
     given = control.given.copy()
     given[:, :2] = np.isin(heights, plan)[:, None]
-    found = adjust_strip_polynomials(single, len(truth), axes[:1],
-                                     _as_control(control.point, control.xyz_m, 0.0, given))  # fmt: skip
+    found = adjust_strip_polynomials(
+        single, len(truth), axes[:1], _as_control(control.point, control.xyz_m, 0.0, given)
+    )
     assert found.degree[0, 1] == 2
     assert found.degree[0, 0] < 2
 
@@ -134,9 +141,11 @@ def test_a_wrong_tie_and_wrong_control_are_rejected():
     xyz = points.xyz.copy()
     xyz[tie] += [0.0, 0.7, 0.0]
     found = adjust_strip_polynomials(
-        StripPoints(points.strip, points.point, xyz, points.covariance), len(truth), axes,
+        StripPoints(points.strip, points.point, xyz, points.covariance),
+        len(truth),
+        axes,
         _as_control(control.point, wrong_control, 0.01, control.given),
-    )  # fmt: skip
+    )
     n = len(points.strip)
     assert np.flatnonzero(~found.tied.active).tolist() == [tie, n + 9]
     assert found.tied.size[tie, 1] == pytest.approx(0.7, abs=0.06)
@@ -172,8 +181,9 @@ def test_a_deformation_of_every_form_is_recovered_with_enough_control(form, degr
             ratio = np.full(len(local), ax.half_range_m[1] / ax.half_range_m[0])
             bent[mine] = straight.xyz[mine] - basis.rows(local[:, 0], local[:, 1], ratio) @ c @ ax.ground_from_axes.T
     points = StripPoints(straight.strip, straight.point, bent, straight.covariance)
-    found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 7)),
-                                     degree=degree, basis=basis)  # fmt: skip
+    found = adjust_strip_polynomials(
+        points, len(truth), axes, _control(truth, np.arange(0, len(truth), 7)), degree=degree, basis=basis
+    )
     assert (found.degree == degree).all()
     assert np.abs(found.point_m - truth).max() < 1e-8
 
@@ -189,8 +199,12 @@ def _lecture():
         np.column_stack([np.arange(5) * 200.0, np.full(5, 200.0 * k + 100), np.full(5, 400.0)]) for k in range(3)
     ]
     axes = [strip_axes(truth[s], c) for s, c in zip(sets, centres)]
-    points = StripPoints(np.repeat(np.arange(3), 15), np.concatenate(sets), truth[np.concatenate(sets)],
-                         np.tile(np.diag([1e-4, 1e-4, 4e-4]), (45, 1, 1)))  # fmt: skip
+    points = StripPoints(
+        np.repeat(np.arange(3), 15),
+        np.concatenate(sets),
+        truth[np.concatenate(sets)],
+        np.tile(np.diag([1e-4, 1e-4, 4e-4]), (45, 1, 1)),
+    )
     full = (np.isin(row, [0, 6]) & np.isin(column, [0, 2, 4])) | (np.isin(row, [2, 4]) & np.isin(column, [0, 4]))
     height = np.isin(row, [2, 4]) & (column == 2)
     rows = np.flatnonzero(full | height)

@@ -72,8 +72,13 @@ def _walked(rng, X, start_m):
     def summed(values):
         return at(np.concatenate([[0.0], np.cumsum(values[:-1])]) * BASE_M)
 
-    return np.column_stack([summed(scale) - X[:, 1] * at(azimuth), summed(azimuth) + X[:, 1] * at(scale),
-                            summed(pitch) + X[:, 1] * at(roll)])  # fmt: skip
+    return np.column_stack(
+        [
+            summed(scale) - X[:, 1] * at(azimuth),
+            summed(azimuth) + X[:, 1] * at(scale),
+            summed(pitch) + X[:, 1] * at(roll),
+        ]
+    )
 
 
 def _errors_and_variances(seed, strips=6, every=23):
@@ -88,16 +93,32 @@ def _errors_and_variances(seed, strips=6, every=23):
         mine = np.flatnonzero(abs(truth[:, 1] - 300 * k) <= WIDTH_M / 2)
         local = truth[mine] - [0, 300 * k, 0]
         parts.append(truth[mine] + _walked(rng, local, 0.0) + rng.normal(0, 0.01, (len(mine), 3)))
-        axes.append(strip_axes(parts[-1], np.column_stack(
-            [np.arange(MODELS + 1) * BASE_M, np.full(MODELS + 1, 300.0 * k), np.full(MODELS + 1, 400.0)])))  # fmt: skip
+        axes.append(
+            strip_axes(
+                parts[-1],
+                np.column_stack(
+                    [np.arange(MODELS + 1) * BASE_M, np.full(MODELS + 1, 300.0 * k), np.full(MODELS + 1, 400.0)]
+                ),
+            )
+        )
         members.append(mine)
     n = [len(p) for p in parts]
-    points = StripPoints(np.repeat(np.arange(strips), n), np.concatenate(members), np.concatenate(parts),
-                         np.tile(1e-4 * np.eye(3), (sum(n), 1, 1)))  # fmt: skip
+    points = StripPoints(
+        np.repeat(np.arange(strips), n),
+        np.concatenate(members),
+        np.concatenate(parts),
+        np.tile(1e-4 * np.eye(3), (sum(n), 1, 1)),
+    )
     rows = np.arange(0, len(truth), every)
     exact = np.zeros((len(rows), 3, 3))
-    control = Control(np.arange(len(rows)), rows, truth[rows], exact, np.zeros((len(rows), 3), dtype=bool),
-                      np.ones((len(rows), 3), dtype=bool))  # fmt: skip
+    control = Control(
+        np.arange(len(rows)),
+        rows,
+        truth[rows],
+        exact,
+        np.zeros((len(rows), 3), dtype=bool),
+        np.ones((len(rows), 3), dtype=bool),
+    )
     found = adjust_strip_polynomials(points, len(truth), axes, control)
     deformed = deformed_covariances(found, points, len(truth), axes, control, np.full(strips, MODELS))
     new = np.setdiff1d(np.arange(len(truth)), rows)

@@ -34,8 +34,15 @@ def _linear(strip, point, xyz, J, C, *, n_strips, held=None):
         free[held] = False
     labels = tuple("abcdef"[: J.shape[2]])
     unknowns = Unknowns(BODY, free, labels, [str(k) for k in range(n_strips)], add_step)
-    return Ties(strip.astype(np.int32), point.astype(np.int32), on_ground, lambda _, rows: J[rows],
-                lambda _: (values, vectors), unknowns, linear=True)  # fmt: skip
+    return Ties(
+        strip.astype(np.int32),
+        point.astype(np.int32),
+        on_ground,
+        lambda _, rows: J[rows],
+        lambda _: (values, vectors),
+        unknowns,
+        linear=True,
+    )
 
 
 def _made(n_strips=3, n_points=8, unknowns=2):

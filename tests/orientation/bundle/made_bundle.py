@@ -26,16 +26,28 @@ def made_bundle(seed: int = 0, *, start_error: float = 1.0) -> Parts:
     seen = (np.abs(xy) < 115).all(axis=1)
     image, point, xy = image[seen].astype(np.int32), point[seen].astype(np.int32), xy[seen]
     n = len(xy)
-    rays = ImagePointRows(image, point, xy + rng.normal(scale=SIGMA_MM, size=xy.shape), np.full((n, 2), SIGMA_MM),
-                          np.full(n, C_MM), np.zeros((n, 2)), np.ones(n, bool))  # fmt: skip
+    rays = ImagePointRows(
+        image,
+        point,
+        xy + rng.normal(scale=SIGMA_MM, size=xy.shape),
+        np.full((n, 2), SIGMA_MM),
+        np.full(n, C_MM),
+        np.zeros((n, 2)),
+        np.ones(n, bool),
+    )
     poses = Poses(
         position + start_error * rng.normal(size=position.shape),
         exp_rotation(1e-3 * start_error * rng.normal(size=(6, 3))) @ rotation,
     )
     return Parts(
-        [f"i{k}" for k in range(6)], [f"p{k}" for k in range(30)], rays, poses,
-        xyz + start_error * rng.normal(size=xyz.shape), no_control(), no_positions(),
-    )  # fmt: skip
+        [f"i{k}" for k in range(6)],
+        [f"p{k}" for k in range(30)],
+        rays,
+        poses,
+        xyz + start_error * rng.normal(size=xyz.shape),
+        no_control(),
+        no_positions(),
+    )
 
 
 def no_control() -> Control:

@@ -48,8 +48,9 @@ class Parts:
             *observed_positions(self.positions, origin, images[self.positions.image]),
         )
         poses = Poses(self.poses.position_m - origin, self.poses.ground_from_image)
-        return BundleInput(images, points, observed, poses, self.xyz_m - origin, origin, self.rays, self.parameters,
-                           marked=self.marked)  # fmt: skip
+        return BundleInput(
+            images, points, observed, poses, self.xyz_m - origin, origin, self.rays, self.parameters, marked=self.marked
+        )
 
 
 def adjust_bundle(parts: Parts, **options: Any) -> BundleResult:

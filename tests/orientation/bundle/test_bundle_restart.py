@@ -45,10 +45,13 @@ def test_the_condition_vanishes_on_the_ray_and_its_jacobians_are_the_derivatives
         d[k] = step
         for J, there, back in (
             (by_pose[:, :, k], (position + d, rotation, xyz), (position - d, rotation, xyz)),
-            (by_pose[:, :, 3 + k], (position, exp_rotation(np.tile(d, (n, 1))) @ rotation, xyz),
-             (position, exp_rotation(np.tile(-d, (n, 1))) @ rotation, xyz)),
+            (
+                by_pose[:, :, 3 + k],
+                (position, exp_rotation(np.tile(d, (n, 1))) @ rotation, xyz),
+                (position, exp_rotation(np.tile(-d, (n, 1))) @ rotation, xyz),
+            ),
             (by_point[:, :, k], (position, rotation, xyz + d), (position, rotation, xyz - d)),
-        ):  # fmt: skip
+        ):
             a, b = (off.evaluate({POSE: Poses(p, r), POINT: x}, rows)[0] for p, r, x in (there, back))
             np.testing.assert_allclose((a - b) / (2 * step), J, rtol=1e-6, atol=1e-6 * np.abs(v).max())
 
@@ -88,7 +91,14 @@ def test_an_image_turned_over_is_found_and_is_no_result(block: tuple[Parts, Bund
 def test_a_block_without_datum_is_refused_for_that_reason(block: tuple[Parts, BundleResult, float]) -> None:
     given = without_positions(block[0])
     c, none = given.control, np.zeros(0, dtype=np.int64)
-    nothing = replace(c, row=c.row[none], point=c.point[none], xyz_m=c.xyz_m[none], covariance_m2=c.covariance_m2[none],
-                      observed=c.observed[none], exact=c.exact[none])  # fmt: skip
+    nothing = replace(
+        c,
+        row=c.row[none],
+        point=c.point[none],
+        xyz_m=c.xyz_m[none],
+        covariance_m2=c.covariance_m2[none],
+        observed=c.observed[none],
+        exact=c.exact[none],
+    )
     with pytest.raises(GeometryError, match="leave 7 unknown"):
         adjust_bundle_from_afar(replace(given, control=nothing), covariances=False)

@@ -45,8 +45,15 @@ def test_images_that_see_no_known_point_start_where_they_are_offered_if_their_ra
     image, point = (a.ravel().astype(np.int32) for a in np.indices((3, 12)))
     u = np.einsum("nji,nj->ni", R[image], xyz[point] - X0[image])
     xy = -C_MM * u[:, :2] / u[:, 2:]
-    rays = ImagePointRows(image, point, xy, np.full(xy.shape, 0.01), np.full(len(xy), C_MM), np.zeros(xy.shape),
-                          np.ones(len(xy), dtype=bool))  # fmt: skip
+    rays = ImagePointRows(
+        image,
+        point,
+        xy,
+        np.full(xy.shape, 0.01),
+        np.full(len(xy), C_MM),
+        np.zeros(xy.shape),
+        np.ones(len(xy), dtype=bool),
+    )
     nothing = Poses(np.full((3, 3), np.nan), np.full((3, 3, 3), np.nan))
     offered = Poses(X0 + rng.normal(0, 0.1, (3, 3)), R)
     poses, found = complete_start(rays, nothing, np.full((12, 3), np.nan), offered=offered)

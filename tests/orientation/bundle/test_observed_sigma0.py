@@ -10,8 +10,10 @@ from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.calibration_blocks import PLANNED, Type
 from tests.stages.film_blocks import Told
 
-FOUR = Type({"flight": {"strips": 2, "images_per_strip": 2}, "gnss": PLANNED, "known": {"full": 8},
-             "ties": {"new_points": 30}}, {})  # fmt: skip
+FOUR = Type(
+    {"flight": {"strips": 2, "images_per_strip": 2}, "gnss": PLANNED, "known": {"full": 8}, "ties": {"new_points": 30}},
+    {},
+)
 BLOCKS = 20
 
 
@@ -58,8 +60,13 @@ def test_without_a_factor_all_is_counted_and_told() -> None:
     context = Told()
     block, points = FOUR.made(1)
     options = BundleOptions.model_validate(
-        {"blunders": "none", "self_calibration": "ebner12", "solver": "conjugate_gradients",
-         "standard_deviations": False})  # fmt: skip
+        {
+            "blunders": "none",
+            "self_calibration": "ebner12",
+            "solver": "conjugate_gradients",
+            "standard_deviations": False,
+        }
+    )
     one = bundle(block, points, options=options, context=context)
     r = one.residuals
     size = r.residual / np.where(r.sigma > 0, r.sigma, np.nan)

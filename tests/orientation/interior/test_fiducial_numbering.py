@@ -39,9 +39,16 @@ def test_a_mark_that_is_elsewhere_is_no_exchange() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scale", "told"), [(1.0, ""), (1.019, ""), (25.4, "inches taken"), (1e-3, "micrometres taken"),
-                        (1000.0, "metres taken"), (0.96, "0.96")]
-)  # fmt: skip
+    ("scale", "told"),
+    [
+        (1.0, ""),
+        (1.019, ""),
+        (25.4, "inches taken"),
+        (1e-3, "micrometres taken"),
+        (1000.0, "metres taken"),
+        (0.96, "0.96"),
+    ],
+)
 def test_scales(scale: float, told: str) -> None:
     found = scale_problem(scale * np.eye(2))
     assert told in found

@@ -57,8 +57,9 @@ def test_the_covariance_is_that_of_simulated_angles_and_stations() -> None:
     angles, sigma_m, sigma = _observed(P), np.full((2, 3), 2e-4), np.radians([2, 2, 3, 3]) / 3600
     found = forward_intersection(A, B, angles, sigma_m, sigma)
     n = 40_000
-    made = np.array([intersect(A + e[:3] * 2e-4, B + e[3:6] * 2e-4, angles + e[6:] * sigma)
-                     for e in rng.normal(size=(n, 10))])  # fmt: skip
+    made = np.array(
+        [intersect(A + e[:3] * 2e-4, B + e[3:6] * 2e-4, angles + e[6:] * sigma) for e in rng.normal(size=(n, 10))]
+    )
     np.testing.assert_allclose(np.std(made, axis=0), np.sqrt(np.diag(found.covariance_m2)), rtol=4 / np.sqrt(2 * n))
     np.testing.assert_allclose(made.mean(axis=0), P, atol=4e-6)
 

@@ -32,8 +32,9 @@ def triplet(seed: int, noisy: bool, per_place: int = 4) -> Any:
     model = relative_orientation(a)
     common = np.intersect1d(in_a, in_b)
     at_a, at_b = np.searchsorted(in_a, common), np.searchsorted(in_b, common)
-    before = Before(model.left_from_right, model.base, model.covariance, at_b, model.points.xyz[at_a],
-                    model.points.covariance[at_a])  # fmt: skip
+    before = Before(
+        model.left_from_right, model.base, model.covariance, at_b, model.points.xyz[at_a], model.points.covariance[at_a]
+    )
     scale = np.linalg.norm(centres[2] - centres[1]) / np.linalg.norm(centres[1] - centres[0])
     return b, before, R, base, float(scale)
 
@@ -68,8 +69,9 @@ def test_scale_and_orientation_scatter_as_their_sigmas_say() -> None:
         d = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         t = tangents(base).T @ (found.base - base)
         e = np.concatenate([d, t])
-        normalised.append([e @ np.linalg.solve(found.covariance, e) / 5,
-                           ((found.scale - scale) / found.scale_sigma) ** 2])  # fmt: skip
+        normalised.append(
+            [e @ np.linalg.solve(found.covariance, e) / 5, ((found.scale - scale) / found.scale_sigma) ** 2]
+        )
         sigma0.append(found.sigma0**2)
         assert np.trace(found.covariance) <= np.trace(plain.covariance) * (1 + 1e-3)
     mean = np.mean(normalised, axis=0)
@@ -91,7 +93,13 @@ def test_a_wrong_connection_point_is_rejected_in_p_and_named() -> None:
 
 def test_with_too_few_connection_points_there_is_no_connection() -> None:
     rays, before, R, base, _ = triplet(4, noisy=False)
-    few = Before(before.left_from_right, before.base, before.covariance, before.row[:2], before.xyz[:2],
-                 before.point_covariance[:2])  # fmt: skip
+    few = Before(
+        before.left_from_right,
+        before.base,
+        before.covariance,
+        before.row[:2],
+        before.xyz[:2],
+        before.point_covariance[:2],
+    )
     assert connected_orientation(rays, np.ones(len(rays.left), bool), R, base, few) is None
     assert intersect_pair(R, base, rays).xyz.shape == (len(rays.left), 3)

@@ -60,8 +60,10 @@ def test_sigmas_are_those_of_propagated_small_changes(of: Any) -> None:
     for k in range(5):
         step = np.zeros(5)
         step[k] = h
-        sides = [of((exp_rotation(s * step[:3]) @ R)[None], unit(b + s * T @ step[3:])[None], np.eye(5)[None])[0][0]
-                 for s in (1, -1)]  # fmt: skip
+        sides = [
+            of((exp_rotation(s * step[:3]) @ R)[None], unit(b + s * T @ step[3:])[None], np.eye(5)[None])[0][0]
+            for s in (1, -1)
+        ]
         J[:, k] = (sides[0] - sides[1]) / (2 * h)
     assert sigma[0] == pytest.approx(np.sqrt(np.diag(J @ root @ root.T @ J.T)), rel=1e-7)
     assert len(DEPENDENT) == len(INDEPENDENT) == values.shape[1]
@@ -153,8 +155,9 @@ def test_unweighted_determinants_give_the_printed_digits(examples: Any, name: st
 def test_the_q_equation_of_319_and_320_gives_the_printed_digits(examples: Any) -> None:
     example = examples["whu_319_320"]
     names = sorted(example["left_319"], key=str)
-    rays = rays_of_example([example["right_320"][k] + example["left_319"][k] for k in names],
-                           example["f_mm"], example["pp_mm"])  # fmt: skip
+    rays = rays_of_example(
+        [example["right_320"][k] + example["left_319"][k] for k in names], example["f_mm"], example["pp_mm"]
+    )
     first = relative_orientation(rays, snooping_limit=1e6)
     R, b, covariance, *_ = adjusted_with_equal_weights(
         "q", "dependent", first.left_from_right[None], first.base[None], rays, np.zeros(len(rays.left), dtype=int)

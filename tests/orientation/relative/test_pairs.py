@@ -66,19 +66,26 @@ def _unlike() -> dict[str, RayPairs]:
     behind = crossed.right.copy()
     behind[:3, 0] += 2 * (crossed.left[:3, 0] - crossed.right[:3, 0])
     return {
-        "plain": _pair(1), "gross errors": _pair(2, wrong=0.15), "turned": _pair(3, kappa=np.pi),
-        "none": _pair(4).take(np.zeros(0, dtype=np.intp)), "four": _pair(5).take(np.arange(4)),
-        "five": _pair(6).take(np.arange(0, 45, 9)), "six": _pair(7).take(np.arange(0, 48, 8)),
+        "plain": _pair(1),
+        "gross errors": _pair(2, wrong=0.15),
+        "turned": _pair(3, kappa=np.pi),
+        "none": _pair(4).take(np.zeros(0, dtype=np.intp)),
+        "four": _pair(5).take(np.arange(4)),
+        "five": _pair(6).take(np.arange(0, 45, 9)),
+        "six": _pair(7).take(np.arange(0, 48, 8)),
         "seven": _pair(8).take(np.arange(0, 49, 7)[:7] % 48),
         "on a line": simulate(X * [1, 0, 1], np.eye(3), np.eye(3), ORIGIN, b)[0],
         "no base": simulate(X, np.eye(3), rotation(rng), ORIGIN, 1e-9 * b, rng)[0],
         "copied": rays_of(100 * X[:, :2], 100 * X[:, :2]),
         "unrelated": rays_of(rng.uniform(-90, 90, (18, 2)), rng.uniform(-90, 90, (18, 2))),
-        "cylinder": _cylinder(), "corner": simulate(corner, rotation(rng), rotation(rng), ORIGIN, b, rng)[0],
+        "cylinder": _cylinder(),
+        "corner": simulate(corner, rotation(rng), rotation(rng), ORIGIN, b, rng)[0],
         "behind": RayPairs(crossed.left, behind, crossed.left_sigma, crossed.right_sigma),
-        "half wrong": _pair(13, wrong=0.5, size_mm=40.0), "large": _pair(14, points=120, wrong=0.1),
-        "one huge": _spoiled(_pair(15), slice(4, 5), [50.0, 50.0, 0.0]), "last": _pair(16, wrong=0.05),
-    }  # fmt: skip
+        "half wrong": _pair(13, wrong=0.5, size_mm=40.0),
+        "large": _pair(14, points=120, wrong=0.1),
+        "one huge": _spoiled(_pair(15), slice(4, 5), [50.0, 50.0, 0.0]),
+        "last": _pair(16, wrong=0.05),
+    }
 
 
 def _orientation_or_error(rays: RayPairs) -> RelativeOrientation | GeometryError:
@@ -125,9 +132,10 @@ def test_pairs_of_every_kind_come_out_as_each_alone() -> None:
         _assert_as_alone(found, rays, start, pair)
     assert found.formed[0]
     assert sorted(found.reasons) == [
-        k for k, name in enumerate(cases)
+        k
+        for k, name in enumerate(cases)
         if name in ("none", "four", "on a line", "no base", "copied", "unrelated", "cylinder", "half wrong")
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("wrong", [0.0, 0.02, 0.1, 0.3])

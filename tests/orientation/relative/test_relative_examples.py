@@ -76,8 +76,9 @@ def test_the_rigorous_two_image_adjustment_of_wolf_and_dewitt_is_met(examples):
     base = found.base * answer["XL"] / found.base[0]
     assert base[1:] == pytest.approx([answer["YL"], answer["ZL"] - example["f_mm"]], abs=6e-5)
     assert found.sigma0 * 0.005 == pytest.approx(answer["s0_mm"], abs=6e-5)
-    sigma = np.sqrt(np.diag(angle_covariance(found.left_from_right[None], found.covariance[None, :3, :3],
-                                             "omega-phi-kappa")[0]))  # fmt: skip
+    sigma = np.sqrt(
+        np.diag(angle_covariance(found.left_from_right[None], found.covariance[None, :3, :3], "omega-phi-kappa")[0])
+    )
     expected = np.array([answer["sd"][f"{k}_deg"] for k in ("omega", "phi", "kappa")])
     np.testing.assert_allclose(np.degrees(sigma) * found.sigma0, expected, atol=6e-5)
     T = tangents(found.base)

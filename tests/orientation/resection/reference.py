@@ -16,9 +16,18 @@ DETERMINED = 1e-13
 
 
 def resect_in_step(
-    xy: Float, sigma: Float, image: Int, X: Float, c_mm: Float, X0: Float, R: Float, working: Bool,
-    huber: float, tolerance: float, max_iterations: int,
-) -> tuple[Float, Float, Float, Float, Bool]:  # fmt: skip
+    xy: Float,
+    sigma: Float,
+    image: Int,
+    X: Float,
+    c_mm: Float,
+    X0: Float,
+    R: Float,
+    working: Bool,
+    huber: float,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Float, Float, Float, Float, Bool]:
     """Resect the images that are `working`.
 
     Parameters

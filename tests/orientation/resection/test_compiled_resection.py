@@ -34,10 +34,15 @@ def _block(seed: int, n_images: int = 20, n_points: int = 60) -> dict[str, np.nd
     wrong = rng.random(len(image)) < 0.03
     xy[wrong] += rng.uniform(-5, 5, (int(wrong.sum()), 2))
     return {
-        "xy_mm": xy, "sigma_mm": sigma, "image": image, "point": point, "c_mm": np.full(n_images, C_MM),
-        "xyz_m": xyz, "position_m": X0 + rng.normal(0, 10, X0.shape),
+        "xy_mm": xy,
+        "sigma_mm": sigma,
+        "image": image,
+        "point": point,
+        "c_mm": np.full(n_images, C_MM),
+        "xyz_m": xyz,
+        "position_m": X0 + rng.normal(0, 10, X0.shape),
         "ground_from_image": rotation_from_angles(angles + rng.normal(0, 0.05, angles.shape)),
-    }  # fmt: skip
+    }
 
 
 def _in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,11 +126,16 @@ def test_an_image_comes_out_the_same_alone_and_in_a_block() -> None:
     block = _block(6)
     together = resect_images(**block)
     mine = block["image"] == 7
-    alone = resect_images(**{
-        **block, **{name: block[name][mine] for name in ("xy_mm", "sigma_mm", "point")},
-        "image": np.zeros(mine.sum(), dtype=np.int32), "c_mm": block["c_mm"][:1],
-        "position_m": block["position_m"][7:8], "ground_from_image": block["ground_from_image"][7:8],
-    })  # fmt: skip
+    alone = resect_images(
+        **{
+            **block,
+            **{name: block[name][mine] for name in ("xy_mm", "sigma_mm", "point")},
+            "image": np.zeros(mine.sum(), dtype=np.int32),
+            "c_mm": block["c_mm"][:1],
+            "position_m": block["position_m"][7:8],
+            "ground_from_image": block["ground_from_image"][7:8],
+        }
+    )
     np.testing.assert_allclose(alone.position_m[0], together.position_m[7], atol=1e-8)
 
 

@@ -21,9 +21,15 @@ def examples(shared_data: Path) -> dict:
 def _resect(points: np.ndarray, c: float, start: list[float], kappa: float = 0.0) -> ResectedImages:
     n = len(points)
     return resect_images(
-        points[:, :2], np.full((n, 2), 0.01), np.zeros(n, np.int32), np.arange(n, dtype=np.int32), np.array([c]),
-        points[:, 2:], np.array([start]), rotation_from_angles([[0.0, 0.0, kappa]]),
-    )  # fmt: skip
+        points[:, :2],
+        np.full((n, 2), 0.01),
+        np.zeros(n, np.int32),
+        np.arange(n, dtype=np.int32),
+        np.array([c]),
+        points[:, 2:],
+        np.array([start]),
+        rotation_from_angles([[0.0, 0.0, kappa]]),
+    )
 
 
 def test_the_textbook_example_of_wuhan_university(examples: dict) -> None:
@@ -65,8 +71,15 @@ def _made(rng: np.random.Generator, n_images: int):
 def test_error_free_images_return_exactly_and_a_gross_error_hardly_matters() -> None:
     rng = np.random.default_rng(2)
     R, X0, xyz, image, point, xy = _made(rng, 6)
-    arguments = (np.full(xy.shape, 0.005), image, point, np.full(6, 150.0), xyz, X0 + 20.0, rotation_from_angles(
-        np.tile([0.0, 0.0, 1.9], (6, 1))))  # fmt: skip
+    arguments = (
+        np.full(xy.shape, 0.005),
+        image,
+        point,
+        np.full(6, 150.0),
+        xyz,
+        X0 + 20.0,
+        rotation_from_angles(np.tile([0.0, 0.0, 1.9], (6, 1))),
+    )
     exact = resect_images(xy, *arguments)
     np.testing.assert_allclose(exact.position_m, X0, atol=1e-7)
     np.testing.assert_allclose(exact.ground_from_image, R, atol=1e-9)

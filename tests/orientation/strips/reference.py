@@ -98,20 +98,27 @@ def scale_transfer(first: Model, second: Model, *, snooping_limit: float = 4.0) 
     r = _cofactor(J / sigma[:, None], result, active)
     scale = float(np.exp(result.state[-1]))
     return Joint(
-        scale=scale, sigma=scale * float(np.sqrt(result.covariance[-1, -1])), point=first.point[a],
-        log_scale=observed - result.state[-1], active=active,
-        size=np.where(active, -v / r, -v) * sigma, size_sigma=sigma * np.where(active, r**-0.5, r**0.5),
-        test=np.abs(v) / np.sqrt(r), spread=_spread(first, second, b[active]),
-    )  # fmt: skip
+        scale=scale,
+        sigma=scale * float(np.sqrt(result.covariance[-1, -1])),
+        point=first.point[a],
+        log_scale=observed - result.state[-1],
+        active=active,
+        size=np.where(active, -v / r, -v) * sigma,
+        size_sigma=sigma * np.where(active, r**-0.5, r**0.5),
+        test=np.abs(v) / np.sqrt(r),
+        spread=_spread(first, second, b[active]),
+    )
 
 
 def _rows(model: Model, rows: Int) -> ModelRows:
     n = len(rows)
     return ModelRows(
-        model.xyz[rows], model.covariance[rows],
-        np.broadcast_to(model.base, (n, 3)), np.broadcast_to(model.left_from_right, (n, 3, 3)),
+        model.xyz[rows],
+        model.covariance[rows],
+        np.broadcast_to(model.base, (n, 3)),
+        np.broadcast_to(model.left_from_right, (n, 3, 3)),
         np.broadcast_to(root_of(model.orientation_covariance), (n, 5, 5)),
-    )  # fmt: skip
+    )
 
 
 def _adjusted(observed: Float, sigma: Float, J: Float, limit: float) -> tuple[DenseResult[Float], Bool]:
@@ -138,8 +145,15 @@ def _adjusted(observed: Float, sigma: Float, J: Float, limit: float) -> tuple[De
     deviation = np.abs(observed - start[-1])
     total = np.sqrt(sigma**2 + (J[:, :-1] ** 2).sum(axis=1))
     near = deviation <= np.maximum(2 * limit * total, 5 * np.median(deviation))
-    snooped = snoop(solve, linearise, start, n, limit=limit, max_share=min(0.5, (n - 2.5) / n),
-                    active=near if near.sum() > n / 2 else everything)  # fmt: skip
+    snooped = snoop(
+        solve,
+        linearise,
+        start,
+        n,
+        limit=limit,
+        max_share=min(0.5, (n - 2.5) / n),
+        active=near if near.sum() > n / 2 else everything,
+    )
     return snooped.result, snooped.active
 
 

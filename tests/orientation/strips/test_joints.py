@@ -44,8 +44,14 @@ def _models(seed: int, n_models: int = 12, *, wrong: float = 0.0, points: int = 
 
 
 def _take(model: Model, rows: np.ndarray) -> Model:
-    return Model(model.left_from_right, model.base, model.orientation_covariance, model.point[rows], model.xyz[rows],
-                 model.covariance[rows])  # fmt: skip
+    return Model(
+        model.left_from_right,
+        model.base,
+        model.orientation_covariance,
+        model.point[rows],
+        model.xyz[rows],
+        model.covariance[rows],
+    )
 
 
 def _assert_as_alone(found: many.JointTable, models: list[Model], joint: int) -> None:
@@ -93,8 +99,14 @@ def test_joints_of_none_to_three_points_come_out_as_alone() -> None:
 def test_joints_of_a_model_that_is_as_good_as_open_come_out_as_alone() -> None:
     models = _models(6, 4)
     open_model = models[1]
-    models[1] = Model(open_model.left_from_right, open_model.base, 9.0 * np.eye(5), open_model.point, open_model.xyz,
-                      open_model.covariance)  # fmt: skip
+    models[1] = Model(
+        open_model.left_from_right,
+        open_model.base,
+        9.0 * np.eye(5),
+        open_model.point,
+        open_model.xyz,
+        open_model.covariance,
+    )
     found = many.scale_transfers(table_of(models), np.arange(3), np.arange(1, 4))
     for joint in range(3):
         alone = scale_transfer(models[joint], models[joint + 1])
@@ -136,9 +148,11 @@ def test_chains_of_unlike_length_are_followed_each_by_itself() -> None:
         for place, k in enumerate(rows):
             row = np.flatnonzero(models[k].point == point)
             gone = [
-                j for j in between if k in (joints.first[j], joints.second[j])
+                j
+                for j in between
+                if k in (joints.first[j], joints.second[j])
                 and point in table.point[joints.first_row[(joints.of_row() == j) & ~joints.active]]
-            ]  # fmt: skip
+            ]
             if len(row) and not gone:
                 weight = np.linalg.inv(scale[place] ** 2 * R[place] @ models[k].covariance[row[0]] @ R[place].T)
                 N += weight

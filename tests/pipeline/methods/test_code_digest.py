@@ -42,8 +42,15 @@ def digest(toy: Path) -> str:
 def test_the_closure_holds_what_is_reached_and_nothing_else(toy: Path) -> None:
     code = CodeReader(Cache(None)).code_of("toy.stage", toy / "stage.py")
     assert set(code.files) == {
-        "toy.stage", "toy.near", "toy.far", "toy.deep.below", "toy.up", "toy.late", "toy.real", "aatri.ids",
-    }  # fmt: skip
+        "toy.stage",
+        "toy.near",
+        "toy.far",
+        "toy.deep.below",
+        "toy.up",
+        "toy.late",
+        "toy.real",
+        "aatri.ids",
+    }
 
 
 def test_a_built_in_stage_reaches_its_library_and_not_the_pipeline() -> None:

@@ -40,6 +40,12 @@ def test_a_script_that_is_not_guarded_runs_once(tmp_path: Path) -> None:
         "    print(helper.call(math.floor, 2.5))\n"
     )
     path = os.pathsep.join(filter(None, sys.path))
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, env={**os.environ, "PYTHONPATH": path},
-                          capture_output=True, text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, script],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert (done.stdout, done.stderr) == ("2\n", "")

@@ -63,10 +63,13 @@ def write(folder: Path, files: dict[str, str]) -> Path:
 def install(folder: Path, entry_points: str, files: dict[str, str], name: str = "others-stages") -> None:
     """What `pip install` leaves in site-packages."""
     write(folder, files)
-    write(folder / f"{name.replace('-', '_')}-2.1.dist-info", {
-        "METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 2.1\n",
-        "entry_points.txt": f"[aatri.stages]\n{entry_points}",
-    })  # fmt: skip
+    write(
+        folder / f"{name.replace('-', '_')}-2.1.dist-info",
+        {
+            "METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 2.1\n",
+            "entry_points.txt": f"[aatri.stages]\n{entry_points}",
+        },
+    )
 
 
 @pytest.fixture
@@ -192,11 +195,18 @@ def test_a_folder_with_a_mistyped_role_is_told_the_right_one(tmp_path: Path) -> 
 
 
 def test_installed_stages_come_by_entry_points_without_being_imported(site: Path) -> None:
-    install(site, "interior_orientation/mine = others.film.mine:mine\ngravity = others.gravity\n"
-                  "gravity/bouguer = others.gravity.bouguer\n",
-            {"others/__init__.py": "raise RuntimeError\n", "others/film/mine.py": MINE,
-             "others/gravity/__init__.py": GRAVITY, "others/gravity/bouguer.py": BOUGUER,
-             "others/gravity/_constants.py": "G = 6.674e-11\n"})  # fmt: skip
+    install(
+        site,
+        "interior_orientation/mine = others.film.mine:mine\ngravity = others.gravity\n"
+        "gravity/bouguer = others.gravity.bouguer\n",
+        {
+            "others/__init__.py": "raise RuntimeError\n",
+            "others/film/mine.py": MINE,
+            "others/gravity/__init__.py": GRAVITY,
+            "others/gravity/bouguer.py": BOUGUER,
+            "others/gravity/_constants.py": "G = 6.674e-11\n",
+        },
+    )
     registry = find_stages()
     origin = registry.origins["interior_orientation/mine"]
     assert (origin.source, origin.distribution) == ("installed", "others-stages 2.1")

@@ -167,9 +167,10 @@ def test_the_command_line_sets_bounds_and_takes_gates_away(tmp_path: Path) -> No
 
 def test_a_variant_sets_bounds_one_by_one(tmp_path: Path) -> None:
     path = project(
-        tmp_path, "gates: {s: {total: {min: 1, max: 5}, sigma0: {max: 9}}}",
+        tmp_path,
+        "gates: {s: {total: {min: 1, max: 5}, sigma0: {max: 9}}}",
         "variants: {far: {s: {with: {offset: 9.0}}, gates: {s: {total: {max: 15}, sigma0: off}}}}\n",
-    )  # fmt: skip
+    )
     spec, _ = opened(path, variant="far")
     (found,) = judge(spec, run(path, variant="far")[1].values())
     assert (found.value, found.gate.min, found.gate.max, found.passed) == (15.0, 1, 15, True)
@@ -203,10 +204,15 @@ def test_gates_of_another_shape_in_run_json_are_damage(tmp_path: Path, gates: ob
 
 @pytest.mark.parametrize(
     ("gates", "passed"),
-    [("", False), ("gates: {s: {total: {max: 99}}}", False), ("gates: none", True),
-     ("gates: {s: {contradictions: off}}", True), ("gates: {s: {contradictions: {max: 2}}}", True),
-     ("gates: {s: {contradictions: {max: 1}}}", False)],
-)  # fmt: skip
+    [
+        ("", False),
+        ("gates: {s: {total: {max: 99}}}", False),
+        ("gates: none", True),
+        ("gates: {s: {contradictions: off}}", True),
+        ("gates: {s: {contradictions: {max: 2}}}", True),
+        ("gates: {s: {contradictions: {max: 1}}}", False),
+    ],
+)
 def test_a_result_that_contradicts_itself_fails_without_a_gate_unless_that_is_said(
     tmp_path: Path, gates: str, passed: bool
 ) -> None:

@@ -78,8 +78,10 @@ def test_a_run_leaves_artifacts_records_logs_and_pointers(tmp_path: Path) -> Non
     }
     assert records[0]["metrics"]["sigma0"] is None  # NaN is not determined
     assert record["inputs"]["numbers"] == {
-        "stage": "a", "key": records[0]["key"], "content_digest": records[0]["output"]["content_digest"]
-    }  # fmt: skip
+        "stage": "a",
+        "key": records[0]["key"],
+        "content_digest": records[0]["output"]["content_digest"],
+    }
     assert record["output"]["sha256"] == file_sha256(folder / "current" / "s.h5")
     assert records[0]["seed"] is None
     assert records[1]["seed"] == 1

@@ -51,8 +51,18 @@ def test_every_error_of_shape_is_reported_at_once_with_its_place(tmp_path: Path)
     text = "\n".join(error.what for error in errors)
     assert "unknown key 'form' - did you mean 'from'?" in text
     assert places(path, errors) == [
-        "2:7", "5:26", "6:3", "6:12", "6:28", "7:6", "7:6", "8:27", "9:37", "3:16", "3:26",
-    ]  # fmt: skip
+        "2:7",
+        "5:26",
+        "6:3",
+        "6:12",
+        "6:28",
+        "7:6",
+        "7:6",
+        "8:27",
+        "9:37",
+        "3:16",
+        "3:26",
+    ]
     assert all(error.exit_code == 2 for error in errors)
 
 
@@ -184,8 +194,10 @@ def test_listing_stages_imports_none_of_them(tmp_path: Path, monkeypatch: pytest
 
 def test_a_variant_sets_single_options_within_options_and_leaves_the_others(tmp_path: Path) -> None:
     given = "{camera: {kind: digital, brown: {k1: 1.0, k2: 2.0}}, seed: null, list: [1, 2]}"
-    head = ("run: out\nseed: 1\nvariants:\n  v: {a: {with: {camera: {brown: {k1: 3.0}, format: [1, 2]}, seed: {x: 1}, "
-            "list: [3]}}}\n  none: {a: {with: {camera: null}}}\n")  # fmt: skip
+    head = (
+        "run: out\nseed: 1\nvariants:\n  v: {a: {with: {camera: {brown: {k1: 3.0}, format: [1, 2]}, seed: {x: 1}, "
+        "list: [3]}}}\n  none: {a: {with: {camera: null}}}\n"
+    )
     spec = load_spec(write_pipeline(tmp_path, f"  a: {{use: source/fixed, with: {given}}}\n", head=head))
     expected = {"kind": "digital", "brown": {"k1": 3.0, "k2": 2.0}, "format": [1, 2]}
     assert dict(with_variant(spec, "v").stages["a"].options) == {"camera": expected, "seed": {"x": 1}, "list": [3]}

@@ -14,9 +14,19 @@ from aatri.cli.main import app
 from aatri.pipeline.store.cache import Cache, of_file
 from tests.formats.tables.block_folder import write_folder
 
-ODD: list[Any] = [None, 1, "x", [], {}, {"stat": 1}, {"stat": [], "seen": "x", "value": 1}, {"method": {}}, [[1]],
-                  {"stat": None, "seen": 10**30, "value": None},
-                  {"method": {"ports": 1}, "options": 1, "files": []}]  # fmt: skip
+ODD: list[Any] = [
+    None,
+    1,
+    "x",
+    [],
+    {},
+    {"stat": 1},
+    {"stat": [], "seen": "x", "value": 1},
+    {"method": {}},
+    [[1]],
+    {"stat": None, "seen": 10**30, "value": None},
+    {"method": {"ports": 1}, "options": 1, "files": []},
+]
 
 
 @pytest.mark.parametrize("text", [b"", b"\0", b"[]", b'{"a":', b"[" * 100_000, b'{"a": NaN}', b'{"a": "\\ud800"}'])

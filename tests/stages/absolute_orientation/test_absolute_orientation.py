@@ -185,9 +185,18 @@ def _suspected(made, kind, row, image="", point=""):
     from dataclasses import replace
 
     strips = made.strips()
-    one = Suspects(kind=[kind], row=[row], image=[image], point=[point], stage=["strip_formation"], size=[1.0],
-        unit=["m"], sigma=[0.1], test=[10.0], verdict=["rejected"],
-    )  # fmt: skip
+    one = Suspects(
+        kind=[kind],
+        row=[row],
+        image=[image],
+        point=[point],
+        stage=["strip_formation"],
+        size=[1.0],
+        unit=["m"],
+        sigma=[0.1],
+        test=[10.0],
+        verdict=["rejected"],
+    )
     return replace(strips, suspects=one)
 
 

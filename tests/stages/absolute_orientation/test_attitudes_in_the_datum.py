@@ -23,8 +23,14 @@ MAP = {"earth": "geodetic", "false_origin_m": (446000.0, 4505000.0)}
 @pytest.mark.parametrize("earth", [{}, MAP])
 @pytest.mark.parametrize(("control", "positions"), [(2, 0), (1, 1), (0, 2)])
 def test_a_line_of_control_and_attitudes_is_a_datum(control: int, positions: int, earth: dict[str, Any]) -> None:
-    block = simulated(3, flight={"strips": 2, "images_per_strip": 5}, known={"full": control}, **earth,
-                      gnss={"observed": True}, imu={"observed": True})  # fmt: skip
+    block = simulated(
+        3,
+        flight={"strips": 2, "images_per_strip": 5},
+        known={"full": control},
+        **earth,
+        gnss={"observed": True},
+        imu={"observed": True},
+    )
     use = block.exterior.position_use.copy()
     use[positions:] = 0
     block = replace(block, exterior=replace(block.exterior, position_use=use))

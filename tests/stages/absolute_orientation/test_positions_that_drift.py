@@ -21,13 +21,26 @@ SHIFT_M = 2.0
 def block() -> Block:
     return simulated(
         5,
-        camera={"kind": "digital", "principal_distance_mm": 35.0, "format": (4000.0, 3000.0), "pixel_size_mm": 0.01,
-                "margin_mm": 0.1},
-        flight={"strips": 3, "images_per_strip": 4, "forward_overlap": 65.0, "side_overlap": 40.0,
-                "scale_number": 1500.0},
-        ties={"per_position": 8}, known={"full": 5}, noise={"image_um": 2.0}, gnss={"shift_m": SHIFT_M},
+        camera={
+            "kind": "digital",
+            "principal_distance_mm": 35.0,
+            "format": (4000.0, 3000.0),
+            "pixel_size_mm": 0.01,
+            "margin_mm": 0.1,
+        },
+        flight={
+            "strips": 3,
+            "images_per_strip": 4,
+            "forward_overlap": 65.0,
+            "side_overlap": 40.0,
+            "scale_number": 1500.0,
+        },
+        ties={"per_position": 8},
+        known={"full": 5},
+        noise={"image_um": 2.0},
+        gnss={"shift_m": SHIFT_M},
         refraction="none",
-    )  # fmt: skip
+    )
 
 
 def _assert_placed_by_control(block: Block, solution: Solution) -> None:

@@ -24,8 +24,13 @@ def test_the_coefficients_of_a_strong_lens_are_found(radius: float | None, tmp_p
     error = of.xy_mm * (A1 * (r2 - r0**2) + 0.03 / C_MM) + [0.02, -0.01]
     assert np.abs(error).max() > 0.2
     rows = [cells(of, k) | dict.fromkeys(("sX", "sY", "sZ"), 0.001) for k in range(6)]
-    block, points = read(tmp_path, of, ground=ground_rows(of, range(30), ",0.001,0.001,0.001", ",sX,sY,sZ"),
-                         exterior=exterior(rows), xy_mm=of.xy_mm + error)  # fmt: skip
+    block, points = read(
+        tmp_path,
+        of,
+        ground=ground_rows(of, range(30), ",0.001,0.001,0.001", ",sX,sY,sZ"),
+        exterior=exterior(rows),
+        xy_mm=of.xy_mm + error,
+    )
     wanted = {"set": "aicon", "sigma_um": None} | ({} if radius is None else {"balance_radius_mm": radius})
     options = BundleOptions(blunders="none", tolerance=1e-6, self_calibration=wanted)
     found = bundle(block, points, start(of, block), options=options)

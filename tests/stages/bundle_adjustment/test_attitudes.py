@@ -26,7 +26,7 @@ def flown(seed: int, options: dict[str, Any] | None = None, **imu: Any) -> Block
         "camera": CAMERA | {"mounting_deg": 90},
         "noise": {"image_um": 2.0, "control_m": (0.01, 0.01, 0.01), "gnss_m": (0.02, 0.02, 0.03)},
         "imu": {"observed": True, "boresight_deg": tuple(BORESIGHT)} | imu,
-    } | (options or {})  # fmt: skip
+    } | (options or {})
     return made(seed, 1000.0, **chosen)
 
 
@@ -37,8 +37,12 @@ def start_of(block: Block, off_rad: float = 1e-4) -> Solution:
     e = block.exterior
 
     angles = angles_from_rotation(turn @ block.true_images.ground_from_image)
-    without = replace(block, rotation="omega-phi-kappa", cameras=replace(block.cameras, boresight_rad=np.zeros((1, 3))),
-                      exterior=replace(e, angles_rad=angles, angle_use=0 * e.angle_use))  # fmt: skip
+    without = replace(
+        block,
+        rotation="omega-phi-kappa",
+        cameras=replace(block.cameras, boresight_rad=np.zeros((1, 3))),
+        exterior=replace(e, angles_rad=angles, angle_use=0 * e.angle_use),
+    )
     return bundle(without, calibrated(without), options=BundleOptions(max_iterations=30))
 
 
@@ -109,13 +113,26 @@ def mirrored(block: Block, how: str) -> Block:
 
 @pytest.mark.parametrize(
     ("system", "how", "proposed"),
-    [("omega-phi-kappa", "kappa", "kappa of opposite sign"), ("omega-phi-kappa", "omega", "omega of opposite sign"),
-     ("phi-omega-kappa", "system", "phi-omega-kappa"), ("roll-pitch-heading", "system", "roll-pitch-heading"),
-     ("roll-pitch-heading", "kappa", "heading of opposite sign")],
-)  # fmt: skip
+    [
+        ("omega-phi-kappa", "kappa", "kappa of opposite sign"),
+        ("omega-phi-kappa", "omega", "omega of opposite sign"),
+        ("phi-omega-kappa", "system", "phi-omega-kappa"),
+        ("roll-pitch-heading", "system", "roll-pitch-heading"),
+        ("roll-pitch-heading", "kappa", "heading of opposite sign"),
+    ],
+)
 def test_a_mirrored_convention_is_recognised_and_the_right_one_proposed(system: str, how: str, proposed: str) -> None:
-    tilts = {"flight": {"strips": 3, "images_per_strip": 4, "scale_number": 10_000.0, "side_overlap": 40.0,
-                        "cross_strips": 1, "tilt_sigma_deg": 5.0, "tilt_max_deg": 12.0}}  # fmt: skip
+    tilts = {
+        "flight": {
+            "strips": 3,
+            "images_per_strip": 4,
+            "scale_number": 10_000.0,
+            "side_overlap": 40.0,
+            "cross_strips": 1,
+            "tilt_sigma_deg": 5.0,
+            "tilt_max_deg": 12.0,
+        }
+    }
     block = flown(3, tilts, rotation=system, boresight="known")
     wrong = mirrored(block, how)
     with pytest.raises(InputError, match="beyond any common offset") as error:

@@ -38,9 +38,12 @@ def uncalibrated(block: Block, c_factor: float, x0_share: float = 0.0) -> Block:
     """The block without calibration: c times a factor, the principal point off by a share of the format, no lens."""
     cameras, n = block.cameras, len(FREE)
     free = CameraParameters(
-        camera=np.zeros(n, np.int32), name=np.array(FREE), sigma=np.full(n, np.nan), free=np.ones(n, dtype=bool),
+        camera=np.zeros(n, np.int32),
+        name=np.array(FREE),
+        sigma=np.full(n, np.nan),
+        free=np.ones(n, dtype=bool),
         value=np.array([np.nan, *[0.0] * (n - 1)]),
-    )  # fmt: skip
+    )
     wrong = replace(
         cameras,
         principal_distance_mm=c_factor * cameras.principal_distance_mm,

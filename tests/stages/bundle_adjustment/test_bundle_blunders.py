@@ -20,8 +20,9 @@ SIGMA_MM = 0.005
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    return run_chain(simulated(2, preset="rc30", flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0},
-                               known={"full": 10}))  # fmt: skip
+    return run_chain(
+        simulated(2, preset="rc30", flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0}, known={"full": 10})
+    )
 
 
 def _spoilt(chain: Chain) -> tuple[Block, ImagePoints, np.ndarray, int]:
@@ -71,8 +72,12 @@ def test_gross_errors_of_all_kinds_are_found_and_the_block_is_as_good_as_without
     g = chain.block.ground_points
     role = g.role.copy()
     role[control] = 0
-    clean = bundle(replace(chain.block, ground_points=replace(g, role=role)), chain.refined, chain.strip_block,
-                   options=BundleOptions(interior_unknowns=True))  # fmt: skip
+    clean = bundle(
+        replace(chain.block, ground_points=replace(g, role=role)),
+        chain.refined,
+        chain.strip_block,
+        options=BundleOptions(interior_unknowns=True),
+    )
     assert (rmse(solution) < 1.1 * rmse(clean) + 1e-3).all()
 
 

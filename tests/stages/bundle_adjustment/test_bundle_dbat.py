@@ -146,9 +146,7 @@ def test_two_exchanged_control_points_of_four_are_named_before_adjusting(
     rows["1001"][2:5], rows[other][2:5] = rows[other][2:5], rows["1001"][2:5]
     path = tmp_path / "control.txt"
     path.write_text("".join(",".join(row) + "\n" for row in rows.values()))
-    block = read_dbat(
-        shared_data / "dbat/camcal/camcal-pmexport.txt", path, camera_model="dbat3", calibrate=True
-    )  # fmt: skip
+    block = read_dbat(shared_data / "dbat/camcal/camcal-pmexport.txt", path, camera_model="dbat3", calibrate=True)
     with pytest.raises(InputError, match=f"1001 and {other} fit with their numbers exchanged") as caught:
         bundle(block, calibrated(block))
     assert caught.value.exit_code == 3

@@ -75,8 +75,9 @@ def test_a_given_antenna_starts_the_projection_centre_at_the_other_end_of_its_ar
     arm = np.array([1.5, -2.0, 3.0])
     antenna = OF.position_m + OF.rotation @ arm
     exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), antenna, ",antenna", ",refers_to")
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior,
-                         camera={"lever_arm": arm.tolist()})  # fmt: skip
+    block, points = read(
+        tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior, camera={"lever_arm": arm.tolist()}
+    )
     found = bundle(block, points)
     assert found.history.cost[0] < 1e-6
     assert len(rows_of(found, "position")) == 0  # approximate, not observed
@@ -85,8 +86,9 @@ def test_a_given_antenna_starts_the_projection_centre_at_the_other_end_of_its_ar
 def test_positions_of_antennas_are_a_datum_by_themselves(tmp_path: Path) -> None:
     arm = np.array([1.5, -2.0, 3.0])
     antenna = OF.position_m + OF.rotation @ arm
-    exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), antenna, ",0.001,0.001,0.001,antenna",
-                             ",sX,sY,sZ,refers_to")  # fmt: skip
+    exterior = exterior_rows(
+        OF, angles_deg(OF, "omega-phi-kappa"), antenna, ",0.001,0.001,0.001,antenna", ",sX,sY,sZ,refers_to"
+    )
     block, points = read(tmp_path, OF, exterior=exterior, camera={"lever_arm": arm.tolist()})
     shifted = start(OF, block, position_m=OF.position_m + np.array([0.5, -0.2, 0.3]))
     found = bundle(block, points, shifted)
@@ -182,8 +184,13 @@ def test_film_corrections_are_found_where_fiducials_leave_them_open(tmp_path: Pa
     measured = np.linalg.solve(A, (photo - d[[0, 3]]).T).T - PRINCIPAL_POINT_MM  # measured + dx(measured) = photo
     some = (OF.image == 4)[:, None]
     exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"))
-    block, points = read(tmp_path, OF, ground=ground_rows(OF, range(30), **EXACT), exterior=exterior,
-                         xy_mm=np.where(some, measured, OF.xy_mm))  # fmt: skip
+    block, points = read(
+        tmp_path,
+        OF,
+        ground=ground_rows(OF, range(30), **EXACT),
+        exterior=exterior,
+        xy_mm=np.where(some, measured, OF.xy_mm),
+    )
     covariance = np.zeros((6, 8, 8))
     covariance[[1, 4]] = np.diag([1e3, 0.01, 0.01, 1e3, 0.01, 0.01, 0.0, 0.0])  # so loose that the rays decide
     order = points.interior.image
@@ -207,8 +214,13 @@ def test_a_start_far_off_is_left_for_one_by_object_space(tmp_path: Path, origin_
     block, points = read(tmp_path, of, ground=ground_rows(of, (*CORNERS, 14)), exterior=exterior)
     rng = np.random.default_rng(4)
     turn = Rotation.from_rotvec(np.radians(60.0) * np.eye(3)[[0, 1, 2, 0, 1, 2]]).as_matrix()
-    far = start(of, block, position_m=of.position_m + rng.normal(0, 200.0, (6, 3)), rotation=turn @ of.rotation,
-                xyz_m=of.xyz_m + rng.normal(0, 30.0, of.xyz_m.shape))  # fmt: skip
+    far = start(
+        of,
+        block,
+        position_m=of.position_m + rng.normal(0, 200.0, (6, 3)),
+        rotation=turn @ of.rotation,
+        xyz_m=of.xyz_m + rng.normal(0, 30.0, of.xyz_m.shape),
+    )
     heard = Heard()
     found = bundle(block, points, far, context=heard)
     assert any("object space" in line for line in heard.logged)

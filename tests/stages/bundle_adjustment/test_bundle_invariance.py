@@ -28,17 +28,24 @@ def given() -> Parts:
     """A block of 12 digital images with weighted control and observed positions; coordinates on a grid of 2^-10 m."""
     block = simulated(
         camera={"kind": "digital", "format": (6000.0, 6000.0), "pixel_size_mm": 0.01, "principal_distance_mm": 60.0},
-        flight={"strips": 3, "images_per_strip": 4}, ties={"per_position": 3}, known={"full": 6},
-    )  # fmt: skip
+        flight={"strips": 3, "images_per_strip": 4},
+        ties={"per_position": 3},
+        known={"full": 6},
+    )
     chain = run_chain(block)
     made = bundle_input(block, chain.refined, chain.strip_block, BundleOptions())
     assert made.rays is not None
     control, positions = control_of(block), positions_of(block)
     poses = Poses(_on_grid(made.poses.position_m + made.origin_m), made.poses.ground_from_image)
     return Parts(
-        made.image_ids, made.point_ids, made.rays, poses, _on_grid(made.xyz_m + made.origin_m),
-        replace(control, xyz_m=_on_grid(control.xyz_m)), replace(positions, position_m=_on_grid(positions.position_m)),
-    )  # fmt: skip
+        made.image_ids,
+        made.point_ids,
+        made.rays,
+        poses,
+        _on_grid(made.xyz_m + made.origin_m),
+        replace(control, xyz_m=_on_grid(control.xyz_m)),
+        replace(positions, position_m=_on_grid(positions.position_m)),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -69,9 +76,10 @@ def _moved(given: Parts, rotation: Array, shift_m: Array, factor: float = 1.0) -
         xyz_m=there(given.xyz_m),
         poses=Poses(there(given.poses.position_m), rotation @ given.poses.ground_from_image),
         control=replace(c, xyz_m=there(c.xyz_m), covariance_m2=spread(c.covariance_m2)),
-        positions=replace(p, position_m=there(p.position_m), covariance_m2=spread(p.covariance_m2),
-                          lever_arm_m=factor * p.lever_arm_m),
-    )  # fmt: skip
+        positions=replace(
+            p, position_m=there(p.position_m), covariance_m2=spread(p.covariance_m2), lever_arm_m=factor * p.lever_arm_m
+        ),
+    )
 
 
 def _assert_same(found: BundleResult, reference: BundleResult, bound: float = 1e-8, floor_m: float = 0.0) -> None:
@@ -94,11 +102,12 @@ def _back(found: BundleResult, rotation: Array, shift_m: Array, factor: float = 
     return replace(
         found,
         xyz_m=(found.xyz_m - shift_m) @ rotation / factor,
-        poses=Poses((found.poses.position_m - shift_m) @ rotation / factor,
-                    rotation.T @ found.poses.ground_from_image),
-        covariances={POINT: rotation.T @ found.point_covariance_m2 @ rotation / factor**2,
-                     POSE: G @ found.pose_covariance @ G.T},
-    )  # fmt: skip
+        poses=Poses((found.poses.position_m - shift_m) @ rotation / factor, rotation.T @ found.poses.ground_from_image),
+        covariances={
+            POINT: rotation.T @ found.point_covariance_m2 @ rotation / factor**2,
+            POSE: G @ found.pose_covariance @ G.T,
+        },
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -110,19 +119,23 @@ def test_order_and_names_do_not_matter(given: Parts, reference: BundleResult, se
     c, p = given.control, given.positions
     other = replace(
         given,
-        image_ids=np.asarray(given.image_ids)[images], point_ids=np.array([f"p{k}" for k in range(len(points))]),
-        rays=replace(shuffled, image=new_image[shuffled.image].astype(np.int32),
-                     point=new_point[shuffled.point].astype(np.int32)),
+        image_ids=np.asarray(given.image_ids)[images],
+        point_ids=np.array([f"p{k}" for k in range(len(points))]),
+        rays=replace(
+            shuffled, image=new_image[shuffled.image].astype(np.int32), point=new_point[shuffled.point].astype(np.int32)
+        ),
         poses=Poses(given.poses.position_m[images], given.poses.ground_from_image[images]),
         xyz_m=given.xyz_m[points],
-        control=replace(c, point=new_point[c.point]), positions=replace(p, image=new_image[p.image]),
-    )  # fmt: skip
+        control=replace(c, point=new_point[c.point]),
+        positions=replace(p, image=new_image[p.image]),
+    )
     found = _adjusted(other)
     back = replace(
-        found, xyz_m=found.xyz_m[new_point],
+        found,
+        xyz_m=found.xyz_m[new_point],
         poses=Poses(found.poses.position_m[new_image], found.poses.ground_from_image[new_image]),
         covariances={POSE: found.pose_covariance[new_image], POINT: found.point_covariance_m2[new_point]},
-    )  # fmt: skip
+    )
     _assert_same(back, reference)
 
 
@@ -159,9 +172,10 @@ def test_all_sigmas_times_c_leave_the_unknowns_and_divide_sigma0(
     found = _adjusted(scaled, tolerance=1e-8)
     assert found.adjusted.sigma0 * c == pytest.approx(reference.adjusted.sigma0, rel=1e-9)
     back = replace(
-        found, covariances={g: found.covariances[g] / c**2 for g in (POSE, POINT)},
+        found,
+        covariances={g: found.covariances[g] / c**2 for g in (POSE, POINT)},
         adjusted=replace(found.adjusted, sigma0=found.adjusted.sigma0 * c),
-    )  # fmt: skip
+    )
     _assert_same(back, reference)
 
 

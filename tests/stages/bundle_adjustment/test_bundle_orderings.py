@@ -16,9 +16,13 @@ STRIPS, IMAGES = 5, 22
 @pytest.fixture(scope="module")
 def chain() -> Chain:
     return run_chain(
-        simulated(preset="rc30", flight={"strips": STRIPS, "images_per_strip": IMAGES, "cross_strips": 0},
-                  ties={"per_position": 2}, known={"full": 25}),
-    )  # fmt: skip
+        simulated(
+            preset="rc30",
+            flight={"strips": STRIPS, "images_per_strip": IMAGES, "cross_strips": 0},
+            ties={"per_position": 2},
+            known={"full": 25},
+        ),
+    )
 
 
 def _adjusted(chain: Chain, ordering: str, told: Told | None = None) -> Solution:

@@ -142,15 +142,28 @@ def test_the_rank_loss_of_brown21_is_refused_with_advice() -> None:
     """Exactly flat ground, exactly vertical images, no positions, free parameters: a19 a20 a21 are not determined."""
     block = simulated(
         camera={"kind": "digital", "format": (6000.0, 6000.0), "pixel_size_mm": 0.01, "principal_distance_mm": 60.0},
-        flight={"strips": 3, "images_per_strip": 5, "tilt_sigma_deg": 0.0, "kappa_sigma_deg": 0.0,
-                "position_sigma_m": (0.0, 0.0, 0.0)},
-        terrain={"relief_m": 0.0}, ties={"per_position": 4}, known={"full": 9}, gnss={"observed": False},
-        refraction="none", noise={"factor": 0.0, "control_m": (0.0, 0.0, 0.0)},
-    )  # fmt: skip
+        flight={
+            "strips": 3,
+            "images_per_strip": 5,
+            "tilt_sigma_deg": 0.0,
+            "kappa_sigma_deg": 0.0,
+            "position_sigma_m": (0.0, 0.0, 0.0),
+        },
+        terrain={"relief_m": 0.0},
+        ties={"per_position": 4},
+        known={"full": 9},
+        gnss={"observed": False},
+        refraction="none",
+        noise={"factor": 0.0, "control_m": (0.0, 0.0, 0.0)},
+    )
     chain = run_chain(block)
     with pytest.raises(GeometryError) as caught:
-        bundle(block, chain.refined, chain.strip_block,
-               options=BundleOptions(self_calibration={"set": "brown21", "sigma_um": None}))  # fmt: skip
+        bundle(
+            block,
+            chain.refined,
+            chain.strip_block,
+            options=BundleOptions(self_calibration={"set": "brown21", "sigma_um": None}),
+        )
     assert caught.value.exit_code == 4
     assert "a21 of additional" in caught.value.what
     assert "observed projection centres" in caught.value.remedy
@@ -206,5 +219,6 @@ def test_verdicts_stay_with_their_observations_while_parameters_go(method: str) 
     ).suspects
     assert any(" left out, " in line for line in told.lines)
     assert sorted(zip(s.kind.tolist(), s.row.tolist(), s.verdict.tolist())) == [
-        ("image_point", ray, "rejected"), ("position", 5, "rejected"),
-    ]  # fmt: skip
+        ("image_point", ray, "rejected"),
+        ("position", 5, "rejected"),
+    ]

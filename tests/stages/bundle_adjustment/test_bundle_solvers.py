@@ -21,9 +21,13 @@ SIZES = {"small": (2, 5), "medium": (4, 16)}
 def chain(request: pytest.FixtureRequest) -> Chain:
     strips, images = SIZES[request.param]
     return run_chain(
-        simulated(preset="rc30", flight={"strips": strips, "images_per_strip": images, "cross_strips": 1},
-                  ties={"per_position": 2}, known={"full": 12}),
-    )  # fmt: skip
+        simulated(
+            preset="rc30",
+            flight={"strips": strips, "images_per_strip": images, "cross_strips": 1},
+            ties={"per_position": 2},
+            known={"full": 12},
+        ),
+    )
 
 
 def _adjusted(chain: Chain, told: Told | None = None, **options: object) -> Solution:

@@ -18,17 +18,31 @@ BOTH = BundleOptions(interior_unknowns=True)
 @pytest.fixture(scope="module")
 def chain() -> Chain:
     """Two strips of four film images with five control points and observed positions."""
-    return run_chain(simulated(2, preset="rc30", flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0},
-                               known={"full": 5, "check_full": 6}))  # fmt: skip
+    return run_chain(
+        simulated(
+            2,
+            preset="rc30",
+            flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0},
+            known={"full": 5, "check_full": 6},
+        )
+    )
 
 
 def _suspected(initial: Solution, kind: str, rows: list[int]) -> Solution:
     """The solution with some observations rejected."""
     n = len(rows)
     suspects = Suspects(
-        kind=[kind] * n, row=rows, image=[""] * n, point=[""] * n, stage=["absolute_orientation"] * n, size=[1.0] * n,
-        unit=["m"] * n, sigma=[0.1] * n, test=[10.0] * n, verdict=["rejected"] * n,
-    )  # fmt: skip
+        kind=[kind] * n,
+        row=rows,
+        image=[""] * n,
+        point=[""] * n,
+        stage=["absolute_orientation"] * n,
+        size=[1.0] * n,
+        unit=["m"] * n,
+        sigma=[0.1] * n,
+        test=[10.0] * n,
+        verdict=["rejected"] * n,
+    )
     return replace(initial, suspects=suspects)
 
 

@@ -17,8 +17,11 @@ SIGMA = {"distance": 0.004, "zenith": np.radians(0.003), "azimuth": np.radians(0
 
 def _value(kind: str, a: np.ndarray, b: np.ndarray) -> float:
     e, n, u = b - a
-    return {"distance": np.sqrt(e * e + n * n + u * u), "zenith": np.arctan2(np.hypot(e, n), u),
-            "azimuth": np.arctan2(e, n) % (2 * np.pi)}[kind]  # fmt: skip
+    return {
+        "distance": np.sqrt(e * e + n * n + u * u),
+        "zenith": np.arctan2(np.hypot(e, n), u),
+        "azimuth": np.arctan2(e, n) % (2 * np.pi),
+    }[kind]
 
 
 def test_the_distance_zenith_angle_and_azimuth_of_a_sight_may_be_correlated(tmp_path: Path) -> None:
@@ -26,8 +29,10 @@ def test_the_distance_zenith_angle_and_azimuth_of_a_sight_may_be_correlated(tmp_
     kinds, rho = ("distance", "zenith", "azimuth"), np.array([[1, 0.6, -0.3], [0.6, 1, 0.2], [-0.3, 0.2, 1]])
     s = np.array([SIGMA[k] for k in kinds])
     C = rho * np.outer(s, s)
-    observed = {name: np.array([_value(k, a, P) for k in kinds]) + rng.multivariate_normal(np.zeros(3), C)
-                for name, a in (("A", A), ("B", B))}  # fmt: skip
+    observed = {
+        name: np.array([_value(k, a, P) for k in kinds]) + rng.multivariate_normal(np.zeros(3), C)
+        for name, a in (("A", A), ("B", B))
+    }
     (tmp_path / "block.yaml").write_text(HEAD)
     (tmp_path / "ground_points.csv").write_text(
         "point,X,Y,Z,sX,sY,sZ,role\nA,0,0,0,0,0,0,control\nB,90,40,3,0,0,0,control\nP,36,79,11,,,,approximate\n"

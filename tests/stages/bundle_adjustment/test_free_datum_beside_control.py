@@ -53,8 +53,13 @@ def _marked(block: Block, points: np.ndarray):
     """The ground points with start values of some more, on which the datum may rest."""
     g = block.ground_points
     more = g.take(np.zeros(len(points), dtype=np.intp))
-    more = replace(more, point=points.astype(np.int32), datum=np.ones(len(points), dtype=bool),
-                   role=np.full_like(more.role, 3), xyz_m=np.full((len(points), 3), np.nan))  # fmt: skip
+    more = replace(
+        more,
+        point=points.astype(np.int32),
+        datum=np.ones(len(points), dtype=bool),
+        role=np.full_like(more.role, 3),
+        xyz_m=np.full((len(points), 3), np.nan),
+    )
     names = type(g).__dataclass_fields__
     return type(g)(**{name: np.concatenate([getattr(g, name), getattr(more, name)]) for name in names})
 
@@ -62,10 +67,17 @@ def _marked(block: Block, points: np.ndarray):
 def _rejected(block: Block, initial: Solution, rows: list[int]):
     m, n = block.image_points, len(rows)
     return type(initial.suspects)(
-        kind=np.full(n, "image_point"), row=np.array(rows, dtype=np.int32), image=block.images.id[m.image[rows]],
-        point=block.points.id[m.point[rows]], stage=np.full(n, "relative_orientation"), size=np.full(n, 0.1),
-        unit=np.full(n, "mm"), sigma=np.full(n, 0.003), test=np.full(n, 30.0), verdict=np.full(n, "rejected"),
-    )  # fmt: skip
+        kind=np.full(n, "image_point"),
+        row=np.array(rows, dtype=np.int32),
+        image=block.images.id[m.image[rows]],
+        point=block.points.id[m.point[rows]],
+        stage=np.full(n, "relative_orientation"),
+        size=np.full(n, 0.1),
+        unit=np.full(n, "mm"),
+        sigma=np.full(n, 0.003),
+        test=np.full(n, 30.0),
+        verdict=np.full(n, "rejected"),
+    )
 
 
 @pytest.mark.parametrize("over", ["points", "images", "marked"])

@@ -33,8 +33,9 @@ def exterior(rows: list[dict[str, Any]]) -> str:
     return "\n".join([",".join(["image", *COLUMNS]), *lines]) + "\n"
 
 
-def adjusted(folder: Path, of: Hand, rows: list[dict[str, Any]], more: Any = None, camera: Any = None, **options: Any
-             ) -> Solution:  # fmt: skip
+def adjusted(
+    folder: Path, of: Hand, rows: list[dict[str, Any]], more: Any = None, camera: Any = None, **options: Any
+) -> Solution:
     """The hand block with these rows of the exterior and five control points."""
     block, image_points = made(folder, of, rows, more, camera)
     return bundle(
@@ -43,8 +44,9 @@ def adjusted(folder: Path, of: Hand, rows: list[dict[str, Any]], more: Any = Non
 
 
 def made(folder: Path, of: Hand, rows: list[dict[str, Any]], more: Any, camera: Any) -> tuple[Block, ImagePoints]:
-    return read(folder, of, ground=ground_rows(of, [0, 5, 14, 24, 29]), exterior=exterior(rows), more=more,
-                camera=camera)  # fmt: skip
+    return read(
+        folder, of, ground=ground_rows(of, [0, 5, 14, 24, 29]), exterior=exterior(rows), more=more, camera=camera
+    )
 
 
 def cells(of: Hand, k: int, off: Any = (0.0, 0.0, 0.0)) -> dict[str, float]:
@@ -118,7 +120,7 @@ def test_exact_positions_of_antennas_hold_with_arm_and_covariance(of: Hand, tmp_
         dict(zip("XYZ", (antenna[k] + 0.1).tolist()))
         | {"sX": 0.05, "sY": 0.05, "sXY": 0.001, "sZ": 0, "refers_to": "antenna"}
         for k in range(6)
-    ]  # fmt: skip
+    ]
     found = adjusted(tmp_path, of, rows, camera={"lever_arm": arm.tolist()})
     got = found.images.position_m + found.images.ground_from_image @ arm
     np.testing.assert_allclose(got[:, 2], antenna[:, 2] + 0.1, atol=1e-9)

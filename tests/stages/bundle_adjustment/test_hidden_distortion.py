@@ -18,8 +18,13 @@ FREE = {"set": "brown_conrady", "per": {"camera": ["k1"]}, "sigma_um": None}
 
 def _chain(k1: float) -> Chain:
     camera = {"distortion": "brown", "brown": {"k1": k1}}
-    block = simulated(preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
-                      ties={"new_points": 200}, known={"full": 8, "check_full": 6}, camera=camera)  # fmt: skip
+    block = simulated(
+        preset="rc30",
+        flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
+        ties={"new_points": 200},
+        known={"full": 8, "check_full": 6},
+        camera=camera,
+    )
     nothing = np.zeros(0, dtype=np.int64)
     cameras = replace(block.cameras, distortion=np.full(len(block.cameras), "none"))
     return run_chain(replace(block, cameras=cameras, camera_parameters=block.camera_parameters.take(nothing)))

@@ -27,10 +27,14 @@ def of() -> Hand:
 
 @pytest.mark.parametrize(
     ("stage", "options"),
-    [(bundle, BundleOptions(positions={"drift": "shift"})), (bundle, BundleOptions(attitudes={"drift": "shift"})),
-     (bundle, BundleOptions(rigs={"position_m": 0.1})), (bundle, BundleOptions(distances={"scale": False})),
-     (intersection, IntersectionOptions(positions={"drift": "none"}))],
-)  # fmt: skip
+    [
+        (bundle, BundleOptions(positions={"drift": "shift"})),
+        (bundle, BundleOptions(attitudes={"drift": "shift"})),
+        (bundle, BundleOptions(rigs={"position_m": 0.1})),
+        (bundle, BundleOptions(distances={"scale": False})),
+        (intersection, IntersectionOptions(positions={"drift": "none"})),
+    ],
+)
 def test_options_of_a_kind_that_is_not_there_are_told(of: Hand, stage: Any, options: Any, tmp_path: Path) -> None:
     block, points = read(tmp_path, of, ground=ground_rows(of, [0, 5, 24, 29]))
     heard = Heard()

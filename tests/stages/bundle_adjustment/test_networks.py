@@ -16,8 +16,13 @@ from aatri.orientation.bundle.settings import BundleSettings
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 
-TRUTH = {"A": (0.0, 0.0, 0.0), "B": (100.0, 0.0, 5.0), "C": (50.0, 90.0, -3.0), "D": (11.2, 79.1, 38.7),
-         "E": (61.5, 28.4, 31.3)}  # fmt: skip
+TRUTH = {
+    "A": (0.0, 0.0, 0.0),
+    "B": (100.0, 0.0, 5.0),
+    "C": (50.0, 90.0, -3.0),
+    "D": (11.2, 79.1, 38.7),
+    "E": (61.5, 28.4, 31.3),
+}
 LINES = ("AD", "BD", "CD", "AE", "BE", "CE", "DE", "AD")
 SIGMA = 0.003
 
@@ -46,8 +51,11 @@ def _network(folder: Path, *, fixed: str = "ABC", exact: str = "") -> Block:
     (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
     observed = list(zip(LINES, _observed().tolist()))
     lines = [f"distance,{a},{b},{d!r},{SIGMA}" for (a, b), d in observed if a + b != exact]
-    conditions = [f"- {{type: distance, points: [{a}, {b}], value: {d!r}, exact: true}}" for (a, b), d in observed
-                  if a + b == exact]  # fmt: skip
+    conditions = [
+        f"- {{type: distance, points: [{a}, {b}], value: {d!r}, exact: true}}"
+        for (a, b), d in observed
+        if a + b == exact
+    ]
     if conditions:
         (folder / "relative_control.yaml").write_text("\n".join(conditions) + "\n")
     (folder / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")

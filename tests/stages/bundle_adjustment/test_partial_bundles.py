@@ -17,9 +17,17 @@ from tests.stages.chain import Chain, run_chain, simulated
 
 
 def flown(**options: Any) -> Chain:
-    return run_chain(simulated(preset="rc30", earth="tangent", false_origin_m=(0.0, 0.0), ties={"new_points": 80},
-                               flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0},
-                               known={"full": 10, "check_full": 0}, **options))  # fmt: skip
+    return run_chain(
+        simulated(
+            preset="rc30",
+            earth="tangent",
+            false_origin_m=(0.0, 0.0),
+            ties={"new_points": 80},
+            flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0},
+            known={"full": 10, "check_full": 0},
+            **options,
+        )
+    )
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +76,12 @@ def test_error_free_images_are_resected_to_the_truth(exact: Chain) -> None:
 
 def test_images_without_orientation_get_a_start_of_their_own(exact: Chain) -> None:
     images = exact.bundle.images
-    unknown = replace(images, oriented=np.zeros(len(images), dtype=bool), position_m=np.full((len(images), 3), np.nan),
-                      ground_from_image=np.full((len(images), 3, 3), np.nan))  # fmt: skip
+    unknown = replace(
+        images,
+        oriented=np.zeros(len(images), dtype=bool),
+        position_m=np.full((len(images), 3), np.nan),
+        ground_from_image=np.full((len(images), 3, 3), np.nan),
+    )
     right(exact, resection(exact.block, exact.refined, replace(exact.bundle, images=unknown)))
 
 
@@ -104,8 +116,9 @@ def test_weighted_points_give_the_bundle_its_own_result_back(exact: Chain) -> No
 
 
 def test_weighted_orientations_make_points_less_certain_than_held_ones(exact: Chain) -> None:
-    weighted = intersection(exact.block, exact.refined, exact.bundle,
-                            options=IntersectionOptions(orientations="weighted"))  # fmt: skip
+    weighted = intersection(
+        exact.block, exact.refined, exact.bundle, options=IntersectionOptions(orientations="weighted")
+    )
     right(exact, weighted)
     held = intersection(exact.block, exact.refined, exact.bundle)
     new = np.setdiff1d(np.arange(len(exact.block.points)), exact.block.ground_points.point)
@@ -132,9 +145,14 @@ def test_images_without_orientation_are_resected_on_known_points(exact: Chain, s
     images = exact.bundle.images
     lost = images.oriented.copy()
     lost[::3] = False
-    blank = replace(images, oriented=lost, position_m=np.where(lost[:, None], images.position_m, np.nan),
-                    ground_from_image=np.where(lost[:, None, None], images.ground_from_image, np.nan))  # fmt: skip
-    found = resection(exact.block, exact.refined, replace(exact.bundle, images=blank),
-                      options=ResectionOptions(start=start))  # fmt: skip
+    blank = replace(
+        images,
+        oriented=lost,
+        position_m=np.where(lost[:, None], images.position_m, np.nan),
+        ground_from_image=np.where(lost[:, None, None], images.ground_from_image, np.nan),
+    )
+    found = resection(
+        exact.block, exact.refined, replace(exact.bundle, images=blank), options=ResectionOptions(start=start)
+    )
     assert found.images.oriented.all()
     assert found.images.position_m == pytest.approx(truth(exact)[0].position_m, abs=1e-6)

@@ -25,10 +25,15 @@ ADVICE = (
     "not, relief alone only above 20 % of the flying height"
 )
 TABLE = [
-    ("vertical", NEARLY_FLAT, 0.999998), ("crossed", NEARLY_FLAT, 0.999999), ("oblique", NEARLY_FLAT, 0.971),
-    ("gnss", NEARLY_FLAT, 0.16), ("vertical", 0.05, 0.9996), ("vertical", 0.10, 0.998), ("vertical", 0.20, 0.997),
+    ("vertical", NEARLY_FLAT, 0.999998),
+    ("crossed", NEARLY_FLAT, 0.999999),
+    ("oblique", NEARLY_FLAT, 0.971),
+    ("gnss", NEARLY_FLAT, 0.16),
+    ("vertical", 0.05, 0.9996),
+    ("vertical", 0.10, 0.998),
+    ("vertical", 0.20, 0.997),
     ("oblique", 0.20, 0.836),
-]  # fmt: skip
+]
 """Design, relief over flying height, reference correlation; the reference's 0 % is 1 % here, or c were free."""
 
 
@@ -51,8 +56,15 @@ def test_sigma_correlation_and_advice(tmp_path: Path, design: str, relief: float
     exterior = "\n".join(["image,X,Y,Z,sX,sY,sZ", *rows]) + "\n" if design == "gnss" else ""
     camera = {"principal_distance": C_MM, "principal_point": [0.0, 0.0], "format": (2 * HALF).tolist()}
     more = {"sigma": {"image": 3, "control": [0.02, 0.02, 0.02]}}
-    block, points = read(tmp_path, of, ground=ground_rows(of, range(9)), exterior=exterior, camera=camera, more=more,
-                         xy_mm=of.xy_mm - np.array([0.02, -0.01]))  # fmt: skip
+    block, points = read(
+        tmp_path,
+        of,
+        ground=ground_rows(of, range(9)),
+        exterior=exterior,
+        camera=camera,
+        more=more,
+        xy_mm=of.xy_mm - np.array([0.02, -0.01]),
+    )
     wanted = {"set": "brown_conrady", "per": {"camera": ["c", "x0", "y0", "k1", "k2"]}, "sigma_um": None}
     options = BundleOptions.model_validate({"blunders": "none", "self_calibration": wanted})
     image, point = (np.array([int(name[1:]) for name in ids]) for ids in (block.images.id, block.points.id))

@@ -55,8 +55,13 @@ def test_the_slope_that_an_undulation_neglects_is_told_with_what_it_does_in_heig
 
 @pytest.mark.slow
 def test_20_km_with_four_control_points_are_as_good_as_theory_says_through_the_whole_chain() -> None:
-    flight = {"strips": 4, "images_per_strip": 6, "scale_number": 110_000.0, "position_sigma_m": (5.0, 5.0, 3.0),
-              "side_overlap": 30.0}  # fmt: skip
+    flight = {
+        "strips": 4,
+        "images_per_strip": 6,
+        "scale_number": 110_000.0,
+        "position_sigma_m": (5.0, 5.0, 3.0),
+        "side_overlap": 30.0,
+    }
     errors, theory, nees, bias = [], [], [], []
     for seed in range(1, 11):
         block = made(seed, 11_000.0, flight=flight, gnss={"observed": False}, ties={"per_position": 3})
@@ -92,8 +97,12 @@ def test_control_in_plan_or_height_only_stays_right_far_from_the_origin() -> Non
 
 
 def test_exact_control_is_kept_exactly_in_the_coordinates_of_the_map() -> None:
-    block = made(2, 3000.0, noise={"image_um": 2.0, "control_m": (0.0, 0.0, 0.0), "gnss_m": (0.02, 0.02, 0.03)},
-                 known={"full": 4, "height": 2})  # fmt: skip
+    block = made(
+        2,
+        3000.0,
+        noise={"image_um": 2.0, "control_m": (0.0, 0.0, 0.0), "gnss_m": (0.02, 0.02, 0.03)},
+        known={"full": 4, "height": 2},
+    )
     solution = bundle(block, calibrated(block))
     ground = block.ground_points
     given = np.where(ground.role == CONTROL, ground.xyz_m, np.nan)
@@ -125,10 +134,20 @@ def _in_geocentric_axes(block: Block) -> Block:
     """The same block, everything given in geocentric coordinates, by PROJ."""
     ground, e = block.ground_points, block.exterior
     at_points, at_images = _local(ground.xyz_m), _local(e.position_m)
-    scale = np.stack([np.linalg.norm(_geocentric(e.position_m + s) - _geocentric(e.position_m - s), axis=1) / 100.0
-                      for s in np.eye(3) * 50.0], axis=1)  # fmt: skip
-    scale_p = np.stack([np.linalg.norm(_geocentric(ground.xyz_m + s) - _geocentric(ground.xyz_m - s), axis=1) / 100.0
-                        for s in np.eye(3) * 50.0], axis=1)  # fmt: skip
+    scale = np.stack(
+        [
+            np.linalg.norm(_geocentric(e.position_m + s) - _geocentric(e.position_m - s), axis=1) / 100.0
+            for s in np.eye(3) * 50.0
+        ],
+        axis=1,
+    )
+    scale_p = np.stack(
+        [
+            np.linalg.norm(_geocentric(ground.xyz_m + s) - _geocentric(ground.xyz_m - s), axis=1) / 100.0
+            for s in np.eye(3) * 50.0
+        ],
+        axis=1,
+    )
     T, P = at_images * scale[:, None], at_points * scale_p[:, None]
     assert block.true_images is not None
     from aatri.geometry.rotations import rotation_from_angles
@@ -137,11 +156,16 @@ def _in_geocentric_axes(block: Block) -> Block:
     return replace(
         block,
         frames=replace(block.frames, axes=np.array(["x,y,z"]), crs=np.array(["EPSG:4978"])),
-        ground_points=replace(ground, xyz_m=_geocentric(ground.xyz_m),
-                              covariance_m2=P @ ground.covariance_m2 @ P.swapaxes(1, 2)),
-        exterior=replace(e, position_m=_geocentric(e.position_m), angles_rad=angles_from_rotation(rotation),
-                         position_covariance_m2=T @ e.position_covariance_m2 @ T.swapaxes(1, 2)),
-    )  # fmt: skip
+        ground_points=replace(
+            ground, xyz_m=_geocentric(ground.xyz_m), covariance_m2=P @ ground.covariance_m2 @ P.swapaxes(1, 2)
+        ),
+        exterior=replace(
+            e,
+            position_m=_geocentric(e.position_m),
+            angles_rad=angles_from_rotation(rotation),
+            position_covariance_m2=T @ e.position_covariance_m2 @ T.swapaxes(1, 2),
+        ),
+    )
 
 
 def test_one_block_in_map_geographic_and_geocentric_coordinates_and_two_frames_is_one_result(tmp_path: Path) -> None:

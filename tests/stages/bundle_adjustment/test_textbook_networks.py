@@ -45,9 +45,12 @@ def test_a_textbook_network_is_that_of_gama(name: str, shared_data: Path) -> Non
     adjusted, published = _published((DATA / name).with_suffix(".xml"))
     free = published["defect"] > 0
     options = BundleOptions(
-        datum="free" if free else "given", datum_over="marked" if free else "points", tolerance=1e-6, max_sigma0=1e9,
+        datum="free" if free else "given",
+        datum_over="marked" if free else "points",
+        tolerance=1e-6,
+        max_sigma0=1e9,
         blunders="none",
-    )  # fmt: skip
+    )
     solution = bundle(block, options=options)
     xyz = dict(zip(solution.points.id.tolist(), solution.points.xyz_m.tolist()))
     for point, values in adjusted.items():

@@ -19,8 +19,15 @@ OPTIONS = BundleOptions(interior_unknowns=True)
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    return run_chain(simulated(5, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
-                               known={"full": 12}, ties={"new_points": 300}))  # fmt: skip
+    return run_chain(
+        simulated(
+            5,
+            preset="rc30",
+            flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
+            known={"full": 12},
+            ties={"new_points": 300},
+        )
+    )
 
 
 def _adjusted(chain: Chain, block: Block, **more: object) -> tuple[Solution, Told]:
@@ -157,9 +164,14 @@ def test_ten_per_cent_of_gross_errors_are_found_without_any_option(chain: Chain)
 
 
 def test_two_of_six_control_points_exchanged_are_named_by_the_whole_chain_without_positions() -> None:
-    block = simulated(1, preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
-                      known={"full": 6}, ties={"new_points": 300},
-                      gnss={"observed": False, "approximate_positions": False})  # fmt: skip
+    block = simulated(
+        1,
+        preset="rc30",
+        flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0},
+        known={"full": 6},
+        ties={"new_points": 300},
+        gnss={"observed": False, "approximate_positions": False},
+    )
     g = block.ground_points
     rows = np.flatnonzero((g.role == 1).all(axis=1))[[2, 3]]
     xyz = g.xyz_m.copy()

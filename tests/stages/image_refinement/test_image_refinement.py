@@ -126,8 +126,12 @@ def test_without_any_height_the_corrections_are_left_out_and_their_size_is_told(
     block: Block, points: ImagePoints, terrain_m: float
 ) -> None:
     told = Told()
-    blind = replace(block, exterior=Exterior.empty(), ground_points=block.ground_points.take(np.zeros(0, int)),
-                    terrain_height_m=terrain_m)  # fmt: skip
+    blind = replace(
+        block,
+        exterior=Exterior.empty(),
+        ground_points=block.ground_points.take(np.zeros(0, int)),
+        terrain_height_m=terrain_m,
+    )
     found = systematic(blind, points, context=told)
     only_lens = systematic(block, points, options=SystematicOptions(refraction=False, earth_curvature=False))
     assert np.array_equal(found.measurements.xy_mm, only_lens.measurements.xy_mm)
@@ -226,9 +230,13 @@ def test_oblique_images_are_freed_from_refraction_ray_by_ray() -> None:
     assert true is not None
     n = len(straight.images)
     oriented = ImageOrientations(
-        id=straight.images.id, oriented=np.ones(n, dtype=bool), position_m=true.position_m,
-        ground_from_image=true.ground_from_image, covariance=np.full((n, 6, 6), np.nan),
-        image_points=np.zeros(n, dtype=np.int32))  # fmt: skip
+        id=straight.images.id,
+        oriented=np.ones(n, dtype=bool),
+        position_m=true.position_m,
+        ground_from_image=true.ground_from_image,
+        covariance=np.full((n, 6, 6), np.nan),
+        image_points=np.zeros(n, dtype=np.int32),
+    )
     poses = replace(made_solution(made_block()), images=oriented)
     options = SystematicOptions(distortion=False, earth_curvature=False)
     corrected = systematic(bent, a, poses, options=options)

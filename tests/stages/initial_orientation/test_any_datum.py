@@ -33,8 +33,9 @@ def azimuth(small: Small, a: str, b: str) -> None:
 
 def heights(small: Small, a: str, *others: str) -> None:
     """Levelled height differences."""
-    small.geodetic += [f"height_difference,{a},{b},{float(small.xyz_m[b][2] - small.xyz_m[a][2])!r},0.01,,,,"
-                       for b in others]  # fmt: skip
+    small.geodetic += [
+        f"height_difference,{a},{b},{float(small.xyz_m[b][2] - small.xyz_m[a][2])!r},0.01,,,," for b in others
+    ]
 
 
 def levelled(tilt_deg: float = 0.0) -> Small:
@@ -66,8 +67,10 @@ def houses() -> Small:
     made = bare()
     made.xyz_m |= {"top1": made.xyz_m["p20"] + [0, 0, 40.0], "top2": made.xyz_m["p50"] + [0, 0, 35.0]}
     measure(made, np.random.default_rng(5))
-    made.relative = [{"type": "plumb_line", "points": [foot, top], "sigma": 0.005}
-                     for foot, top in (("p20", "top1"), ("p50", "top2"))]  # fmt: skip
+    made.relative = [
+        {"type": "plumb_line", "points": [foot, top], "sigma": 0.005}
+        for foot, top in (("p20", "top1"), ("p50", "top2"))
+    ]
     made.control = {"C1": "XYZ"}
     distance(made, "C1", "C4")
     azimuth(made, "C1", "C4")
@@ -83,12 +86,15 @@ def some_positions(axes: str, *control: tuple[str, str]) -> Small:
 @pytest.mark.parametrize(
     ("made", "within_m"),
     [
-        (levelled, 0.3), (lambda: levelled(40.0), 0.3), (two_points_and_a_level, 0.3), (coordinates_one_by_one, 0.4),
+        (levelled, 0.3),
+        (lambda: levelled(40.0), 0.3),
+        (two_points_and_a_level, 0.3),
+        (coordinates_one_by_one, 0.4),
         (houses, 1.0),
         (lambda: some_positions("XYZ", ("C2", "Z"), ("C4", "Z")), 0.3),
         (lambda: some_positions("XY", ("C1", "Z"), ("C2", "Z"), ("C4", "Z")), 0.3),
     ],
-)  # fmt: skip
+)
 def test_a_determined_datum_begins(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
     small = made()
     done = adjusted_by("graph", small.write(tmp_path / "block"))

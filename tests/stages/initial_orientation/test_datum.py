@@ -22,11 +22,23 @@ def with_distances(block: Block, ends: np.ndarray, wrong_m: float = 0.0) -> Bloc
     n, ids = len(ends), block.points.id
     text, nan = np.full(n, ""), np.full(n, np.nan)
     geodetic = Geodetic(
-        type=np.full(n, "distance"), start=ids[ends[:, 0]], end=ids[ends[:, 1]], via=text,
-        start_kind=np.full(n, "point"), end_kind=np.full(n, "point"), value=value, sigma=np.full(n, 0.005), set=text,
-        group=text, start_height_m=nan, end_height_m=nan, active=np.ones(n, dtype=bool), reduced=np.full(n, "no"),
-        file=np.full(n, -1), line=np.full(n, -1),
-    )  # fmt: skip
+        type=np.full(n, "distance"),
+        start=ids[ends[:, 0]],
+        end=ids[ends[:, 1]],
+        via=text,
+        start_kind=np.full(n, "point"),
+        end_kind=np.full(n, "point"),
+        value=value,
+        sigma=np.full(n, 0.005),
+        set=text,
+        group=text,
+        start_height_m=nan,
+        end_height_m=nan,
+        active=np.ones(n, dtype=bool),
+        reduced=np.full(n, "no"),
+        file=np.full(n, -1),
+        line=np.full(n, -1),
+    )
     return replace(block, geodetic=geodetic)
 
 
@@ -66,11 +78,22 @@ def test_without_control_and_positions_distances_give_the_scale() -> None:
     value = float(np.linalg.norm(true.xyz_m[a] - true.xyz_m[b]))
     ends = {"start": np.array([block.points.id[a]]), "end": np.array([block.points.id[b]])}
     distance = Geodetic(
-        type=np.array(["distance"]), **ends, via=np.array([""]), start_kind=np.array(["point"]),
-        end_kind=np.array(["point"]), value=np.array([value]), sigma=np.array([0.01]), set=np.array([""]),
-        group=np.array([""]), start_height_m=np.array([np.nan]), end_height_m=np.array([np.nan]),
-        active=np.array([True]), reduced=np.array(["no"]), file=np.array([-1]), line=np.array([-1]),
-    )  # fmt: skip
+        type=np.array(["distance"]),
+        **ends,
+        via=np.array([""]),
+        start_kind=np.array(["point"]),
+        end_kind=np.array(["point"]),
+        value=np.array([value]),
+        sigma=np.array([0.01]),
+        set=np.array([""]),
+        group=np.array([""]),
+        start_height_m=np.array([np.nan]),
+        end_height_m=np.array([np.nan]),
+        active=np.array([True]),
+        reduced=np.array(["no"]),
+        file=np.array([-1]),
+        line=np.array([-1]),
+    )
     bare = replace(
         block, ground_points=block.ground_points.take(none), exterior=block.exterior.take(none), geodetic=distance
     )

@@ -17,9 +17,12 @@ from aatri.stages.initial_orientation.graph import GraphOptions, graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 
 SMALL_UAV = {
-    "preset": "uav", "earth": "flat", "refraction": "none", "flight": {"strips": 4, "images_per_strip": 6},
+    "preset": "uav",
+    "earth": "flat",
+    "refraction": "none",
+    "flight": {"strips": 4, "images_per_strip": 6},
     "ties": {"random_per_image": 120.0},
-}  # fmt: skip
+}
 
 
 def measured(block: Block) -> ImagePoints:
@@ -39,8 +42,9 @@ def without_strips(block: Block) -> Block:
 
 def initial_of(block: Block, context: Context = SILENT, **options: object) -> Solution:
     points = systematic(block, calibrated(block), options=SystematicOptions(refraction=False, earth_curvature=False))
-    return graph(block, points, options=GraphOptions.model_validate(options), context=context,
-                 rng=np.random.default_rng(1))  # fmt: skip
+    return graph(
+        block, points, options=GraphOptions.model_validate(options), context=context, rng=np.random.default_rng(1)
+    )
 
 
 def far_off(block: Block, solution: Solution) -> tuple[float, float]:

@@ -15,9 +15,17 @@ from tests.stages.film_blocks import Told
 
 
 def flown(seed: int = 1, **options: Any) -> Chain:
-    return run_chain(simulated(seed, preset="rc30", earth="tangent", false_origin_m=(0.0, 0.0),
-                               flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0},
-                               known={"full": 12, "height": 6, "check_full": 0}, **options))  # fmt: skip
+    return run_chain(
+        simulated(
+            seed,
+            preset="rc30",
+            earth="tangent",
+            false_origin_m=(0.0, 0.0),
+            flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0},
+            known={"full": 12, "height": 6, "check_full": 0},
+            **options,
+        )
+    )
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +52,9 @@ def test_the_sigma_of_the_centres_may_stand_alone_or_in_a_mapping() -> None:
 
 @pytest.mark.parametrize("options", [{}, {"centres": {"sigma": 0.05}}, {"iteration": "plan_height"}])
 def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
-    found = independent_models(exact.block, exact.refined, exact.models, exact.strip_block,
-                               options=IndependentModelsOptions(**options))  # fmt: skip
+    found = independent_models(
+        exact.block, exact.refined, exact.models, exact.strip_block, options=IndependentModelsOptions(**options)
+    )
     solved = np.isfinite(found.points.xyz_m[:, 0])
     assert solved.sum() > 0.9 * len(solved)
     assert found.points.xyz_m[solved] == pytest.approx(true_points(exact)[solved], abs=2e-6)
@@ -78,13 +87,22 @@ def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
 
 
 def test_plan_and_height_in_turn_converge_with_cross_strips_to_the_common_adjustment() -> None:
-    chain = run_chain(simulated(3, preset="rc30", earth="flat", ties={"new_points": 250}, known={"full": 10},
-                                flight={"strips": 3, "images_per_strip": 8, "cross_strips": 2}))  # fmt: skip
+    chain = run_chain(
+        simulated(
+            3,
+            preset="rc30",
+            earth="flat",
+            ties={"new_points": 250},
+            known={"full": 10},
+            flight={"strips": 3, "images_per_strip": 8, "cross_strips": 2},
+        )
+    )
     found = []
     for iteration in ("together", "plan_height"):
         told, options = Told(), IndependentModelsOptions(iteration=iteration)
-        found.append(independent_models(chain.block, chain.refined, chain.models, chain.absolute, options=options,
-                                        context=told))  # fmt: skip
+        found.append(
+            independent_models(chain.block, chain.refined, chain.models, chain.absolute, options=options, context=told)
+        )
     assert any("plan and height in turn" in line for line in told.lines)
     assert np.nanmax(np.abs(found[0].points.xyz_m - found[1].points.xyz_m)) < 1e-3
 
@@ -93,9 +111,13 @@ def test_plan_and_height_in_turn_converge_with_cross_strips_to_the_common_adjust
 @pytest.mark.parametrize("control", [0, 1])
 def test_positions_bring_models_to_the_ground_and_a_wrong_one_is_found(control: int, lever_arm_m: Any) -> None:
     block = simulated(
-        2, flight={"strips": 2, "images_per_strip": 6}, known={"full": control}, ties={"per_position": 4},
-        gnss={"observed": True, "lever_arm_m": lever_arm_m}, noise={"gnss_m": (0.03, 0.03, 0.03)},
-    )  # fmt: skip
+        2,
+        flight={"strips": 2, "images_per_strip": 6},
+        known={"full": control},
+        ties={"per_position": 4},
+        gnss={"observed": True, "lever_arm_m": lever_arm_m},
+        noise={"gnss_m": (0.03, 0.03, 0.03)},
+    )
     position_m = block.exterior.position_m.copy()
     position_m[5, 0] += 1.0
     chain = run_chain(replace(block, exterior=replace(block.exterior, position_m=position_m)))
@@ -108,8 +130,9 @@ def test_positions_bring_models_to_the_ground_and_a_wrong_one_is_found(control: 
 
 
 def test_what_control_leaves_open_is_an_error_and_not_a_block_that_shrinks() -> None:
-    chain = run_chain(simulated(2, flight={"strips": 2, "images_per_strip": 5}, known={"full": 4},
-                                gnss={"observed": False}))  # fmt: skip
+    chain = run_chain(
+        simulated(2, flight={"strips": 2, "images_per_strip": 5}, known={"full": 4}, gnss={"observed": False})
+    )
     for n, what in ((1, "azimuth, scale"), (2, "rotation about the line")):
         few = replace(chain.block, ground_points=chain.block.ground_points.take(np.arange(n)))
         with pytest.raises(GeometryError, match=what):

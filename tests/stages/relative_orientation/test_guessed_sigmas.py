@@ -21,8 +21,14 @@ from tests.stages.film_blocks import Told
 
 def flown(factor: float, **options: Any) -> tuple[Any, Any]:
     """A digital block that claims `factor` times its standard deviations."""
-    block = simulated(5, preset="uav", flight={"strips": 3, "images_per_strip": 8}, ties={"new_points": 400},
-                      known={"full": 8}, **options)  # fmt: skip
+    block = simulated(
+        5,
+        preset="uav",
+        flight={"strips": 3, "images_per_strip": 8},
+        ties={"new_points": 400},
+        known={"full": 8},
+        **options,
+    )
     m = block.image_points
     block = replace(block, image_points=replace(m, sigma_mm=factor * m.sigma_mm))
     return block, calibrated(block)

@@ -32,5 +32,8 @@ def test_a_name_that_no_point_has_is_refused(tmp_path: Path) -> None:
     block = simulated(preset="sample")
     (tmp_path / "names.txt").write_text("11 nobody\n")
     with pytest.raises(InputError, match="nobody"):
-        dependent(block, systematic(block, calibrated(block)),
-                  options=ClassicalOptions(orientation_points=tmp_path / "names.txt"))  # fmt: skip
+        dependent(
+            block,
+            systematic(block, calibrated(block)),
+            options=ClassicalOptions(orientation_points=tmp_path / "names.txt"),
+        )

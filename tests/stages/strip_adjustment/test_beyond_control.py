@@ -23,10 +23,14 @@ from tests.stages.film_blocks import Told
 
 def block_of(*, positions: bool) -> Any:
     return simulated(
-        4, camera={"kind": "digital", "format": (9000.0, 9000.0), "pixel_size_mm": 0.02}, known={"full": 12},
-        flight={"strips": 2, "images_per_strip": 6}, ties={"per_position": 3}, refraction="none",
+        4,
+        camera={"kind": "digital", "format": (9000.0, 9000.0), "pixel_size_mm": 0.02},
+        known={"full": 12},
+        flight={"strips": 2, "images_per_strip": 6},
+        ties={"per_position": 3},
+        refraction="none",
         gnss={"observed": positions},
-    )  # fmt: skip
+    )
 
 
 def made(block: Any) -> tuple[Any, Any, Any]:

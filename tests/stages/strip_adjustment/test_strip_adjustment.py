@@ -190,10 +190,18 @@ def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_els
     single = np.flatnonzero(np.bincount(strips.strip_points.point) == 1)
     point = int(single[np.isin(single, block.ground_points.point)][0])
     row = int(np.flatnonzero(strips.strip_points.point == point)[0])
-    suspects = Suspects(kind=["strip_tie"], row=[-1], image=strips.strips.id[strips.strip_points.strip[[row]]],
-        point=block.points.id[[point]], stage=["absolute_orientation"], size=[0.0], unit=["m"], sigma=[np.nan],
-        test=[np.nan], verdict=["rejected"],
-    )  # fmt: skip
+    suspects = Suspects(
+        kind=["strip_tie"],
+        row=[-1],
+        image=strips.strips.id[strips.strip_points.strip[[row]]],
+        point=block.points.id[[point]],
+        stage=["absolute_orientation"],
+        size=[0.0],
+        unit=["m"],
+        sigma=[np.nan],
+        test=[np.nan],
+        verdict=["rejected"],
+    )
     solution = polynomial(block, points, strips, replace(initial, suspects=suspects))
     assert solution.suspects.verdict.tolist() == ["readmitted"]
     assert np.isfinite(solution.points.xyz_m[point]).all()

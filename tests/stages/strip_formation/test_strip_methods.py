@@ -40,8 +40,9 @@ def right_shape(made: Any, strips: Any, places: float = 1e-8) -> None:
 
 @pytest.mark.parametrize("estimator", ["robust", "weighted", "mean"])
 def test_error_free_models_give_the_true_strips_by_every_mean(made: Any, estimator: Any) -> None:
-    strips = scale_transfer(made.block, dependent(made.block, made.image_points),
-                            options=ScaleTransferOptions(estimator=estimator))  # fmt: skip
+    strips = scale_transfer(
+        made.block, dependent(made.block, made.image_points), options=ScaleTransferOptions(estimator=estimator)
+    )
     right_shape(made, strips)
 
 
@@ -71,8 +72,9 @@ def test_a_strip_is_split_where_a_model_carries_no_scale(made: Any) -> None:
 
 
 def test_strips_are_found_where_none_are_given(made: Any) -> None:
-    images = replace(made.block.images, strip=np.full(len(made.block.images), -1),
-                     sequence=np.zeros(len(made.block.images)))  # fmt: skip
+    images = replace(
+        made.block.images, strip=np.full(len(made.block.images), -1), sequence=np.zeros(len(made.block.images))
+    )
     block, told = replace(made.block, images=images), Told()
     models = dependent(block, made.image_points, context=told)
     assert any("strips found from the overlaps" in text for text in told.warnings)

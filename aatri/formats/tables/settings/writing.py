@@ -51,10 +51,15 @@ def _rig(block: Block, name: str) -> dict[str, Any]:
     for k in np.flatnonzero(rows.rig == name).tolist():
         position = np.where(rows.position_free[k], np.inf, rows.position_sigma_m[k]).tolist()
         angles = np.where(rows.angle_free[k], np.inf, rows.angle_sigma_rad[k]).tolist()
-        found[str(rows.member[k])] = {} if rows.is_frame[k] else {
-            "position": rows.position_m[k].tolist(), "angles": rows.angles_rad[k].tolist(),
-            "sigmas": {"position": position, "angles": angles},
-        }  # fmt: skip
+        found[str(rows.member[k])] = (
+            {}
+            if rows.is_frame[k]
+            else {
+                "position": rows.position_m[k].tolist(),
+                "angles": rows.angles_rad[k].tolist(),
+                "sigmas": {"position": position, "angles": angles},
+            }
+        )
     return found
 
 
@@ -103,8 +108,10 @@ def _sigmas(block: Block, k: int) -> dict[str, Any]:
     """Standard deviations by parameter; components of a vector together."""
     rows = block.camera_parameters
     mine = (rows.camera == k) & (rows.free | np.isfinite(rows.sigma))
-    single = {n: math.inf if f else s for n, s, f in
-              zip(rows.name[mine].tolist(), rows.sigma[mine].tolist(), rows.free[mine].tolist())}  # fmt: skip
+    single = {
+        n: math.inf if f else s
+        for n, s, f in zip(rows.name[mine].tolist(), rows.sigma[mine].tolist(), rows.free[mine].tolist())
+    }
     found: dict[str, Any] = {}
     for name, sigma in single.items():
         vector, dot, _ = name.partition(".")

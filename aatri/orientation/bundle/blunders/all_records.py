@@ -69,8 +69,15 @@ class AllRecords:
         nothing = np.zeros(0, dtype=np.int64)
         points = np.concatenate([nothing, *point])
         first = np.cumsum([0, *(len(o) for o in observed)])
-        return cls(observed, first, np.concatenate([nothing == 1, *native]), points >= 0, points,
-                   np.concatenate([nothing, *image]), np.concatenate([nothing == 1, *alone]))  # fmt: skip
+        return cls(
+            observed,
+            first,
+            np.concatenate([nothing == 1, *native]),
+            points >= 0,
+            points,
+            np.concatenate([nothing, *image]),
+            np.concatenate([nothing == 1, *alone]),
+        )
 
     @property
     def parts(self) -> list[slice]:
@@ -88,8 +95,10 @@ class AllRecords:
     @property
     def tests(self) -> int:
         """Components that can be tested."""
-        return sum(int(o.records.observed_components()[native].sum())
-                   for o, native in zip(self.observed, self.split(self.native)))  # fmt: skip
+        return sum(
+            int(o.records.observed_components()[native].sum())
+            for o, native in zip(self.observed, self.split(self.native))
+        )
 
     def redundancy(self, result: BundleResult | None) -> tuple[Float, Int]:
         """Redundancy of each kind, in records, half of them where it is not known; and how many there are."""

@@ -149,8 +149,10 @@ class _Attribution:
             without = self._adjusted(less, {})
         except (GeometryError, ConvergenceError):
             return None
-        gone = sum(int(o.records.observed_components()[best[(best >= p.start) & (best < p.stop)] - p.start].sum())
-                   for o, p in zip(self.records.observed, self.records.parts))  # fmt: skip
+        gone = sum(
+            int(o.records.observed_components()[best[(best >= p.start) & (best < p.stop)] - p.start].sum())
+            for o, p in zip(self.records.observed, self.records.parts)
+        )
         lost = back.result.adjusted.redundancy - gone - without.result.adjusted.redundancy
         return (
             without if lost >= 0 and without.result.point_adjusted.sum() >= back.result.point_adjusted.sum() else None

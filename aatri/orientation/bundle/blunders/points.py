@@ -176,8 +176,9 @@ def _moved(
     xyz[members.points] += np.where(np.isfinite(found.step), found.step, 0.0)
     moved = {**state, POINT: xyz}
     keep = records.present & ~found.out
-    before, after = (np.where(keep, (r.v**2).sum(axis=2), 0.0).sum(axis=1)
-                     for r in (records, _at(observed, moved, members, limit)))  # fmt: skip
+    before, after = (
+        np.where(keep, (r.v**2).sum(axis=2), 0.0).sum(axis=1) for r in (records, _at(observed, moved, members, limit))
+    )
     worse = members.points[~(after <= before)]
     xyz[worse] = state[POINT][worse]
     return moved

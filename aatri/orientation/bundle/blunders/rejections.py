@@ -81,9 +81,17 @@ class Rejections:
         return self.all.at_points & (test <= largest[np.maximum(self.all.point, 0)] + 1e-6)
 
     def wrong_at_points(
-        self, result: BundleResult, points: Int, suspected: Bool, active: Bool, test: Float, tails: Float, *,
-        move: bool, xyz_m: Float | None = None,
-    ) -> Bool:  # fmt: skip
+        self,
+        result: BundleResult,
+        points: Int,
+        suspected: Bool,
+        active: Bool,
+        test: Float,
+        tails: Float,
+        *,
+        move: bool,
+        xyz_m: Float | None = None,
+    ) -> Bool:
         """What is wrong at some points, (n,); with `move` the block starts with them where the others see them."""
         state = result.adjusted.state if xyz_m is None else {**result.adjusted.state, POINT: xyz_m}
         known = np.isin(points, with_start(state[POINT], points))

@@ -105,8 +105,10 @@ class Classes:
         """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`."""
         v, r, group = self._residuals(result, squares, predicted=True)
         known = r > LEAST_SHARE
-        return tuple(tail_of(np.abs(v[mine]) / np.sqrt(r[mine]), limit)
-                     for mine in (known & (group == g) for g in range(len(self.names))))  # fmt: skip
+        return tuple(
+            tail_of(np.abs(v[mine]) / np.sqrt(r[mine]), limit)
+            for mine in (known & (group == g) for g in range(len(self.names)))
+        )
 
     def _residuals(
         self, result: BundleResult, squares: BundleResult | None, *, predicted: bool = False
@@ -148,7 +150,7 @@ class Classes:
         return tuple(
             with_factor(o, np.full_like(number, len(factor)) if _is_prior(o) else number, known)
             for o, number in zip(observed, self.number)
-        )  # fmt: skip
+        )
 
 
 def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[float, float]:

@@ -53,9 +53,12 @@ UNTESTED = (
 
 
 def search(
-    given: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float = 1e-3,
+    given: BundleInput,
+    adjust: Adjust,
+    options: SearchOptions,
+    tolerance: float = 1e-3,
     squares: BundleResult | None = None,
-) -> Round:  # fmt: skip
+) -> Round:
     """Adjust a block and leave out its gross errors.
 
     Parameters
@@ -127,8 +130,15 @@ class _Search(FittedSigmas):
             *turn.notes,
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
-        return Round(*self._with_final_sigmas(tried), notes, self.all.keys(undecided), self.all.keys(above),
-                     tuple((a, b) for a, b in pairs), renumbered, self.scaling.main_factor(self._final))  # fmt: skip
+        return Round(
+            *self._with_final_sigmas(tried),
+            notes,
+            self.all.keys(undecided),
+            self.all.keys(above),
+            tuple((a, b) for a, b in pairs),
+            renumbered,
+            self.scaling.main_factor(self._final),
+        )
 
     def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
@@ -236,8 +246,12 @@ class _Search(FittedSigmas):
         if len(full) != 1 or full[0] not in parts:
             return None
         others = [p for p in parts if p != full[0]]
-        return full[0] if self._agrees(wrong, active, full[0], full[0]) and not any(
-            self._agrees(wrong, active, full[0], p) for p in others) else None  # fmt: skip
+        return (
+            full[0]
+            if self._agrees(wrong, active, full[0], full[0])
+            and not any(self._agrees(wrong, active, full[0], p) for p in others)
+            else None
+        )
 
     def _agrees(self, wrong: Bool, active: Bool, full: slice, without: slice) -> bool:
         """Whether the block agrees without one kind; `full` is that with too many wrong ones."""

@@ -125,11 +125,20 @@ def _whole(given: BundleInput, records: AllRecords, gone: Bool) -> list[Note]:
     """Images and points most of whose observations are rejected."""
     notes = []
     for group, ids, share, what in (
-        (POSE, given.image_ids, WHOLE_SHARE, "images of which {} and more of the image points are rejected: their "
-         "number, interior orientation or camera may be wrong"),
-        (POINT, given.point_ids, 0.5, "points half of whose rays and more are rejected: more than one object may "
-         "carry the number"),
-    ):  # fmt: skip
+        (
+            POSE,
+            given.image_ids,
+            WHOLE_SHARE,
+            "images of which {} and more of the image points are rejected: their "
+            "number, interior orientation or camera may be wrong",
+        ),
+        (
+            POINT,
+            given.point_ids,
+            0.5,
+            "points half of whose rays and more are rejected: more than one object may carry the number",
+        ),
+    ):
         total, out = np.zeros(len(ids)), np.zeros(len(ids))
         for part, o in zip(records.parts, records.observed):
             touched = dict(o.records.touches)

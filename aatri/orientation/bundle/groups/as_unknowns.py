@@ -40,8 +40,11 @@ def without_groups(given: BundleInput, groups: Sequence[Group], done: BundleInpu
     for o, c, d in zip(given.observed, with_groups(given, groups).observed, done.observed, strict=True):
         whole = o.again()
         whitener = whole.records.whitener * _scale(c.again().records, d.again().records)
-        whole = replace(whole, records=replace(whole.records, whitener=whitener),
-                        start={name: d.start.get(name, value) for name, value in o.start.items()})  # fmt: skip
+        whole = replace(
+            whole,
+            records=replace(whole.records, whitener=whitener),
+            start={name: d.start.get(name, value) for name, value in o.start.items()},
+        )
         observed.append(whole if d.rejected is None else whole.without(d.rejected))
     return replace(done, observed=tuple(observed), parameters=given.parameters)
 
@@ -65,8 +68,9 @@ def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
         return replace(given, observed=tuple(observed))
     other = np.ones(len(o), dtype=np.int64)
     other[group.rows] = 0
-    more = ParameterRows(name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False,
-                         other, -H)  # fmt: skip
+    more = ParameterRows(
+        name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False, other, -H
+    )
     parameters = (*given.parameters, more)
     rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
     rays = replace(rays, start={**rays.start, **o.start})

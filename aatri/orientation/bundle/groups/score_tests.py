@@ -67,9 +67,12 @@ class _Significant:
 
 
 def significant_groups(
-    given: BundleInput, result: BundleResult, candidates_of: CandidatesOf, single: float = 0.0,
+    given: BundleInput,
+    result: BundleResult,
+    candidates_of: CandidatesOf,
+    single: float = 0.0,
     known: Sequence[Key] = (),
-) -> list[Group]:  # fmt: skip
+) -> list[Group]:
     """Groups that may be wrong and do harm, the one that explains most first, then those that explain half as much.
 
     Parameters
@@ -146,8 +149,21 @@ def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Sig
     H, c_mm = c.H[of_unit][:, :, list(t.cause.columns)], float("nan")
     if kind == IMAGE_POINT and given.rays is not None:
         c_mm = float(np.median(given.rays.c_mm[t.rows]))
-    return Group(c.place, kind, c.per, str(c.units[t.unit]), t.cause.name, t.rows, H, t.joint.value,
-                 sigma, t.gain, float(np.sqrt(variance)), c_mm=c_mm, removable=c.removable)  # fmt: skip
+    return Group(
+        c.place,
+        kind,
+        c.per,
+        str(c.units[t.unit]),
+        t.cause.name,
+        t.rows,
+        H,
+        t.joint.value,
+        sigma,
+        t.gain,
+        float(np.sqrt(variance)),
+        c_mm=c_mm,
+        removable=c.removable,
+    )
 
 
 def _confirmed(

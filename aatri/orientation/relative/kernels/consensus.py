@@ -102,7 +102,10 @@ def following(seed):
     return seed ^ (seed << np.uint64(17))
 
 
-@njit("void(int64, int64, int64[::1], boolean[::1], float64[:,::1], int64, float64[:,:,:,::1], float64[:,::1], int64[::1], boolean[::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "void(int64, int64, int64[::1], boolean[::1], float64[:,::1], int64, float64[:,:,:,::1], float64[:,::1], int64[::1], boolean[::1])",
+    **OPTIONS,
+)
 def consensus(first, last, start, chosen, all_rays, most_samples, poses, costs, samples, fits):
     """Orient the chosen pairs among first ... last - 1.
 
@@ -122,7 +125,12 @@ def consensus(first, last, start, chosen, all_rays, most_samples, poses, costs, 
     fits : (n,) bool
         Filled in: points that fit the best orientation.
     """
-    E, sample, listed, listed_cost = np.empty((REAL_ROOTS, 3, 3)), np.empty(5, dtype=np.int64), np.empty((LISTED, 3, 3)), np.empty(LISTED)  # fmt: skip
+    E, sample, listed, listed_cost = (
+        np.empty((REAL_ROOTS, 3, 3)),
+        np.empty(5, dtype=np.int64),
+        np.empty((LISTED, 3, 3)),
+        np.empty(LISTED),
+    )
     pose, W, best, plane = np.empty((3, 4)), np.empty((5, 5)), np.empty((3, 3)), np.empty(3)
     for p in range(first, last):
         costs[p, :] = np.inf

@@ -119,7 +119,10 @@ def spread(v, work):
     return min(max(select(work, n, int(QUANTILE * n)) / AT_QUANTILE, 1.0), MOST_SPREAD)
 
 
-@njit("float64(float64[:,::1], float64[:,::1], float64[:,::1], float64[::1], boolean[::1], boolean[::1], float64[:,::1], float64[:,::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "float64(float64[:,::1], float64[:,::1], float64[:,::1], float64[::1], boolean[::1], boolean[::1], float64[:,::1], float64[:,::1])",
+    **OPTIONS,
+)
 def improve(E, rays, pose, v, front, active, work, W):
     """Decompose E, adjust with the points that fit, judge anew; E, pose and v are those of the result.
 

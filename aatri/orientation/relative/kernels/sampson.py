@@ -71,7 +71,10 @@ def epipolar(pose, T, M):
                 M[u, i, column] = x[j] * T[t, k] - x[k] * T[t, j]
 
 
-@njit("float64(float64[:,::1], float64[:,::1], boolean[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "float64(float64[:,::1], float64[:,::1], boolean[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[::1])",
+    **OPTIONS,
+)
 def linearise(pose, rays, active, work, T, N, g):
     """Fill v, its derivatives J and the sigma of the parallax of all points, and N = J'J (lower triangle), g = J'v of the active ones.
 
@@ -139,7 +142,10 @@ def move(pose, T, dx, share, to_pose):
             to_pose[i, j] = R[i, j]
 
 
-@njit("boolean(float64[:,::1], float64[:,::1], boolean[::1], float64[:,::1], float64[::1], float64[::1], float64[::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "boolean(float64[:,::1], float64[:,::1], boolean[::1], float64[:,::1], float64[::1], float64[::1], float64[::1])",
+    **OPTIONS,
+)
 def bend(ahead, work, active, W, scale, h, dx):
     """Add half of its acceleration to a damped step dx, from the distances `ahead` on it; False if it bends too much."""
     acceleration, of_step, largest = np.empty(5), 0.0, 0.0
@@ -178,7 +184,14 @@ def adjust(pose, rays, active, max_iterations, work, W):
     int
         Iterations; 0 if they do not converge, `OPEN` if the normal equations are singular.
     """
-    N, g, M, h, T, S = np.empty((5, 5)), np.empty((1, 5)), np.empty((5, 5)), np.empty((1, 5)), np.empty((3, 3)), np.empty((3, 3))  # fmt: skip
+    N, g, M, h, T, S = (
+        np.empty((5, 5)),
+        np.empty((1, 5)),
+        np.empty((5, 5)),
+        np.empty((1, 5)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+    )
     trial, there, dx, scale = np.empty((3, 4)), np.empty((len(rays), 9)), np.empty(5), np.zeros(5)
     damping, growth, threshold, iteration, ahead = 0.0, 2.0, 2.0 * FIRST, 0, False
     cost, predicted, decrement = np.inf, 1.0, np.inf

@@ -53,8 +53,13 @@ def clean_coarsely(inside, active, work, limit):
     return True
 
 
-@njit("void(int64, int64, int64[::1], float64[:,::1], boolean[::1], float64, int64, float64[:,:,::1], float64[:,:,::1], int64[::1], boolean[::1], boolean[::1], float64[:,::1])", **OPTIONS)  # fmt: skip
-def snoop(first, last, start, all_rays, chosen, limit, max_iterations, pose, W, iterations, all_inside, all_active, all_work):  # fmt: skip
+@njit(
+    "void(int64, int64, int64[::1], float64[:,::1], boolean[::1], float64, int64, float64[:,:,::1], float64[:,:,::1], int64[::1], boolean[::1], boolean[::1], float64[:,::1])",
+    **OPTIONS,
+)
+def snoop(
+    first, last, start, all_rays, chosen, limit, max_iterations, pose, W, iterations, all_inside, all_active, all_work
+):
     """Adjust the chosen pairs among first ... last - 1 with data snooping.
 
     Parameters

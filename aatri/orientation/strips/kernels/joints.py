@@ -83,7 +83,10 @@ def begin(A, y, limit, active, x, deviation, work):
         active[k] = active[k] or n < CHECKED or not near > n / 2
 
 
-@njit("void(int64, int64, int64[::1], float64[:,::1], float64[::1], float64, float64[:,::1], float64[::1], boolean[::1], boolean[::1], float64[:,::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "void(int64, int64, int64[::1], float64[:,::1], float64[::1], float64, float64[:,::1], float64[::1], boolean[::1], boolean[::1], float64[:,::1])",
+    **OPTIONS,
+)
 def join(first, last, start, A, y, limit, x, sigma, done, active, work):
     """Adjust the joints first ... last - 1 with data snooping.
 

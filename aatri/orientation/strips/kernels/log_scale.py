@@ -89,7 +89,10 @@ def across(b0, b1, b2, r0, r1, r2):
     return x / length, y / length, z / length
 
 
-@njit("void(int64, int64, int64[::1], int64[::1], int64[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1], float64[::1], float64[:,::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "void(int64, int64, int64[::1], int64[::1], int64[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1], float64[::1], float64[:,::1])",
+    **OPTIONS,
+)
 def log_scales(begin, end, first, second, of_row, xyz, covariance, base, left_from_right, roots, observed, sigma, A):
     """Fill observations, standard deviations and whitened derivatives of the common points begin ... end - 1.
 

@@ -8,7 +8,10 @@ from numba import njit
 from aatri.adjustment.kernels.small import OPTIONS, inverse, inverse_root
 
 
-@njit("void(int64, int64, int64[::1], int64[::1], int64[::1], float64[::1], float64[:,:,::1], float64[:,:,::1], float64[:,::1], float64[:,::1], float64[:,:,::1])", **OPTIONS)  # fmt: skip
+@njit(
+    "void(int64, int64, int64[::1], int64[::1], int64[::1], float64[::1], float64[:,:,::1], float64[:,:,::1], float64[:,::1], float64[:,::1], float64[:,:,::1])",
+    **OPTIONS,
+)
 def means(begin, end, start, rows, model, scale, rotation, covariance, x, mean, found):
     """Fill the means of the points begin ... end - 1 and their covariances; NaN where a covariance is not definite.
 
