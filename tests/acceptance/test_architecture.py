@@ -264,3 +264,16 @@ def test_the_section_has_its_table(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     patched.show(made, made_block(columns=5), None)
     (strips,) = (table for table in made.tables if table.caption.startswith("Strips"))
     assert [tuple(row) for row in strips.rows] == [("1", "5"), ("2", "5")]
+
+
+def test_a_key_class_is_one_class_and_lies_where_the_page_says() -> None:
+    table = PAGE.split("## Key classes")[1]
+    tree = [file.read_text(encoding="utf-8") for part in ("aatri", "stages") for file in (ROOT / part).rglob("*.py")]
+    rows = re.findall(r"^\| (`.*?) \|.*\| (`.*`) \|$", table, flags=re.M)
+    assert len(rows) > 10
+    for names, files in rows:
+        sources = [(ROOT / "aatri" / file).read_text(encoding="utf-8") for file in re.findall(r"`([^`]+)`", files)]
+        for name in re.findall(r"`(\w+)`", names):
+            definition = re.compile(rf"^class {name}\b", re.M)
+            assert sum(bool(definition.search(text)) for text in sources) == 1, name
+            assert sum(len(definition.findall(text)) for text in tree) == 1, name
