@@ -23,7 +23,7 @@ import numpy as np
 from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.rejection import Snooping
-from aatri.arrays import Bool, Float, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, compose, robust_closed_form, transform
@@ -36,7 +36,7 @@ from aatri.observations.ties import BODY, COMPONENT_POINT
 from aatri.orientation.bodies.datum import Datum
 from aatri.orientation.bodies.datum_analysis import UNDETERMINED, DatumAnalysis, analyse_datum
 from aatri.orientation.bodies.datum_start import attitude_of, levelled_start, turned_start
-from aatri.orientation.bodies.exchanged_control import exchanged_control
+from aatri.orientation.bodies.exchanged_control import FEWEST, exchanged_control
 from aatri.orientation.bodies.similarity_ties import similarities_of, similarity_ties
 
 CONTROL_LIMIT = 5.0
@@ -119,8 +119,7 @@ def orient_component(
     use: Bool = np.asarray(datum.given.any(1))
     if active is not None:
         use = use & active
-    full = np.flatnonzero(datum.given[: datum.n_control].all(1) & use[: datum.n_control])
-    use[full[exchanged_control(datum.x[full], datum.xyz_m[full])]] = False
+    use[_exchanged(datum, use)] = False
     rotation, closed = (levelling(up), None) if two_points else attitude_of(datum, up, use)
     _analysed(datum, use, None, rotation, body, what, weakest)
     if closed is not None:
@@ -135,6 +134,9 @@ def orient_component(
     kept[:m] = tied.active[n : n + m] & datum.given[:m].any(1)
     similarity = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
     if datum.attitudes is None and (why := _mirrored(datum, kept, similarity, up)):
+        if len(two := _exchanged(datum, datum.given.any(1), fewest=3)):
+            text = f"{what}: {why}, unless {' and '.join(datum.name[k] for k in two)} have each other's number"
+            raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
         raise GeometryError(
             f"{what}: {why}",
             remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]; check "
@@ -147,6 +149,14 @@ def orient_component(
     analysis = _analysed(datum, kept, counting, similarity.rotation, body, what, weakest)
     residual = np.where(datum.given, transform(similarity, datum.x, datum.offset_m) - datum.xyz_m, np.nan)
     return OrientedComponent(similarity, residual[:m], tied.active[n : n + m], analysis, tied)
+
+
+def _exchanged(datum: Datum, use: Bool, fewest: int = FEWEST) -> Int:
+    """Rows of two control points with each other's number; none otherwise."""
+    m = datum.coordinates
+    first = m if datum.n_control is None else datum.n_control
+    full = np.flatnonzero(datum.given[:m].all(1) & use[:m])
+    return full[exchanged_control(datum.x[full], datum.xyz_m[full], int((full < first).sum()), fewest)]
 
 
 def _mirrored(datum: Datum, kept: Bool, similarity: Similarity, up: Float) -> str:
