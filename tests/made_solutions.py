@@ -62,7 +62,7 @@ def made_block(
         "distortion_table": b.DistortionTable.empty(),
         "fiducials": b.Fiducials.empty(),
         "rig_members": b.RigMembers.empty(),
-        "strips": b.Strips(id=["1", "2"]),
+        "strips": b.StripIds(id=["1", "2"]),
         "images": b.Images(
             id=image_names,
             camera=np.zeros(n_images, int),

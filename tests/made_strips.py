@@ -114,7 +114,7 @@ class MadeBlock:
             boresight_rad=[[0.0] * 3],
             mount_deg=[0],
         )
-        tables["strips"] = b.Strips(id=[str(k + 1) for k in range(len(self.frames))])
+        tables["strips"] = b.StripIds(id=[str(k + 1) for k in range(len(self.frames))])
         text = [""] * n_images
         tables["images"] = b.Images(
             id=[f"{i:03d}" for i in range(n_images)],

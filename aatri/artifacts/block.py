@@ -34,7 +34,7 @@ from aatri.artifacts.block_images import (
     MeasuredPoints,
     Points,
     RigMembers,
-    Strips,
+    StripIds,
 )
 from aatri.artifacts.offers import NAMES, offers_of
 from aatri.codes import (
@@ -82,7 +82,7 @@ __all__ = [
     "RelativeControl",
     "RelativeControlMembers",
     "RigMembers",
-    "Strips",
+    "StripIds",
     "TrueImages",
     "TruePoints",
 ]
@@ -169,7 +169,7 @@ class Block(Artifact):
     distortion_table: DistortionTable = table()
     fiducials: Fiducials = table()
     rig_members: RigMembers = table()
-    strips: Strips = table()
+    strips: StripIds = table()
     images: Images = table()
     fiducial_points: FiducialPoints = table()
     points: Points = table()

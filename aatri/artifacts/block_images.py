@@ -88,7 +88,7 @@ class RigMembers(Table):
 
 
 @dataclass(frozen=True, eq=False)
-class Strips(Table):
+class StripIds(Table):
     """Flight strips."""
 
     id: Text = column("str", doc="id of the strip")

@@ -40,7 +40,7 @@ from aatri.artifacts.block import (
     Images,
     MeasuredPoints,
     Points,
-    Strips,
+    StripIds,
 )
 from aatri.errors import InputError
 from aatri.ids import printable
@@ -108,7 +108,7 @@ def block_of(
         "frames": Frames(
             id=_texts_in(["local"]), axes=_texts_in(["x,y,z"]), crs=_texts_in(["local"]), vertical=_texts_in([""])
         ),
-        "strips": Strips(id=strip_ids if len(strip_ids) else _texts_in([])),
+        "strips": StripIds(id=strip_ids if len(strip_ids) else _texts_in([])),
         "points": Points(id=point_ids.sorted),
     }
     if cameras:

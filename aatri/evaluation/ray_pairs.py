@@ -23,7 +23,7 @@ LEAST_BASE = 1e-3
 
 
 @dataclass(frozen=True)
-class RayPairs:
+class ModelRays:
     """Points of models, each with its two rays.
 
     Attributes
@@ -45,7 +45,7 @@ class RayPairs:
     c_mm: Float
 
 
-def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> RayPairs | None:
+def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> ModelRays | None:
     """The models of a block and their points; None where it has none.
 
     Corrected coordinates are those that the adjusted point would have, less the residual.
@@ -79,7 +79,7 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> R
     u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
     xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
     model, both = _common(left, right, image, point)
-    return RayPairs(left, right, model, point[both[:, 0]], xy[both], sigma[both], c[both])
+    return ModelRays(left, right, model, point[both[:, 0]], xy[both], sigma[both], c[both])
 
 
 def _common(left: Int, right: Int, image: Int, point: Int) -> tuple[Int, Int]:

@@ -25,7 +25,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.ray_pairs import RayPairs, ray_pairs
+from aatri.evaluation.ray_pairs import ModelRays, ray_pairs
 from aatri.geometry.collinearity import in_image_axes
 from aatri.observations.poses import Poses
 
@@ -39,13 +39,13 @@ PARALLEL = 1e-12
 """Determinant of normal equations of mean diagonal 1: about the square of the angle between the two rays, rad."""
 
 
-def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Float, Float]:
+def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, Float, Float]:
     """Points of the models, from their two rays alone.
 
     Parameters
     ----------
     poses : Poses
-    rays : RayPairs
+    rays : ModelRays
     start_m : (m, 3) float64, m
 
     Returns
@@ -69,7 +69,7 @@ def intersected(poses: Poses, rays: RayPairs, start_m: Float) -> tuple[Float, Fl
     return X, w, parallax
 
 
-def _least_squares(pair: list[tuple[Float, Float]], rays: RayPairs, X: Float) -> tuple[Float, Float]:
+def _least_squares(pair: list[tuple[Float, Float]], rays: ModelRays, X: Float) -> tuple[Float, Float]:
     """Points of the two rays each, and the lengths of the residuals; NaN of rays that do not meet.
 
     x = -c u / w with (u, v, w) in the axes of the image, i, j and k: dx/dX = -c / w (i - u / w k).
@@ -95,7 +95,7 @@ def _least_squares(pair: list[tuple[Float, Float]], rays: RayPairs, X: Float) ->
     return np.where(meet[:, None], X, np.nan), np.where(meet, np.sqrt(squares), np.nan)
 
 
-def y_parallax(poses: Poses, rays: RayPairs) -> Float:
+def y_parallax(poses: Poses, rays: ModelRays) -> Float:
     """y' - y'' in the normal case of each model, at the scale of its left camera, (m,) mm."""
     base = poses.position_m[rays.right] - poses.position_m[rays.left]
     e1 = base / np.linalg.norm(base, axis=1, keepdims=True)

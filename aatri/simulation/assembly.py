@@ -234,7 +234,7 @@ def _images(plan: FlightPlan, of_image: Int, member: Text) -> dict[str, Any]:
     strips, strip = np.unique(np.array(plan.strip), return_inverse=True)
     text = texts("", times=n)
     return {
-        "strips": b.Strips(id=strips),
+        "strips": b.StripIds(id=strips),
         "images": b.Images(
             id=np.array(plan.id)[of_image],
             camera=rows(np.zeros(n)),

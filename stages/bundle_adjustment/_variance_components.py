@@ -9,7 +9,7 @@ from pydantic import field_validator
 
 from aatri.adapters.bundle.variance_groups import Level, variance_groups, variance_table
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import VarianceComponents as Table
+from aatri.artifacts.solution import VarianceComponents
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
@@ -17,7 +17,7 @@ from aatri.orientation.bundle.variance_groups import variance_components, varian
 from aatri.plugin import Field, Options
 
 
-class VarianceComponents(Options):
+class VarianceComponentOptions(Options):
     """Standard deviations of groups of observations from their own residuals."""
 
     groups: tuple[Level, ...] = Field(
@@ -32,8 +32,8 @@ class VarianceComponents(Options):
 
 
 def with_variance_components(
-    block: Block, done: Round, adjust: Callable[[BundleInput], BundleResult], options: VarianceComponents | None
-) -> tuple[Round, Table | None]:
+    block: Block, done: Round, adjust: Callable[[BundleInput], BundleResult], options: VarianceComponentOptions | None
+) -> tuple[Round, VarianceComponents | None]:
     """The components as a table, and the block adjusted with them where they are to be applied."""
     if options is None:
         return done, None

@@ -67,7 +67,7 @@ from ._blunders import GONE, Blunders
 from ._ideal_coordinates import at_ideal_coordinates
 from ._self_calibration import ChosenSet, SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
-from ._variance_components import VarianceComponents, with_variance_components
+from ._variance_components import VarianceComponentOptions, with_variance_components
 
 
 class BundleOptions(KindOptions):
@@ -99,7 +99,7 @@ class BundleOptions(KindOptions):
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
     )
-    variance_components: VarianceComponents | None = Field(
+    variance_components: VarianceComponentOptions | None = Field(
         None,
         description="standard deviations of groups of observations from their residuals: a mapping with groups, apply",
     )

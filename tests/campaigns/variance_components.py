@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.artifacts.block import Block
-from aatri.stages.bundle_adjustment._variance_components import VarianceComponents
+from aatri.stages.bundle_adjustment._variance_components import VarianceComponentOptions
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.chain import simulated
@@ -123,7 +123,7 @@ def disturbed(block: Block, rng: np.random.Generator, factors: dict[str, float] 
 def inside(block: Block, seed: int, blunders: str = "none") -> dict[str, tuple[bool, float, float]]:
     """Of each group: whether the true factor is inside the limits, the estimate, the redundancy."""
     made = disturbed(block, np.random.default_rng(seed))
-    options = BundleOptions(variance_components=VarianceComponents(groups=("camera",)), blunders=blunders)  # type: ignore[arg-type]
+    options = BundleOptions(variance_components=VarianceComponentOptions(groups=("camera",)), blunders=blunders)  # type: ignore[arg-type]
     c = bundle(made, calibrated(made), options=options).variance_components
     assert c is not None
     return {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK
-from aatri.evaluation.ray_pairs import RayPairs
+from aatri.evaluation.ray_pairs import ModelRays
 from aatri.evaluation.single_models import intersected
 from aatri.observations.poses import Poses
 from aatri.stages.accuracy.evaluation import evaluation
@@ -149,7 +149,7 @@ def test_two_rays_that_do_not_meet_have_no_point_and_the_others_theirs() -> None
     poses = Poses(X0, np.tile(np.eye(3), (2, 1, 1)))
     xyz = np.array([[10.0, 5.0, 0.0], [1e9, 0.0, -1e12]])
     xy = np.stack([50.0 * (xyz - x0)[:, :2] / (x0 - xyz)[:, 2:] for x0 in X0], axis=1)
-    rays = RayPairs(
+    rays = ModelRays(
         left=np.array([0]),
         right=np.array([1]),
         model=np.array([0, 0]),

@@ -73,7 +73,7 @@ def made_strips(n_images: int = 5, n_strips: int = 1, *, noise_mm: float = 0.0, 
     block = dataclasses.replace(
         base,
         images=b.Images(**(images | changes)),
-        strips=b.Strips(id=[str(k + 1) for k in range(n_strips)]),
+        strips=b.StripIds(id=[str(k + 1) for k in range(n_strips)]),
         points=b.Points(id=points),
         ground_points=b.GroundPoints.empty(),
         true_images=None,

@@ -32,7 +32,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import STRIP_TIE
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.deformation import Misfit, given_note, rms_m, search_notes, sigma0_notes
 from aatri.orientation.bodies.deformed_covariances import (
     DeformedCovariances,
@@ -75,7 +75,7 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
     numbers: list[int] = []
     similarity: list[Similarity] = []
     axes: list[StripAxes] = []
-    parts: list[StripPoints] = []
+    parts: list[BodyPoints] = []
     rows_of = []
     for strip in range(len(strips.strips)):
         rows = np.flatnonzero((images.strip == strip) & oriented)
@@ -91,7 +91,7 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
         mine = np.flatnonzero(table.strip == strip)
         xyz = transform(found, table.xyz[mine])
         covariance = transform_covariance(found, table.covariance[mine])
-        parts.append(StripPoints(np.full(len(mine), len(numbers)), table.point[mine], xyz, covariance))
+        parts.append(BodyPoints(np.full(len(mine), len(numbers)), table.point[mine], xyz, covariance))
         axes.append(strip_axes(xyz, transform(found, images.position[rows])))
         rows_of.append(mine)
         numbers.append(strip)
@@ -99,7 +99,7 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
     if not numbers:
         raise GeometryError("`initial` orients no strip", remedy="check `from`: initial wants the absolute orientation")
     names = ("strip", "point", "xyz", "covariance")
-    points = StripPoints(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    points = BodyPoints(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
     return StripsOnGround(
         origin,
         np.array(numbers),

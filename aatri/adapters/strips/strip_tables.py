@@ -14,7 +14,7 @@ from aatri.artifacts.strips import Strips
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.strip_bases import StripAxes
 from aatri.observations.control import Control
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials
 
 ROLE_NAME = "strip_adjustment"
@@ -29,7 +29,7 @@ class StripsOnGround:
     similarity: list[Similarity]
     axes: list[StripAxes]
     rows: Int
-    points: StripPoints
+    points: BodyPoints
     control: Control
 
 

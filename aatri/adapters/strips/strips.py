@@ -30,7 +30,7 @@ from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.observations.positions import Positions
 from aatri.observations.ties import STRIP_TIE
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
 
@@ -42,10 +42,10 @@ def origin_of(control: Control, positions: Positions) -> Float:
     return np.asarray(np.round(sums / np.maximum(counts, 1)))
 
 
-def strip_points_of(strips: Strips) -> StripPoints:
+def strip_points_of(strips: Strips) -> BodyPoints:
     """Points of free strips."""
     table = strips.strip_points
-    return StripPoints(table.strip.astype(np.int64), table.point.astype(np.int64), table.xyz, table.covariance)
+    return BodyPoints(table.strip.astype(np.int64), table.point.astype(np.int64), table.xyz, table.covariance)
 
 
 def usable_ties(strips: Strips) -> Bool:

@@ -55,7 +55,7 @@ PLAIN_LENSES = ("none", "brown", "table")
 
 
 @dataclass(frozen=True)
-class Cause:
+class AngleCause:
     """A change of everything: of what, in words, and the rays it would give."""
 
     of: str
@@ -170,21 +170,21 @@ def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:,.0f} %"
 
 
-def best_cause(rays: ControlRays, pairs: Pairs) -> tuple[Cause, float]:
+def best_cause(rays: ControlRays, pairs: Pairs) -> tuple[AngleCause, float]:
     """The simplest of the changes that make the misfit smallest, and the misfit it leaves."""
     tried = [(cause, misfit(cause.rays, pairs)) for cause in _causes(rays, pairs)]
     least = min(left for _, left in tried)
     return next(one for one in tried if one[1] <= max(2 * least, 1e-3))
 
 
-def _causes(rays: ControlRays, pairs: Pairs) -> Iterator[Cause]:
+def _causes(rays: ControlRays, pairs: Pairs) -> Iterator[AngleCause]:
     """What may be wrong with everything, the simple causes first."""
     for change in CHANGES:
-        yield Cause(
+        yield AngleCause(
             "control", f"control {change.text}", change.of_all, replace(rays, control_m=change.apply(rays.control_m))
         )
     centred = replace(rays, xy_mm=rays.xy_mm + rays.principal_point_mm)
-    yield Cause(
+    yield AngleCause(
         "camera",
         "with the principal point in the middle of the image",
         "count principal_point from the middle of the image, in mm, x right, y up",
@@ -193,18 +193,18 @@ def _causes(rays: ControlRays, pairs: Pairs) -> Iterator[Cause]:
     yield _height_or_lens(rays, pairs)
 
 
-def _height_or_lens(rays: ControlRays, pairs: Pairs) -> Cause:
+def _height_or_lens(rays: ControlRays, pairs: Pairs) -> AngleCause:
     """The principal distance, or the height of the positions, that fits best."""
     lens, factor = _other_lens(rays, pairs)
     raised, lift = _other_height(rays, pairs)
     c = float(np.median(rays.c_mm))
     if misfit(lens, pairs) > 2 * misfit(raised, pairs):
-        return Cause("position", _lift_text(lift), _LIFT_REMEDY, raised, estimated=True)
+        return AngleCause("position", _lift_text(lift), _LIFT_REMEDY, raised, estimated=True)
     text = f"with a principal distance of {factor * c:.4g} instead of {c:.4g} mm"
     remedy = "check principal_distance and the pixel size, both in mm"
     if 0.8 < factor < 1.25:
-        return Cause("position", f"{_lift_text(lift)}, or {text},", f"{_LIFT_REMEDY}; or {remedy}", raised, True)
-    return Cause("camera", text, remedy, lens, estimated=True)
+        return AngleCause("position", f"{_lift_text(lift)}, or {text},", f"{_LIFT_REMEDY}; or {remedy}", raised, True)
+    return AngleCause("camera", text, remedy, lens, estimated=True)
 
 
 def _lift_text(lift: float) -> str:

@@ -26,7 +26,7 @@ from aatri.units import length
 
 
 @dataclass(frozen=True)
-class Cameras:
+class CameraFrames:
     """Cameras of a block.
 
     Attributes
@@ -45,7 +45,7 @@ class Cameras:
     pixel_mm: Float
 
 
-def cameras_of(block: Block) -> Cameras:
+def cameras_of(block: Block) -> CameraFrames:
     """The cameras with their format, or where their marks lie."""
     c = block.cameras
     digital = np.asarray(c.kind == "digital")
@@ -54,10 +54,10 @@ def cameras_of(block: Block) -> Cameras:
     marks = np.zeros_like(half)
     np.maximum.at(marks, block.fiducials.camera, np.abs(block.fiducials.xy_mm))
     half = np.where(np.isnan(half) & (marks > 0), marks, half)  # the image reaches as far as its marks, at least
-    return Cameras(c.id.tolist(), c.principal_distance_mm, half, pixel)
+    return CameraFrames(c.id.tolist(), c.principal_distance_mm, half, pixel)
 
 
-def camera_figures(cameras: Cameras, camera_of_ray: Int, distance_m: Float) -> list[Finding]:
+def camera_figures(cameras: CameraFrames, camera_of_ray: Int, distance_m: Float) -> list[Finding]:
     """A line per camera from what is given, before anything is oriented.
 
     Parameters
@@ -79,7 +79,7 @@ def camera_figures(cameras: Cameras, camera_of_ray: Int, distance_m: Float) -> l
     return findings
 
 
-def _figures(cameras: Cameras, k: int, distance_m: float) -> tuple[list[str], list[tuple[str, str]]]:
+def _figures(cameras: CameraFrames, k: int, distance_m: float) -> tuple[list[str], list[tuple[str, str]]]:
     """Field of view, scale and ground sampling distance of a camera at a distance, in words; what cannot be."""
     c, pixel = float(cameras.principal_distance_mm[k]), float(cameras.pixel_mm[k])
     diagonal = 2 * float(np.linalg.norm(cameras.half_format_mm[k]))

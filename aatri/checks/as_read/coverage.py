@@ -13,19 +13,19 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.checks.as_read.cameras import Cameras
+from aatri.checks.as_read.cameras import CameraFrames
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import BEYOND_FORMAT, FEWEST_COVERING, FIELD_OF_VIEW_DEG, NO_COVERAGE, SMALL_COVERAGE
 
 REMEDY = "check the unit of the image coordinates: `image_coordinates` of the camera, pixel size, all lengths in mm"
 
 
-def coverage(cameras: Cameras, camera_of_ray: Int, xy_mm: Float) -> list[Finding]:
+def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Finding]:
     """What image points of each camera say of the unit of their coordinates.
 
     Parameters
     ----------
-    cameras : Cameras
+    cameras : CameraFrames
         Half the format, or where its marks lie.
     camera_of_ray : (k,) int
     xy_mm : (k, 2) float64, mm

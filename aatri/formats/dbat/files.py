@@ -47,7 +47,7 @@ class DefaultCamera:
 
 
 @dataclass(frozen=True)
-class Photo:
+class DbatPhoto:
     """A photo: name of its file, X Y Z in m, kappa phi omega in degrees, line of its orientation."""
 
     name: str
@@ -82,7 +82,7 @@ class Export:
 
     title: str
     camera: DefaultCamera
-    photos: list[Photo]
+    photos: list[DbatPhoto]
     control: dict[str, ObjectPoint]
     points: dict[str, ObjectPoint]
     marks: list[Mark]
@@ -104,7 +104,7 @@ def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
     camera_line = source.next(10, "the default camera")
     camera = _camera(camera_line, size)
     source.next(10, "standard deviations of the camera")
-    photos: list[Photo] = []
+    photos: list[DbatPhoto] = []
     while source.more():
         photos.append(_photo(source, len(photos), camera))
     if not photos:
@@ -186,7 +186,7 @@ def _camera(entry: TextLine, size: list[float]) -> DefaultCamera:
     return DefaultCamera((size[2], size[3]), value[0], (value[1], value[2]), (value[3], value[4]), tuple(value[5:]))
 
 
-def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
+def _photo(source: _Lines, row: int, camera: DefaultCamera) -> DbatPhoto:
     """The six lines of a photo, the fourth of them blank."""
     head = source.next(0, "a photo")
     if len(head.words) < 2 or head.words[0] != str(row):
@@ -205,7 +205,7 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> Photo:
     if any(abs(a - b) > ROUNDING_MM for a, b in pairs):
         raise entry.error(f"photo {name} has another camera than the default", "exports of one camera are read")
     value = _numbers(orientation)
-    return Photo(name, tuple(value[1:4]), tuple(value[4:]), orientation)
+    return DbatPhoto(name, tuple(value[1:4]), tuple(value[4:]), orientation)
 
 
 def _points(source: _Lines) -> dict[str, ObjectPoint]:

@@ -40,7 +40,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import APPROXIMATE, CONTROL, NOT_SEEN, Block, Rejects
 from aatri.artifacts.builder import block_of
 from aatri.errors import GeometryError, InputError, raise_all
-from aatri.formats.dbat.files import DefaultCamera, Export, ObjectPoint, Photo, read_control, read_export
+from aatri.formats.dbat.files import DbatPhoto, DefaultCamera, Export, ObjectPoint, read_control, read_export
 from aatri.ids import canonical, did_you_mean
 from aatri.progress import SILENT, Reporter
 
@@ -143,9 +143,9 @@ def _not_seen(source: Export, given: dict[str, ObjectPoint]) -> Rejects:
     return Rejects.of(kind="ground_point", id=names, reason=NOT_SEEN, file=EXPORT, line=lines)
 
 
-def _distinct(photos: list[Photo]) -> list[Photo]:
+def _distinct(photos: list[DbatPhoto]) -> list[DbatPhoto]:
     """The photos; an error if two have files of one name."""
-    first: dict[str, Photo] = {}
+    first: dict[str, DbatPhoto] = {}
     problems = []
     for photo in photos:
         if first.setdefault(photo.name, photo) is not photo:

@@ -38,7 +38,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Photo:
+class WucapsPhoto:
     """A photo, the row of its strip and its place in the file."""
 
     id: str
@@ -81,7 +81,7 @@ class WucapsFiles:
     paths: list[Path]
     camera: Camera
     strips: list[str]
-    photos: list[Photo]
+    photos: list[WucapsPhoto]
     measured: list[MeasuredPoint]
     stated: list[StatedStrip]
     ground: dict[str, GroundPoint]
@@ -162,11 +162,11 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
 
 def _image_coordinates(
     entries: list[TextLine],
-) -> tuple[list[str], list[Photo], list[MeasuredPoint], list[StatedStrip]]:
+) -> tuple[list[str], list[WucapsPhoto], list[MeasuredPoint], list[StatedStrip]]:
     """PREPHI: names of the strips, photos in order, measurements."""
     numbers: list[str] = []
     stated: list[StatedStrip] = []
-    photos: dict[str, Photo] = {}
+    photos: dict[str, WucapsPhoto] = {}
     measured: list[MeasuredPoint] = []
     problems: list[AatriError] = []
     photo, last = "", True
@@ -204,11 +204,11 @@ def _image_coordinates(
     return names, list(photos.values()), measured, stated
 
 
-def _add_photo(photos: dict[str, Photo], name: str, strip: int, entry: TextLine) -> None:
+def _add_photo(photos: dict[str, WucapsPhoto], name: str, strip: int, entry: TextLine) -> None:
     if name in photos:
         earlier = photos[name].entry.line
         raise entry.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
-    photos[name] = Photo(name, strip, len(photos) + 1, entry)
+    photos[name] = WucapsPhoto(name, strip, len(photos) + 1, entry)
 
 
 def _ground(entries: list[TextLine], path: Path) -> dict[str, GroundPoint]:

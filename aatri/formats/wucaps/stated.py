@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from aatri.formats.wucaps.files import Photo, WucapsFiles
+from aatri.formats.wucaps.files import WucapsFiles, WucapsPhoto
 from aatri.progress import Reporter
 
 Place = tuple[float, float]
@@ -19,7 +19,7 @@ LARGEST_RATIO = 2.0
 def compare_strips(files: WucapsFiles, reporter: Reporter) -> None:
     """Warn of strips that have another number of photos than they say, or another scale than their known points."""
     others, seen = [], _known_points(files)
-    by_strip: dict[int, list[Photo]] = {}
+    by_strip: dict[int, list[WucapsPhoto]] = {}
     for photo in files.photos:
         by_strip.setdefault(photo.strip, []).append(photo)
     for k, strip in enumerate(files.stated):

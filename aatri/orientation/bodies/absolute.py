@@ -134,7 +134,7 @@ def orient_component(
     kept[:m] = tied.active[n : n + m] & datum.given[:m].any(1)
     similarity = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
     if datum.attitudes is None and (why := _mirrored(datum, kept, similarity, up)):
-        if len(two := _exchanged(datum, datum.given.any(1), fewest=3)):
+        if len(two := _exchanged(datum, np.asarray(datum.given.any(1)), fewest=3)):
             text = f"{what}: {why}, unless {' and '.join(datum.name[k] for k in two)} have each other's number"
             raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
         raise GeometryError(

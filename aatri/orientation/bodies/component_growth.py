@@ -33,7 +33,7 @@ ITERATIONS = 50
 
 
 @dataclass(frozen=True)
-class StripPoints:
+class BodyPoints:
     """Points of all strips, in the strips' own frames.
 
     Attributes
@@ -49,9 +49,9 @@ class StripPoints:
     xyz: Float
     covariance: Float
 
-    def take(self, rows: Bool | Int) -> StripPoints:
+    def take(self, rows: Bool | Int) -> BodyPoints:
         """The chosen rows."""
-        return StripPoints(self.strip[rows], self.point[rows], self.xyz[rows], self.covariance[rows])
+        return BodyPoints(self.strip[rows], self.point[rows], self.xyz[rows], self.covariance[rows])
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class _Common:
 
 
 def grow_components(
-    points: StripPoints, n_strips: int, *, weakly: bool = True
+    points: BodyPoints, n_strips: int, *, weakly: bool = True
 ) -> tuple[Int, list[Similarity], dict[tuple[int, int], Tie]]:
     """Join components pair by pair, the best tied first; returns label, pose of every strip and the ties left over."""
     member = np.arange(n_strips)
@@ -116,7 +116,7 @@ def grow_components(
         ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near if label != a])
 
 
-def _neighbours(points: StripPoints, n_strips: int) -> list[tuple[int, int]]:
+def _neighbours(points: BodyPoints, n_strips: int) -> list[tuple[int, int]]:
     """Pairs of strips with common points, in order."""
     key = np.unique(points.point.astype(np.int64) * n_strips + points.strip)
     point, strip = np.divmod(key, n_strips)
@@ -127,7 +127,7 @@ def _neighbours(points: StripPoints, n_strips: int) -> list[tuple[int, int]]:
     return [(k // n_strips, k % n_strips) for k in np.unique(np.concatenate(pairs)).tolist()]
 
 
-def _body(points: StripPoints, strip: int) -> _Body:
+def _body(points: BodyPoints, strip: int) -> _Body:
     rows = np.flatnonzero(points.strip == strip)
     variance = np.einsum("nii->n", points.covariance[rows]) / 3
     return _summed(points.point[rows], points.xyz[rows], variance, np.ones(len(rows)))

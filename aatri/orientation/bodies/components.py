@@ -22,7 +22,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
-from aatri.orientation.bodies.component_growth import StripPoints, Tie, grow_components
+from aatri.orientation.bodies.component_growth import BodyPoints, Tie, grow_components
 from aatri.orientation.bodies.similarity_ties import similarities_of, similarity_ties
 
 GROSS = 30.0
@@ -84,7 +84,7 @@ class FreeBlock:
 
 
 def join_strips(
-    points: StripPoints,
+    points: BodyPoints,
     names: Sequence[str],
     *,
     point_ids: Text | None = None,
@@ -96,7 +96,7 @@ def join_strips(
 
     Parameters
     ----------
-    points : StripPoints
+    points : BodyPoints
     names : (n_strips,) sequence of str
         Names of the strips, for messages.
     point_ids : str, optional
@@ -132,7 +132,7 @@ def join_strips(
 
 
 def _adjusted(
-    points: StripPoints,
+    points: BodyPoints,
     strips: Int,
     pose: list[Similarity],
     use: Bool,
@@ -180,7 +180,7 @@ def _adjusted(
     )
 
 
-def _loosest(points: StripPoints, strips: Int) -> int:
+def _loosest(points: BodyPoints, strips: Int) -> int:
     """The strip that shares the fewest points with the others."""
     shared = np.bincount(points.point)[points.point] > 1
     count = np.bincount(points.strip[shared], minlength=int(strips.max()) + 1)[strips]

@@ -30,7 +30,7 @@ from aatri.arrays import Float, Int
 from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
 from aatri.observations.control import Control
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.deformation_components import deformation_components
 from aatri.orientation.bodies.deformed_normals import (
     DeformedTies,
@@ -86,7 +86,7 @@ class DeformedCovariances:
 
 def deformed_covariances(
     result: StripPolynomials,
-    points: StripPoints,
+    points: BodyPoints,
     n_points: int,
     axes: Sequence[StripAxes],
     control: Control,
@@ -97,7 +97,7 @@ def deformed_covariances(
     Parameters
     ----------
     result : StripPolynomials
-    points : StripPoints
+    points : BodyPoints
     n_points : int
     axes : (n_strips,) sequence of StripAxes
     control : Control
@@ -110,7 +110,7 @@ def deformed_covariances(
 
 def _deformed_covariances(
     result: StripPolynomials,
-    points: StripPoints,
+    points: BodyPoints,
     n_points: int,
     axes: Sequence[StripAxes],
     control: Control,

@@ -18,7 +18,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import StripAxes, StripBasis
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.polynomial_ties import in_axes
 from aatri.orientation.bodies.summed_deformation import causes, functions
 
@@ -52,13 +52,13 @@ def is_wide(basis: StripBasis) -> bool:
 
 
 def deformed_ties(
-    points: StripPoints, axes: Sequence[StripAxes], active: Bool, whitener: Float, *, wide: bool
+    points: BodyPoints, axes: Sequence[StripAxes], active: Bool, whitener: Float, *, wide: bool
 ) -> DeformedTies:
     """Active points of strips.
 
     Parameters
     ----------
-    points : StripPoints
+    points : BodyPoints
     axes : (n_strips,) sequence of StripAxes
     active : (n,) bool
     whitener : (n, 3, 3) float64, 1/m

@@ -19,13 +19,13 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripAxes, StripBasis, terms
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.kernels import ties as kernels
 from aatri.orientation.bodies.spectrum import spectrum_of
 
 
 def polynomial_ties(
-    points: StripPoints,
+    points: BodyPoints,
     axes: Sequence[StripAxes],
     *,
     names: Sequence[str] | Text,
@@ -36,7 +36,7 @@ def polynomial_ties(
 
     Parameters
     ----------
-    points : StripPoints
+    points : BodyPoints
         On the ground; unit m.
     axes : (n_strips,) sequence of StripAxes
     names : (n_strips,) sequence of str
@@ -88,19 +88,19 @@ def polynomial_ties(
     return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, True, compiled if usual else None)
 
 
-def terms_of_points(points: StripPoints, axes: Sequence[StripAxes]) -> Float:
+def terms_of_points(points: BodyPoints, axes: Sequence[StripAxes]) -> Float:
     """The terms 1, U, V, UU, UV of every strip point, (n, 5)."""
     local, _ = in_axes(points, axes)
     return terms(local[:, 0], local[:, 1], full=False, degree=2)
 
 
-def design_of_points(points: StripPoints, axes: Sequence[StripAxes], basis: StripBasis) -> Float:
+def design_of_points(points: BodyPoints, axes: Sequence[StripAxes], basis: StripBasis) -> Float:
     """Derivatives of the deformations of every strip point, in its strip's axes, by the coefficients, (n, 3, K)."""
     local, half = in_axes(points, axes)
     return basis.rows(local[:, 0], local[:, 1], half[:, 1] / half[:, 0])
 
 
-def in_axes(points: StripPoints, axes: Sequence[StripAxes]) -> tuple[Float, Float]:
+def in_axes(points: BodyPoints, axes: Sequence[StripAxes]) -> tuple[Float, Float]:
     """u and v of every strip point, (n, 2), and the half ranges of its strip, (n, 2), m."""
     origin, half = np.stack([a.origin_m for a in axes]), np.stack([a.half_range_m for a in axes])
     G, strip = np.stack([a.ground_from_axes for a in axes]), points.strip

@@ -25,7 +25,7 @@ from aatri.observations.control import Control, observed_control
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
 from aatri.orientation.bodies.polynomial_ties import design_of_points, polynomial_ties
 
@@ -63,7 +63,7 @@ class StripPolynomials:
 
 
 def adjust_strip_polynomials(
-    points: StripPoints,
+    points: BodyPoints,
     n_points: int,
     axes: Sequence[StripAxes],
     control: Control,
@@ -79,7 +79,7 @@ def adjust_strip_polynomials(
 
     Parameters
     ----------
-    points : StripPoints
+    points : BodyPoints
         On the ground, approximately; unit m, reduced to an origin near the block.
     n_points : int
     axes : (n_strips,) sequence of StripAxes
@@ -154,7 +154,7 @@ def fall_notes(result: StripPolynomials, names: Sequence[str], level: Level = "w
     return notes
 
 
-def textbook_counts(result: StripPolynomials, points: StripPoints, control: Control) -> tuple[int, int]:
+def textbook_counts(result: StripPolynomials, points: BodyPoints, control: Control) -> tuple[int, int]:
     """Equations and coefficients as textbooks count them, without the ground points.
 
     A coordinate that is known gives every strip that holds its point an equation, one that is not gives an equation

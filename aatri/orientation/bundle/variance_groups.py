@@ -48,7 +48,7 @@ class VarianceGroups:
 
 
 @dataclass(frozen=True)
-class VarianceComponents:
+class EstimatedVariances:
     """Standard deviations of groups, as factors on those given.
 
     Attributes
@@ -81,7 +81,7 @@ class VarianceComponents:
 
 def variance_components(
     given: BundleInput, result: BundleResult, adjust: Adjust, groups: VarianceGroups
-) -> tuple[VarianceComponents, BundleInput, BundleResult]:
+) -> tuple[EstimatedVariances, BundleInput, BundleResult]:
     """Estimate the standard deviations of groups.
 
     Parameters
@@ -121,7 +121,7 @@ def variance_components(
         if np.abs(change - 1).max(initial=0.0) < SAME:
             low, high = sigma_limits(factor, found.redundancy)
             limits = (np.where(frozen, np.nan, low), np.where(frozen, np.nan, high))
-            made = VarianceComponents(groups.names, found.count, found.redundancy, factor, *limits, ~frozen, k)
+            made = EstimatedVariances(groups.names, found.count, found.redundancy, factor, *limits, ~frozen, k)
             return made, now, adjusted
         factor = factor * change
         if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
@@ -136,7 +136,7 @@ def variance_components(
     )
 
 
-def variance_notes(found: VarianceComponents, *, applied: bool) -> list[Note]:
+def variance_notes(found: EstimatedVariances, *, applied: bool) -> list[Note]:
     """What the components say; a warning where given standard deviations do not fit."""
     texts = []
     for g in np.flatnonzero(found.differs):

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.checks.as_read.cameras import Cameras
+from aatri.checks.as_read.cameras import CameraFrames
 from aatri.checks.as_read.coverage import coverage
 
-FILM = Cameras(["wide"], np.array([153.0]), np.array([[115.0, 115.0]]), np.array([np.nan]))
-BARE = Cameras(["wide"], np.array([153.0]), np.array([[np.nan, np.nan]]), np.array([np.nan]))
+FILM = CameraFrames(["wide"], np.array([153.0]), np.array([[115.0, 115.0]]), np.array([np.nan]))
+BARE = CameraFrames(["wide"], np.array([153.0]), np.array([[np.nan, np.nan]]), np.array([np.nan]))
 XY = 100.0 * np.random.default_rng(3).uniform(-1, 1, (40, 2))
 OF = np.zeros(40, dtype=np.int64)
 
 
 @pytest.mark.parametrize("cameras", [FILM, BARE])
-def test_points_spread_over_the_image_are_no_error_and_no_warning(cameras: Cameras) -> None:
+def test_points_spread_over_the_image_are_no_error_and_no_warning(cameras: CameraFrames) -> None:
     assert not [finding for finding in coverage(cameras, OF, XY) if finding.level != "note"]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, closed_form, transform
-from aatri.orientation.bodies.component_growth import WEAKEST_RAD, StripPoints, grow_components
+from aatri.orientation.bodies.component_growth import WEAKEST_RAD, BodyPoints, grow_components
 from aatri.orientation.bodies.components import join_strips
 
 RNG = np.random.default_rng(5)
@@ -22,7 +22,7 @@ def _strips(members, frames=None, noise=0.0):
     point = np.concatenate(sets)
     xyz = np.concatenate([transform(f, ground[s] + RNG.normal(0, noise, (len(s), 3))) for f, s in zip(frames, sets)])
     scale = np.array([f.scale for f in frames])[strip]
-    return StripPoints(strip, point, xyz, (0.01 * scale[:, None, None]) ** 2 * np.eye(3)), frames
+    return BodyPoints(strip, point, xyz, (0.01 * scale[:, None, None]) ** 2 * np.eye(3)), frames
 
 
 def _fits(point, x, ground):
@@ -79,7 +79,7 @@ def test_a_wrong_tie_is_found_among_noisy_ones():
     wrong = np.flatnonzero((points.strip == 1) & (points.point == 15))[0]
     xyz = points.xyz.copy()
     xyz[wrong] += 3.0
-    free = join_strips(StripPoints(points.strip, points.point, xyz, points.covariance), ["1", "2"])
+    free = join_strips(BodyPoints(points.strip, points.point, xyz, points.covariance), ["1", "2"])
     assert points.point[~free.active].tolist() == [15]
     # Two strips cannot tell which of them is wrong: the tie is cut, the other points fit.
     component = free.components[0]
@@ -105,7 +105,7 @@ def test_common_points_that_do_not_fit_each_other_tie_nothing():
     one = np.array([[95.0, 14.4, 94.9], [31.2, 42.3, 82.8], [40.9, 55.0, 2.8]])
     other = np.array([[2034.6, 0.3, 0.8], [2804.1, 0.5, 1.0], [9616.6, 0.7, 0.5]])  # two of them can be made to fit
     covariance = np.tile(1e-12 * np.eye(3), (6, 1, 1))
-    points = StripPoints(np.repeat([0, 1], 3), np.tile([0, 1, 2], 2), np.concatenate([one, other]), covariance)
+    points = BodyPoints(np.repeat([0, 1], 3), np.tile([0, 1, 2], 2), np.concatenate([one, other]), covariance)
     member, _, ties = grow_components(points, 2)
     assert member.tolist() == [0, 1]
     assert ties[0, 1].sigma_rad > WEAKEST_RAD

@@ -7,7 +7,7 @@ import pytest
 
 from aatri.geometry.strip_bases import strip_axes, strip_basis
 from aatri.observations.control import Control
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials, fall_notes, textbook_counts
 from tests.geometry.strip_deformation import correction_design
 
@@ -36,7 +36,7 @@ def _block(n_strips=3, noise_m=0.0, bend_m=0.3, degree_terms=5):
         axes.append(ax)
         parts.append(deformed + RNG.normal(0, noise_m, deformed.shape))
     n = [len(p) for p in parts]
-    points = StripPoints(
+    points = BodyPoints(
         np.repeat(np.arange(len(n)), n),
         np.concatenate(sets),
         np.concatenate(parts),
@@ -141,7 +141,7 @@ def test_a_wrong_tie_and_wrong_control_are_rejected():
     xyz = points.xyz.copy()
     xyz[tie] += [0.0, 0.7, 0.0]
     found = adjust_strip_polynomials(
-        StripPoints(points.strip, points.point, xyz, points.covariance),
+        BodyPoints(points.strip, points.point, xyz, points.covariance),
         len(truth),
         axes,
         _as_control(control.point, wrong_control, 0.01, control.given),
@@ -180,7 +180,7 @@ def test_a_deformation_of_every_form_is_recovered_with_enough_control(form, degr
             local = ((bent[mine] - ax.origin_m) @ ax.ground_from_axes)[:, :2] / ax.half_range_m
             ratio = np.full(len(local), ax.half_range_m[1] / ax.half_range_m[0])
             bent[mine] = straight.xyz[mine] - basis.rows(local[:, 0], local[:, 1], ratio) @ c @ ax.ground_from_axes.T
-    points = StripPoints(straight.strip, straight.point, bent, straight.covariance)
+    points = BodyPoints(straight.strip, straight.point, bent, straight.covariance)
     found = adjust_strip_polynomials(
         points, len(truth), axes, _control(truth, np.arange(0, len(truth), 7)), degree=degree, basis=basis
     )
@@ -199,7 +199,7 @@ def _lecture():
         np.column_stack([np.arange(5) * 200.0, np.full(5, 200.0 * k + 100), np.full(5, 400.0)]) for k in range(3)
     ]
     axes = [strip_axes(truth[s], c) for s, c in zip(sets, centres)]
-    points = StripPoints(
+    points = BodyPoints(
         np.repeat(np.arange(3), 15),
         np.concatenate(sets),
         truth[np.concatenate(sets)],

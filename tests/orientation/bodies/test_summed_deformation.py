@@ -7,7 +7,7 @@ import pytest
 
 from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.control import Control
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.deformation_components import deformation_components
 from aatri.orientation.bodies.deformed_covariances import _inverses, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.deformed_normals import DeformedTies, of_control
@@ -103,7 +103,7 @@ def _errors_and_variances(seed, strips=6, every=23):
         )
         members.append(mine)
     n = [len(p) for p in parts]
-    points = StripPoints(
+    points = BodyPoints(
         np.repeat(np.arange(strips), n),
         np.concatenate(members),
         np.concatenate(parts),

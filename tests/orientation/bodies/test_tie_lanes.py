@@ -12,7 +12,7 @@ from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
-from aatri.orientation.bodies.component_growth import StripPoints
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.polynomial_ties import polynomial_ties
 from aatri.orientation.bodies.similarity_ties import Similarities, similarity_ties
 
@@ -31,7 +31,7 @@ def _similarities():
 
 def _polynomials():
     axes = [strip_axes(XYZ[k == STRIP_OF], RNG.uniform(-500, 500, (4, 3))) for k in range(3)]
-    points = StripPoints(STRIP_OF, POINT_OF, XYZ, COVARIANCE)
+    points = BodyPoints(STRIP_OF, POINT_OF, XYZ, COVARIANCE)
     ties = polynomial_ties(points, axes, names=NAMES, free=np.ones((3, 15), dtype=bool))
     return ties, RNG.normal(size=(3, 15))
 

@@ -9,7 +9,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.stages.bundle_adjustment._variance_components import VarianceComponents
+from aatri.stages.bundle_adjustment._variance_components import VarianceComponentOptions
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.campaigns.variance_components import TRUE, disturbed, error_free
@@ -23,7 +23,7 @@ def blocks() -> tuple[Block, Block]:
 
 def _adjusted(block: Block, apply: bool, levels: tuple[str, ...] = ("camera",)) -> Solution:
     points = calibrated(block)
-    options = BundleOptions(variance_components=VarianceComponents(groups=levels, apply=apply))  # type: ignore[arg-type]
+    options = BundleOptions(variance_components=VarianceComponentOptions(groups=levels, apply=apply))  # type: ignore[arg-type]
     return bundle(block, points, options=options)
 
 
