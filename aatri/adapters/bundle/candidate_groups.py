@@ -43,8 +43,6 @@ DISTANCE = "distance"
 FEWEST = 3
 """Observations of a unit: fewer are single ones."""
 
-FEWEST_FOR_A_DRIFT = 5
-
 
 def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candidates]:
     """What is to be tested of a block, kind by kind."""

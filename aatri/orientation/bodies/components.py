@@ -43,7 +43,7 @@ class Component:
     component_from_strip : tuple of Similarity
         For each of them.
     rows : (m,) int
-        Rows of its points in the StripPoints.
+        Rows of its points in the BodyPoints.
     point : (p,) int
         Numbers of its points, ascending.
     xyz : (p, 3) float64, unit of the component
@@ -70,7 +70,7 @@ class FreeBlock:
     components : tuple of Component
         Largest first (number of points, then first strip).
     active : (n,) bool
-        Rows of the StripPoints not rejected.
+        Rows of the BodyPoints not rejected.
     unjoined : tuple of str
         For each pair of components with few or bad ties: what is missing.
     weak : tuple of bool
@@ -111,7 +111,7 @@ def join_strips(
     use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
     ids = np.arange(int(points.point.max(initial=-1)) + 1).astype(np.str_) if point_ids is None else point_ids
     member, pose, weak = grow_components(points.take(use), len(names), weakly=weakly)
-    components, apart = [], dict[str, bool]()
+    components, loose_strips, apart = [], list[int](), dict[str, bool]()
     groups = [np.flatnonzero(member == label) for label in np.unique(member)]
     while groups:
         strips = groups.pop()
@@ -120,14 +120,15 @@ def join_strips(
         except GeometryError as error:  # ties that agree leave a strip open: it stands by itself
             loose = _loosest(points.take(use & np.isin(points.strip, strips)), strips)
             groups += [strips[strips != loose], np.array([loose])]
-            member[loose] = member.max() + 1
+            loose_strips.append(loose)
             apart[f"strip {names[loose]}: {error.what}"] = False
             continue
         components.append(component)
         if component.tied is not None:
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
-    reasons = apart or _reasons(components, weak, member, names)
+    tied = [c for c in components if not np.isin(c.strips, loose_strips).any()]
+    reasons = {**_reasons(tied, weak, member, names), **apart}
     return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from aatri.errors import GeometryError
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, closed_form, transform
+from aatri.orientation.bodies import components
 from aatri.orientation.bodies.component_growth import WEAKEST_RAD, BodyPoints, grow_components
 from aatri.orientation.bodies.components import join_strips
 
@@ -109,3 +112,23 @@ def test_common_points_that_do_not_fit_each_other_tie_nothing():
     member, _, ties = grow_components(points, 2)
     assert member.tolist() == [0, 1]
     assert ties[0, 1].sigma_rad > WEAKEST_RAD
+
+
+def test_a_strip_that_its_ties_leave_open_stands_apart_and_other_gaps_are_still_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    xyz = np.random.default_rng(1).uniform(0, 1, (8, 3))
+    strip, point = np.repeat([0, 1, 2, 3], [8, 6, 8, 8]), np.r_[0:8, 0:6, 10:18, 20:28]
+    points = BodyPoints(strip, point, xyz[np.r_[0:8, 0:6, 0:8, 0:8]], np.tile(1e-6 * np.eye(3), (30, 1, 1)))
+    adjusted = components._adjusted
+
+    def open_if_several(points, strips, *more):  # type: ignore[no-untyped-def]
+        if len(strips) > 1:
+            raise GeometryError("1 unknown open")
+        return adjusted(points, strips, *more)
+
+    monkeypatch.setattr(components, "_adjusted", open_if_several)
+    free = components.join_strips(points, ["a", "b", "c", "d"])
+    assert sorted(c.strips.tolist() for c in free.components) == [[0], [1], [2], [3]]
+    assert "strip b: 1 unknown open" in free.unjoined or "strip a: 1 unknown open" in free.unjoined
+    assert any("have no common point" in text and "c" in text and "d" in text for text in free.unjoined)

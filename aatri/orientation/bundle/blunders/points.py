@@ -204,8 +204,3 @@ def well_intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: I
     np.add.at(N, point, weight[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :]))
     least = np.linalg.eigvalsh(N[points])[:, 0]
     return points[finite_rows(xyz_m[points]) & (least * UNCERTAIN**2 > 1.0)]
-
-
-def without(observed: tuple[Observed, ...], rejected: list[Bool]) -> tuple[Observed, ...]:
-    """The observations as they were taken from their tables, less what is rejected."""
-    return tuple(o.again().without(r) for o, r in zip(observed, rejected))
