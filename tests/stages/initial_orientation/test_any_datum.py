@@ -83,25 +83,41 @@ def some_positions(axes: str, *control: tuple[str, str]) -> Small:
     return made
 
 
-@pytest.mark.parametrize(
-    ("made", "within_m"),
-    [
-        (levelled, 0.3),
-        (lambda: levelled(40.0), 0.3),
-        (two_points_and_a_level, 0.3),
-        (coordinates_one_by_one, 0.4),
-        (houses, 1.0),
-        (lambda: some_positions("XYZ", ("C2", "Z"), ("C4", "Z")), 0.3),
-        (lambda: some_positions("XY", ("C1", "Z"), ("C2", "Z"), ("C4", "Z")), 0.3),
-    ],
-)
-def test_a_determined_datum_begins(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
-    small = made()
-    done = adjusted_by("graph", small.write(tmp_path / "block"))
+OF_ALL_KINDS = [
+    pytest.param(levelled, 0.3, id="levelled"),
+    pytest.param(lambda: levelled(40.0), 0.3, id="levelled and tilted"),
+    pytest.param(two_points_and_a_level, 0.3, id="two points and a level"),
+    pytest.param(coordinates_one_by_one, 0.4, id="coordinates one by one"),
+    pytest.param(houses, 1.0, id="houses"),
+]
+OF_POSITIONS = [
+    pytest.param(lambda: some_positions("XYZ", ("C2", "Z"), ("C4", "Z")), 0.3, id="positions"),
+    pytest.param(lambda: some_positions("XY", ("C1", "Z"), ("C2", "Z"), ("C4", "Z")), 0.3, id="positions in plan"),
+]
+
+
+def begins(chain: str, small: Small, folder: Path, within_m: float) -> None:
+    done = adjusted_by(chain, small.write(folder / "block"))
     assert done.bundle.images.oriented.all()
     assert off_m(small, done.initial) < 2 * within_m
     assert off_m(small, done.bundle) < within_m
     assert done.bundle.sigma0 < 1.3
+
+
+@pytest.mark.parametrize(("made", "within_m"), [*OF_ALL_KINDS, *OF_POSITIONS])
+def test_a_determined_datum_begins(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
+    begins("graph", made(), tmp_path, within_m)
+
+
+@pytest.mark.xfail(strict=True, reason="absolute orientation takes control, positions and attitudes alone")
+@pytest.mark.parametrize(("made", "within_m"), OF_ALL_KINDS)
+def test_observations_of_all_kinds_begin_the_chain(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
+    begins("chain", made(), tmp_path, within_m)
+
+
+@pytest.mark.parametrize(("made", "within_m"), OF_POSITIONS)
+def test_positions_and_heights_begin_the_chain(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
+    begins("chain", made(), tmp_path, within_m)
 
 
 def without(small: Small, *kinds: str) -> Small:
