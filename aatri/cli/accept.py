@@ -21,7 +21,7 @@ def accept(
     """Let results stand in spite of changed code. Written down, with the reason; nothing is removed."""
     from aatri.cli.arguments.planning import open_run
     from aatri.errors import SpecError
-    from aatri.pipeline.plan.plan import State, select
+    from aatri.pipeline.plan.decisions import State, select
     from aatri.pipeline.store import run_folder as store
     from aatri.pipeline.store.accept import accept as write
     from aatri.pipeline.store.lock import locked

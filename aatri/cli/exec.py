@@ -34,7 +34,7 @@ def exec_(
     from aatri.cli.arguments.locate import in_folder
     from aatri.cli.arguments.planning import Request, open_request, open_run
     from aatri.cli.terminal.narrator import Narrator
-    from aatri.pipeline.plan.plan import Selection, select
+    from aatri.pipeline.plan.decisions import Selection, select
     from aatri.pipeline.run.runner import RunSettings
     from aatri.pipeline.run.single import make_stage
     from aatri.pipeline.run.workers import share_cores

@@ -57,7 +57,7 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     """
     from aatri.cli.new import demo_path
     from aatri.pipeline.methods.registry import find_stages
-    from aatri.pipeline.spec.spec import USE
+    from aatri.pipeline.spec.pipeline_file import USE
 
     if not USE.fullmatch(use) or keyword.iskeyword(use.rpartition("/")[2]):
         raise SpecError(

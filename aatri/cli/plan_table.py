@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aatri.cli.arguments.planning import Opened
-    from aatri.pipeline.plan.plan import Decision, Plan
+    from aatri.pipeline.plan.decisions import Decision, Plan
     from aatri.pipeline.plan.reasons import Reason
 
 

@@ -17,7 +17,7 @@ from aatri.cli.terminal.console import narrate, reports_errors, say, say_json
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
     from aatri.errors import GateError
-    from aatri.pipeline.plan.plan import Selection
+    from aatri.pipeline.plan.decisions import Selection
     from aatri.pipeline.spec.gates import Verdict
 
 TERMINATED = 143
@@ -76,7 +76,7 @@ def run(
     from aatri.cli.arguments.locate import in_folder
     from aatri.cli.arguments.planning import Request, open_request, open_run
     from aatri.errors import SpecError
-    from aatri.pipeline.plan.plan import select
+    from aatri.pipeline.plan.decisions import select
     from aatri.pipeline.run.workers import share_cores
     from aatri.pipeline.spec.gates import failure_of, judge
 

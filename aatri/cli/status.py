@@ -9,7 +9,7 @@ from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
-    from aatri.pipeline.plan.plan import Decision
+    from aatri.pipeline.plan.decisions import Decision
 
 
 @reports_errors

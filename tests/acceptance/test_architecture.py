@@ -109,6 +109,11 @@ def test_no_file_is_longer_than_can_be_read() -> None:
     assert {path: count for path, count in lines.items() if count > MAX_LINES} == {}
 
 
+def test_no_file_is_named_as_its_room() -> None:
+    paths = [path for top in ("aatri", "stages") for path in (ROOT / top).rglob("*.py")]
+    assert [str(path.relative_to(ROOT)) for path in paths if path.stem == path.parent.name] == []
+
+
 def _diffs(title: str) -> dict[str, str]:
     """Texts of the files that the diff under a heading makes or changes, applied to those of the tree."""
     section = PAGE[PAGE.index(f"### {title}") :]

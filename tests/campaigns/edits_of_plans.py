@@ -13,7 +13,7 @@ import sys
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.pipeline.plan.test_plan import check_random_edits, graphs
+from tests.pipeline.plan.test_decisions import check_random_edits, graphs
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.formats.colmap.writer import write_colmap_model
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
-from aatri.pipeline.spec.spec import load_spec
+from aatri.pipeline.spec.pipeline_file import load_spec
 from aatri.pipeline.store.records import SCHEMA, read_failure, read_overview, read_record, seal
 from aatri.stages.interior_orientation.affine import affine
 from aatri.tables import hdf5

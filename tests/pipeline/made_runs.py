@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from aatri.pipeline.methods.catalogue import Catalogue
+from aatri.pipeline.plan.decisions import Plan, plan, select
 from aatri.pipeline.plan.graph import StageNode, wire
-from aatri.pipeline.plan.plan import Plan, plan, select
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.runner import RunSettings, run_pipeline
 from aatri.pipeline.run.task import StageSource
 from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
-from aatri.pipeline.spec.spec import Spec, load_spec
+from aatri.pipeline.spec.pipeline_file import Spec, load_spec
 from tests.made_up_stages import made_up_registry
 
 SOURCE = StageSource("tests.made_up_stages:made_up_registry")

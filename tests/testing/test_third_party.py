@@ -17,7 +17,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.errors import GeometryError, InputError
 from aatri.pipeline.methods.registry import find_stages
-from aatri.pipeline.spec.spec import load_spec
+from aatri.pipeline.spec.pipeline_file import load_spec
 from aatri.tables.digest import content_digest
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import example_block

@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
 from aatri.adapters.ground.initial_datum import Known, datum_of, known_of, without_drifting
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips

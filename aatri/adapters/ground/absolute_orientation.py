@@ -13,7 +13,7 @@ from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
 from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.initial_observed import ground_of
 from aatri.adapters.solution import stacked
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of, tests_of
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

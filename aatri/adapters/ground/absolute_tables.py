@@ -9,7 +9,7 @@ import numpy as np
 
 from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.solution import stacked
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import (
     component_residuals,
     not_rejected,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown

@@ -8,7 +8,7 @@ import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
 from aatri.adapters.ground.direct import boresight_sigma
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.codes import OBSERVED_VALUE

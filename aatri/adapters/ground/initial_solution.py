@@ -15,7 +15,7 @@ from aatri.adapters.ground.initial_tests import (
     residuals_at,
 )
 from aatri.adapters.solution import solved_cameras, stacked
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import component_residuals, suspects_of, tests_of
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block

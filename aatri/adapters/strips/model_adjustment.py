@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
 from aatri.adapters.strips.model_bodies import bodies_of
 from aatri.adapters.strips.strip_adjustment import resected_on

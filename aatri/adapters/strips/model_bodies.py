@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adjusting.added_variance import EXACT, observed_components
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.arrays import Bool, Float, Int, Text

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import strip_tables as tables
-from aatri.adapters.strips import strips as pieces
 from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes

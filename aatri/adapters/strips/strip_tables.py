@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.strips import strips as pieces
+from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import StripTransformations
 from aatri.artifacts.strips import Strips

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from aatri.pipeline.spec.spec import Spec
+    from aatri.pipeline.spec.pipeline_file import Spec
 
 MOST = 200
 """More entries of a folder are not looked at."""
@@ -56,7 +56,7 @@ def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
 def _spec(ctx: typer.Context) -> Spec | None:
     """The pipeline file of a command line that is not complete yet."""
     from aatri.cli.arguments.locate import DEFAULT, in_folder
-    from aatri.pipeline.spec.spec import load_spec
+    from aatri.pipeline.spec.pipeline_file import load_spec
 
     given = ctx.params.get("pipeline") or ctx.params.get("run") or DEFAULT
     with contextlib.suppress(Exception):

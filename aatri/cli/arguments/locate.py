@@ -47,7 +47,7 @@ def find_run(given: Path | None) -> LocatedRun:
     ArtifactError
         If the folder is not one of a run.
     """
-    from aatri.pipeline.spec.spec import load_spec
+    from aatri.pipeline.spec.pipeline_file import load_spec
     from aatri.pipeline.store.run_folder import read_overview
 
     path = run_or_pipeline(given)

@@ -16,11 +16,11 @@ from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.compile_kernels import Compilation
+    from aatri.pipeline.plan.decisions import Plan, Selection
     from aatri.pipeline.plan.graph import StageNode
-    from aatri.pipeline.plan.plan import Plan, Selection
     from aatri.pipeline.plan.view import StoreView
     from aatri.pipeline.run.task import StageSource
-    from aatri.pipeline.spec.spec import Spec
+    from aatri.pipeline.spec.pipeline_file import Spec
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Opened:
 
     def plan(self, selection: Selection | None = None, *, verify: bool = False) -> Plan:
         """What is to be done."""
-        from aatri.pipeline.plan.plan import Selection, plan
+        from aatri.pipeline.plan.decisions import Selection, plan
 
         view = self.view(verify=verify)
         planned = plan(self.nodes, view, self.spec.seed, selection or Selection())
@@ -80,7 +80,7 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
     from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.run.task import StageSource
     from aatri.pipeline.spec.overrides import with_variant
-    from aatri.pipeline.spec.spec import load_spec
+    from aatri.pipeline.spec.pipeline_file import load_spec
 
     path = Path(request.pipeline)
     if path == DEFAULT and not path.exists():

@@ -20,7 +20,7 @@ from aatri.cli.terminal.figures import highlights
 if TYPE_CHECKING:
     from aatri.cli.terminal.live import Live
     from aatri.pipeline.methods.compile_kernels import Compilation
-    from aatri.pipeline.plan.plan import Plan
+    from aatri.pipeline.plan.decisions import Plan
 
 _LOOK_S, _HEARTBEAT_S = 0.25, 10.0
 LONG_S = 1.0

@@ -22,7 +22,7 @@ from aatri.errors import AatriError
 from aatri.pipeline.methods import discovery
 from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
 from aatri.pipeline.methods.method import Method, from_plain, method_of
-from aatri.pipeline.spec.spec import Spec, StageSpec
+from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
 from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file
 from aatri.tables.offers import Need
 

@@ -16,7 +16,7 @@ from aatri.ids import did_you_mean
 from aatri.pipeline.methods.catalogue import Catalogue, Prepared
 from aatri.pipeline.methods.method import Method
 from aatri.pipeline.spec.gates import read_gates
-from aatri.pipeline.spec.spec import Spec, StageSpec
+from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
 from aatri.tables.offers import Need
 
 if TYPE_CHECKING:

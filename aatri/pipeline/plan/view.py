@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ArtifactError
+from aatri.pipeline.plan.decisions import Integrity
 from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.keys import file_digests
-from aatri.pipeline.plan.plan import Integrity
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.accept import accepted_key
 from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file

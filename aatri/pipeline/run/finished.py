@@ -6,12 +6,12 @@ import errno
 from collections.abc import Callable
 from typing import Any
 
+from aatri.pipeline.plan.decisions import Plan, Selection, plan
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.plan import Plan, Selection, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import is_settled
-from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.spec.pipeline_file import Spec
 
 
 def cannot_be_written(error: BaseException) -> bool:

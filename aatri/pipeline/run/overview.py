@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError
+from aatri.pipeline.plan.decisions import Plan, Selection
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.plan import Plan, Selection
 from aatri.pipeline.plan.unused import Unused
 from aatri.pipeline.spec.gates import judge
-from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.records import SCHEMA

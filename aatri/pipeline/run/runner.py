@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from aatri.errors import AatriError, ArtifactError, ResourceError, raise_all
+from aatri.pipeline.plan.decisions import Decision, Plan, Selection, State, decide, plan
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.plan import Decision, Plan, Selection, State, decide, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.finished import cannot_be_written, finished
@@ -25,7 +25,7 @@ from aatri.pipeline.run.overview import DONE, GATE_FAILED, overview_of, plain_wa
 from aatri.pipeline.run.task import StageSource, TaskOutcome, task_of
 from aatri.pipeline.run.workers import WorkerPool, pool
 from aatri.pipeline.spec.gates import Verdict, judge
-from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.durable import on_disk

@@ -9,15 +9,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError, raise_all
+from aatri.pipeline.plan.decisions import Selection, plan
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.plan import Selection, plan
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import overview_of
 from aatri.pipeline.run.runner import Listener, RunSettings, check_inputs
 from aatri.pipeline.run.task import task_of
 from aatri.pipeline.run.workers import pool
-from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.lock import locked

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from aatri import errors
 from aatri.errors import AatriError, Errors, raise_all
+from aatri.pipeline.plan.decisions import Decision
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.plan import Decision
 
 if TYPE_CHECKING:
-    from aatri.pipeline.spec.spec import Spec
+    from aatri.pipeline.spec.pipeline_file import Spec
 
 STAGES = "aatri.pipeline.methods.registry:find_stages"
 

@@ -20,7 +20,7 @@ from typing import Any
 from aatri.errors import AatriError, GateError, SpecError, raise_all
 from aatri.ids import did_you_mean
 from aatri.notes import CONTRADICTION
-from aatri.pipeline.spec.spec import Spec
+from aatri.pipeline.spec.pipeline_file import Spec
 
 OFF, NONE = "off", "none"
 CONTRADICTIONS = "contradictions"

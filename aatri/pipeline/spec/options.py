@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from aatri.errors import AatriError, SpecError
 from aatri.ids import did_you_mean
-from aatri.pipeline.spec.spec import Spec, StageSpec
+from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
 from aatri.plugin import InputFile, Options, StageCard
 
 

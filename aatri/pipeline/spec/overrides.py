@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
-from aatri.pipeline.spec.spec import GATES, USE, Spec, StageSpec
+from aatri.pipeline.spec.pipeline_file import GATES, USE, Spec, StageSpec
 from aatri.pipeline.store.inside import VARIANTS
 from aatri.strict_yaml import loads
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from aatri.errors import AatriError, ArtifactError, ConvergenceError, Errors, ResourceError, SpecError
-from aatri.pipeline.plan.plan import State
+from aatri.pipeline.plan.decisions import State
 from aatri.pipeline.plan.reasons import Why
 from aatri.pipeline.run import worker, workers
 from aatri.pipeline.run.runner import RunSettings
@@ -180,7 +180,7 @@ def test_every_damage_is_found_and_mended(path: Path) -> None:
 def test_an_accepted_change_of_code_lets_results_stand(path: Path) -> None:
     from dataclasses import replace
 
-    from aatri.pipeline.plan.plan import plan
+    from aatri.pipeline.plan.decisions import plan
     from aatri.pipeline.plan.view import StoreView
 
     run(path)

@@ -11,12 +11,12 @@ import pytest
 
 from aatri.errors import AatriError, ArtifactError, ConvergenceError, PluginError, ResourceError, SpecError
 from aatri.pipeline.methods.catalogue import Catalogue
+from aatri.pipeline.plan.decisions import Plan
 from aatri.pipeline.plan.graph import wire
-from aatri.pipeline.plan.plan import Plan
 from aatri.pipeline.run.runner import RunSettings, run_pipeline
 from aatri.pipeline.run.task import StageSource
 from aatri.pipeline.spec.overrides import with_set, with_use
-from aatri.pipeline.spec.spec import load_spec
+from aatri.pipeline.spec.pipeline_file import load_spec
 from aatri.pipeline.store import inside, objects
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.cache import file_sha256

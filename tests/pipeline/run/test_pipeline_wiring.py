@@ -10,7 +10,7 @@ from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.methods.registry import find_stages, first_line
 from aatri.pipeline.plan.graph import downstream, wire
 from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
-from aatri.pipeline.spec.spec import load_spec
+from aatri.pipeline.spec.pipeline_file import load_spec
 from tests.made_up_stages import made_up_registry, write_pipeline
 
 GOOD = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from aatri.errors import SpecError
 from aatri.pipeline.methods.method import Method, MethodPort
+from aatri.pipeline.plan.decisions import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.graph import StageNode, downstream, upstream
 from aatri.pipeline.plan.keys import file_digests, key_of, key_parts
-from aatri.pipeline.plan.plan import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.reasons import Reason, Why, differences
 
 
