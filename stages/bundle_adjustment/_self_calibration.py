@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import field_validator
 
@@ -22,7 +22,7 @@ from aatri.adapters.cameras.unknowns import additional_parameters, camera_parame
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.camera.parameters.catalogue import INTERIOR, holds_interior, parameter_set, with_interior
+from aatri.camera.parameters.catalogue import INTERIOR, SETS, holds_interior, parameter_set, with_interior
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
@@ -33,13 +33,16 @@ from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.result import BundleResult
 from aatri.plugin import CodePath, Field, Options
 
+if TYPE_CHECKING:
+    SetName = str
+else:
+    SetName = Literal[(*SETS, "user")]  # those of the catalogue: a set that comes in there is an option at once
+
 
 class SelfCalibration(Options):
     """A set of additional parameters."""
 
-    set: Literal["brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre", "user"] = (
-        Field(description="set of parameters")
-    )
+    set: SetName = Field(description="set of parameters")
     per: Sharing | dict[Sharing, list[str]] = Field(
         "camera",
         description="what shares a set: camera, flight, session, image; or which of its parameters each of them shares",

@@ -16,12 +16,17 @@ from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, chosen
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 
-SETS = ("brown_conrady", "aicon", "brown21", "ebner12", "gruen44", "bauer3", "fourier", "legendre")
-"""Names of the built-in sets."""
-
-_FIXED = {s.name: s for s in (BROWN_CONRADY, BROWN21, EBNER12, GRUEN44)}
+_FIXED = {
+    "brown_conrady": BROWN_CONRADY,
+    "brown21": BROWN21,
+    "ebner12": EBNER12,
+    "gruen44": GRUEN44,
+}
 _BALANCED = {"aicon": aicon, "bauer3": bauer3}
 _SERIES = {"fourier": fourier, "legendre": legendre}
+
+SETS = (*_FIXED, *_BALANCED, *_SERIES)
+"""Names of the built-in sets."""
 
 
 def parameter_set(
@@ -43,11 +48,11 @@ def parameter_set(
     SpecError
         If the set is unknown or has no such option.
     """
-    name, _, told = name.partition(" ")
-    if told.startswith("r0="):
-        balance_radius_mm = float(told.removeprefix("r0="))
-    elif told:
-        order_x, order_y = map(int, told.split("x"))
+    name, _, variant = name.partition(" ")
+    if variant.startswith("r0="):
+        balance_radius_mm = float(variant.removeprefix("r0="))
+    elif variant:
+        order_x, order_y = map(int, variant.split("x"))
         orders = order_x, order_y
     if name not in SETS:
         raise SpecError(
@@ -60,10 +65,11 @@ def parameter_set(
     if name in _FIXED:
         return _FIXED[name]
     if name in _BALANCED:
-        found = _BALANCED[name](balance_radius_mm)
-        return found if balance_radius_mm is None else replace(found, name=f"{name} r0={balance_radius_mm!r}")
-    found = _SERIES[name](*orders) if orders else _SERIES[name]()
-    return found if orders is None else replace(found, name=f"{name} {orders[0]}x{orders[1]}")
+        balanced = _BALANCED[name](balance_radius_mm)
+        return balanced if balance_radius_mm is None else replace(balanced, name=f"{name} r0={balance_radius_mm!r}")
+    return (
+        _SERIES[name]() if orders is None else replace(_SERIES[name](*orders), name=f"{name} {orders[0]}x{orders[1]}")
+    )
 
 
 def is_ideal(name: str) -> bool:
