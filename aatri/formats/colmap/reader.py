@@ -4,65 +4,39 @@ COLMAP's camera axes are x right, y down, z forward, ours x right, y up, z backw
 P = R(q) X + t:  ground_from_image = R(q)' diag(1, -1, -1),  X0 = -R(q)' t. Image coordinates keep COLMAP's origin, the
 upper left corner of the image. Images have the name of their file as id, points and cameras their numbers.
 
-The models of COLMAP become ours, r from the principal point in normalised coordinates:
-
-    SIMPLE_PINHOLE, PINHOLE           none
-    SIMPLE_RADIAL, RADIAL             bal: 1 + k1 r^2 + k2 r^4
-    OPENCV, FULL_OPENCV               opencv
-    OPENCV_FISHEYE, RADIAL_FISHEYE, SIMPLE_RADIAL_FISHEYE, FISHEYE, SIMPLE_FISHEYE      fisheye
-
-The model knows no millimetres: a pixel is 0.001 mm wide, so c = fx um; its height is 0.001 fx / fy mm, which represents
+Camera models become ours as `formats.conventions.lens` says: none, bal, opencv or fisheye, all of them exactly. The
+model knows no millimetres: a pixel is 0.001 mm wide, so c = fx um; its height is 0.001 fx / fy mm, which represents
 two focal lengths exactly. Features without a point are no observations of a block; their number is logged.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
 from aatri.artifacts.block import APPROXIMATE, OBSERVED_VALUE, Block
 from aatri.artifacts.builder import Columns, block_of
-from aatri.camera.models.forward_models import PARAMETERS
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.colmap.binary import binary_paths, read_binary
 from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.stated import compare_tracks
 from aatri.formats.colmap.text import read_text, text_paths
+from aatri.formats.conventions.lens import COLMAP, Lens
+from aatri.formats.conventions.lens_conversion import camera_columns
+from aatri.formats.conventions.poses import ground_from_image, matrix_of_quaternion, position_of
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.progress import SILENT, Reporter
 from aatri.units import LARGEST
 
-PIXEL_MM = 0.001
-"""Width given to a pixel; the model has none."""
-
-Y_UP = np.array([1.0, -1.0, -1.0])
-
 CAMERAS, IMAGES, POINTS = 0, 1, 2
 """Rows of the files of a model."""
-
-DISTORTIONS = {
-    "SIMPLE_PINHOLE": ("none", ()),
-    "PINHOLE": ("none", ()),
-    "SIMPLE_RADIAL": ("bal", ("k1",)),
-    "RADIAL": ("bal", ("k1", "k2")),
-    "OPENCV": ("opencv", ("k1", "k2", "p1", "p2")),
-    "FULL_OPENCV": ("opencv", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
-    "OPENCV_FISHEYE": ("fisheye", ("k1", "k2", "k3", "k4")),
-    "SIMPLE_RADIAL_FISHEYE": ("fisheye", ("k1",)),
-    "RADIAL_FISHEYE": ("fisheye", ("k1", "k2")),
-    "SIMPLE_FISHEYE": ("fisheye", ()),
-    "FISHEYE": ("fisheye", ()),
-}
-"""Models of COLMAP: our distortion and the names of its parameters, which follow f and the principal point."""
-
-INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 
 def read_colmap(
@@ -97,8 +71,10 @@ def read_colmap(
     model = _read(folder, reporter)
     _check(model)
     raise_all(compare_tracks(model, reporter))
-    cameras, images = model.cameras, model.images
-    names, ids = [image.name for image in images], [str(camera.id) for camera in cameras]
+    images = model.images
+    columns, parameters = camera_columns([_lens(camera) for camera in model.cameras], calibrate=calibrate)
+    pixel_mm = {camera.id: size for camera, size in zip(model.cameras, columns["pixel_size_mm"])}
+    names = [image.name for image in images]
     lines = [image.line for image in images]
     rotation, position_m = _poses(images)
     exterior: Columns = {
@@ -112,8 +88,8 @@ def read_colmap(
     return block_of(
         name=folder.resolve().name,
         files=paths,
-        cameras=_cameras(ids, cameras),
-        camera_parameters=_camera_parameters(cameras, calibrate),
+        cameras=columns,
+        camera_parameters=parameters,
         images={
             "id": names,
             "camera": [str(image.camera) for image in images],
@@ -122,7 +98,7 @@ def read_colmap(
             "line": lines,
         },
         points=[str(point) for point in model.points.tolist()],
-        image_points=_image_points(model, image_sigma_px, reporter),
+        image_points=_image_points(model, pixel_mm, image_sigma_px, reporter),
         ground_points=ground,
         exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
     )
@@ -141,10 +117,10 @@ def _check(model: ColmapModel) -> None:
     known = {c.id for c in model.cameras}
     for camera in model.cameras:
         where = _place(model, CAMERAS, camera.line)
-        if camera.model not in DISTORTIONS:
+        if camera.model not in COLMAP:
             what = f"camera {camera.id} has the model {camera.model}, which has no like here"
-            problems.append(InputError(what, where=where, remedy=f"convert it to one of {', '.join(DISTORTIONS)}"))
-        elif min(_focal_lengths(camera)) <= 0 or min(camera.width, camera.height) <= 0:
+            problems.append(InputError(what, where=where, remedy=f"convert it to one of {', '.join(COLMAP)}"))
+        elif min(_lens(camera).focal_px) <= 0 or min(camera.width, camera.height) <= 0:
             problems.append(InputError(f"camera {camera.id} has no positive focal length and size", where=where))
     if not model.images:
         problems.append(InputError("no image", where=str(model.paths[IMAGES]), remedy="export a reconstruction"))
@@ -193,56 +169,27 @@ def _place(model: ColmapModel, file: int, line: int) -> str:
 
 def _poses(images: list[ColmapImage]) -> tuple[Float, Float]:
     """ground_from_image (n, 3, 3) and positions (n, 3)."""
-    w, x, y, z = np.array([image.quaternion for image in images]).T
-    ground_from_colmap = Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix().swapaxes(1, 2)
-    translation = np.array([image.translation for image in images])
-    return ground_from_colmap * Y_UP, -np.einsum("nij,nj->ni", ground_from_colmap, translation)
+    rotation = ground_from_image(matrix_of_quaternion(np.array([image.quaternion for image in images])), "colmap")
+    return rotation, position_of(rotation, np.array([image.translation for image in images]), "colmap")
 
 
-def _focal_lengths(camera: ColmapCamera) -> tuple[float, float]:
-    one = len(camera.parameters) == 3 + len(DISTORTIONS[camera.model][1])
-    return camera.parameters[0], camera.parameters[0 if one else 1]
+def _lens(camera: ColmapCamera) -> Lens:
+    """A camera of a model that is known."""
+    form = COLMAP[camera.model]
+    size, of_centre = np.array([camera.width, camera.height], dtype=np.float64), form.focal_lengths
+    f, centre = camera.parameters[:of_centre], camera.parameters[of_centre : of_centre + 2]
+    return Lens(
+        str(camera.id),
+        f"colmap-{camera.model}",
+        tuple(size),
+        (f[0], f[-1]),
+        tuple(centre - size / 2),
+        dict(zip(form.terms, camera.parameters[of_centre + 2 :])),
+    )
 
 
-def _pixel_mm(camera: ColmapCamera) -> Float:
-    fx, fy = _focal_lengths(camera)
-    return PIXEL_MM * np.array([1.0, fx / fy])
-
-
-def _cameras(ids: list[str], cameras: list[ColmapCamera]) -> Columns:
-    pixel_mm = np.array([_pixel_mm(c) for c in cameras])
-    size = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
-    first = [len(c.parameters) - len(DISTORTIONS[c.model][1]) - 2 for c in cameras]
-    centre = np.array([c.parameters[k : k + 2] for c, k in zip(cameras, first)])
-    return {
-        "id": ids,
-        "pixel_size_mm": pixel_mm,
-        "pixel_origin": "top-left-corner",
-        "pixel_y": "down",
-        "format": size,
-        "principal_distance_mm": [_focal_lengths(c)[0] * PIXEL_MM for c in cameras],
-        "principal_point_mm": (centre - size / 2) * pixel_mm * Y_UP[:2],
-        "distortion": [DISTORTIONS[c.model][0] for c in cameras],
-    }
-
-
-def _camera_parameters(cameras: list[ColmapCamera], calibrate: bool) -> Columns:
-    """Distortion parameters and interior orientation; free are those that the model of COLMAP has."""
-    rows = []
-    for camera in cameras:
-        distortion, names = DISTORTIONS[camera.model]
-        given = dict(zip(names, camera.parameters[len(camera.parameters) - len(names) :]))
-        values = dict.fromkeys(PARAMETERS.get(distortion, ()), 0.0) | given | dict.fromkeys(INTERIOR, np.nan)
-        free = {*names, *INTERIOR} if calibrate else set()
-        rows += [(str(camera.id), name, values[name], name in free) for name in values]
-    of_camera, name, value, is_free = zip(*rows)
-    sigma = np.where(is_free, np.nan, 0.0)
-    return {"camera": of_camera, "name": name, "value": value, "free": is_free, "sigma": sigma}
-
-
-def _image_points(model: ColmapModel, sigma_px: float, reporter: Reporter) -> Columns:
+def _image_points(model: ColmapModel, pixel_mm: Mapping[int, Float], sigma_px: float, reporter: Reporter) -> Columns:
     """Features with a point; rows of images and points are those of the model."""
-    pixel_mm = {c.id: _pixel_mm(c) for c in model.cameras}
     used = [image.point != NO_POINT for image in model.images]
     counts = [int(mask.sum()) for mask in used]
     if without := sum(map(len, used)) - sum(counts):

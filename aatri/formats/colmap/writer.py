@@ -12,7 +12,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
@@ -22,8 +21,8 @@ from aatri.camera.models import forward_models
 from aatri.errors import ResourceError
 from aatri.formats.colmap.binary import binary_paths, write_binary
 from aatri.formats.colmap.model import ColmapCamera, ColmapImage, ColmapModel
-from aatri.formats.colmap.reader import Y_UP
 from aatri.formats.colmap.text import text_paths, write_text
+from aatri.formats.conventions.poses import Y_UP, quaternion_of_matrix, stated_rotation, translation_of
 from aatri.formats.results.exported_rays import ExportedCamera, ExportedRays, exported_cameras, exported_rays
 from aatri.geometry.collinearity import in_image_axes
 from aatri.progress import SILENT, Reporter
@@ -116,10 +115,9 @@ def _model(
 
 def _poses(solution: Solution, images: Int) -> tuple[Float, Float]:
     """Quaternions w x y z with w >= 0, and translations."""
-    image_from_ground = (solution.images.ground_from_image[images] * Y_UP).swapaxes(1, 2)
-    x, y, z, w = Rotation.from_matrix(image_from_ground).as_quat(canonical=True).T
-    translation = -np.einsum("nij,nj->ni", image_from_ground, solution.images.position_m[images])
-    return np.stack([w, x, y, z], axis=1), translation
+    rotation = solution.images.ground_from_image[images]
+    quaternion = quaternion_of_matrix(stated_rotation(rotation, "colmap"))
+    return quaternion, translation_of(rotation, solution.images.position_m[images], "colmap")
 
 
 def _size(camera: ExportedCamera, xy_mm: Float) -> Float:

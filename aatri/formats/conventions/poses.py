@@ -1,0 +1,107 @@
+"""Rotations of images as programs state them, and positions.
+
+Two camera systems are in use. In the *photogrammetric* one x is right, y up, and the camera looks along -z; in that of
+*vision* x is right, y down, and it looks along +z. So, with D = diag(1, -1, -1) = D^-1,
+
+    R_photogrammetric = R_vision D,    where both map image to ground
+
+A program gives R (ground from image) or R' (image from ground); as a matrix, a unit quaternion w x y z, a rotation
+vector, or three angles. A translation t of `u = R' X + t` belongs to the position X0 = -R t. `CONVENTIONS` says which
+program does what; each row has been tried by projecting a point (tests/formats/conventions).
+
+Sources: the programs' manuals, named in docs/formats.md.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aatri.arrays import Float
+
+Y_UP = np.array([1.0, -1.0, -1.0])
+"""Diagonal of D: camera axes of vision to photogrammetric ones, and back."""
+
+
+class PoseConvention(NamedTuple):
+    """Camera axes of a program, and which way its rotations map."""
+
+    axes: Literal["photogrammetric", "vision"]
+    maps: Literal["ground_from_image", "image_from_ground"]
+
+
+CONVENTIONS = {
+    "bal": PoseConvention("photogrammetric", "image_from_ground"),
+    "blocksexchange": PoseConvention("vision", "image_from_ground"),
+    "bundler": PoseConvention("photogrammetric", "image_from_ground"),
+    "colmap": PoseConvention("vision", "image_from_ground"),
+    "inpho": PoseConvention("photogrammetric", "image_from_ground"),
+    "metashape": PoseConvention("vision", "ground_from_image"),
+    "micmac": PoseConvention("vision", "ground_from_image"),
+    "nvm": PoseConvention("vision", "image_from_ground"),
+    "opensfm": PoseConvention("vision", "image_from_ground"),
+    "opf": PoseConvention("photogrammetric", "ground_from_image"),
+    "opk": PoseConvention("photogrammetric", "ground_from_image"),
+    "patb": PoseConvention("photogrammetric", "ground_from_image"),
+    "pix4d": PoseConvention("vision", "image_from_ground"),
+}
+"""What a rotation matrix means, by program. Angles omega, phi, kappa are those of `opk`: R = Rx Ry Rz."""
+
+LEAST_ORTHOGONAL = 1e-3
+"""What R R' may differ from the identity by: matrices are written with six decimals or more, some with four."""
+
+
+def ground_from_image(stated: Float, program: str) -> Float:
+    """Our rotations of those that a program states.
+
+    Parameters
+    ----------
+    stated : (n, 3, 3) float64
+    program : str
+        One of `CONVENTIONS`.
+
+    Returns
+    -------
+    (n, 3, 3) float64
+        Photogrammetric axes, image to ground.
+    """
+    axes, maps = CONVENTIONS[program]
+    rotation = stated if maps == "ground_from_image" else stated.swapaxes(-1, -2)
+    return np.asarray(rotation * Y_UP if axes == "vision" else rotation)
+
+
+def stated_rotation(ground_from_image: Float, program: str) -> Float:
+    """The rotations as a program states them, of ours (n, 3, 3)."""
+    axes, maps = CONVENTIONS[program]
+    rotation = ground_from_image * Y_UP if axes == "vision" else ground_from_image
+    return np.asarray(rotation if maps == "ground_from_image" else rotation.swapaxes(-1, -2))
+
+
+def position_of(ground_from_image: Float, translation: Float, program: str) -> Float:
+    """Projection centres X0 = -R t (n, 3) of translations t in the camera axes of a program."""
+    in_our_axes = translation * Y_UP if CONVENTIONS[program].axes == "vision" else translation
+    return np.asarray(-np.einsum("nij,nj->ni", ground_from_image, in_our_axes))
+
+
+def translation_of(ground_from_image: Float, position_m: Float, program: str) -> Float:
+    """Translations t = -R' X0 (n, 3) in the camera axes of a program."""
+    t = -np.einsum("nji,nj->ni", ground_from_image, position_m)
+    return np.asarray(t * Y_UP if CONVENTIONS[program].axes == "vision" else t)
+
+
+def matrix_of_quaternion(wxyz: Float) -> Float:
+    """Rotation matrices (n, 3, 3) of quaternions w x y z (n, 4) of any length but zero."""
+    return np.asarray(Rotation.from_quat(np.roll(wxyz, -1, axis=-1)).as_matrix())
+
+
+def quaternion_of_matrix(rotation: Float) -> Float:
+    """Unit quaternions w x y z (n, 4), w >= 0."""
+    return np.asarray(np.roll(Rotation.from_matrix(rotation).as_quat(canonical=True), 1, axis=-1))
+
+
+def is_rotation(matrix: Float) -> bool:
+    """Whether a 3 x 3 matrix is a rotation but for the rounding of its digits: no reflection, no scale."""
+    orthogonal = np.abs(matrix @ matrix.T - np.eye(3)).max() <= LEAST_ORTHOGONAL
+    return bool(orthogonal and np.linalg.det(matrix) > 0)
