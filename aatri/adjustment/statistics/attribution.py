@@ -76,6 +76,8 @@ class Explanation:
         Records to leave out.
     undecided : (n, k) bool
         Those of them of which only some are wrong, and nothing tells which.
+    single : (n,) bool
+        To leave out one record is enough.
     step : (n, 3) float64
         What the others move the block by.
     gain : (n,) float64
@@ -84,6 +86,7 @@ class Explanation:
 
     out: Bool
     undecided: Bool
+    single: Bool
     step: Float
     gain: Float
 
@@ -99,12 +102,13 @@ def explain(records: BlockRecords, suspected: Bool) -> Explanation:
     """
     n, k = records.present.shape
     cost_before, largest, _ = _agreement(records, records.present)
-    keep, undecided = records.present.copy(), np.zeros((n, k), dtype=bool)
+    keep, undecided, single = records.present.copy(), np.zeros((n, k), dtype=bool), np.zeros(n, dtype=bool)
     todo = np.flatnonzero(suspected | (largest > 1.0))
     while len(todo):
         some, kept = records.of(todo), keep[todo]
         out, unclear = _least(some, kept, [((j,), kept[:, j] & ~some.firm[:, j]) for j in range(k)])
         missing = np.flatnonzero(~out.any(axis=1))
+        single[todo] = out.any(axis=1) & (keep[todo] == records.present[todo]).all(axis=1)
         if len(missing):
             few, left = some.of(missing), kept[missing]
             free = left & ~few.firm & (left.sum(axis=1) <= MOST_FOR_PAIRS)[:, None]
@@ -118,7 +122,7 @@ def explain(records: BlockRecords, suspected: Bool) -> Explanation:
             keep[todo[open_], np.argmin(_without_each(some.of(open_), kept[open_]), axis=1)] = False
         todo = todo[open_]
     cost, _, step = _agreement(records, keep)
-    return Explanation(records.present & ~keep, undecided, step, cost_before - cost)
+    return Explanation(records.present & ~keep, undecided, single, step, cost_before - cost)
 
 
 def _least(records: BlockRecords, kept: Bool, choices: Sequence[Choice]) -> tuple[Bool, Bool]:

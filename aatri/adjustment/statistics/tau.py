@@ -11,6 +11,7 @@ Source: Pope 1976, The statistics of residuals and the detection of outliers.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 
 def tau_limit(limit: float, redundancy: int) -> float:
@@ -24,7 +25,5 @@ def tau_limit(limit: float, redundancy: int) -> float:
     """
     if redundancy < 2:
         return float("inf")
-    from scipy.stats import norm, t  # takes a third of a second to import
-
-    quantile = float(t.isf(norm.sf(limit), redundancy - 1))
+    quantile = -float(stdtrit(redundancy - 1, ndtr(-limit)))
     return float(quantile * np.sqrt(redundancy) / np.sqrt(redundancy - 1 + quantile**2))

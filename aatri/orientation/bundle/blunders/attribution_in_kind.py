@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.attribution import SEPARABLE
-from aatri.adjustment.statistics.leave_one_out import as_good, gains_of_leaving_out
+from aatri.adjustment.statistics.leave_one_out import as_good
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
@@ -27,7 +26,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_notes import labels
-from aatri.orientation.bundle.blunders.tested_block import TestedBlock
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
 from aatri.orientation.bundle.result import from_result
 
 MOST = 12
@@ -98,10 +97,9 @@ class _Attribution:
         mine = self.tried.result.observations[i]
         if self.records.observed[i].holds is not None:
             return True
-        if not np.isfinite(mine.covariance[k]).all():
+        gain = float(gains_of(mine, self.tried.result.adjusted.state, np.array([k]))[0])
+        if not np.isfinite(gain):
             return False
-        w = whitened_residuals(mine.observed.records, self.tried.result.adjusted.state, np.array([k]))
-        gain = float(gains_of_leaving_out(w, -mine.covariance[[k]])[0])
         for found in (self.tried.result.observations[p] for p in places):
             H = found.covariance[found.used]
             R = np.eye(H.shape[1]) - H[np.isfinite(H).all(axis=(1, 2))]
@@ -188,10 +186,7 @@ def _gains(tried: TestedBlock, place: int, records: AllRecords) -> Float:
     found = tried.result.observations[place]
     gain = np.full(len(found.observed), np.nan)
     rows = np.flatnonzero(found.used & records.split(records.native)[place])
-    rows = rows[np.isfinite(found.covariance[rows]).all(axis=(1, 2))]
-    if len(rows):
-        v = whitened_residuals(found.observed.records, tried.result.adjusted.state, rows)
-        gain[rows] = gains_of_leaving_out(v, found.covariance[rows])
+    gain[rows] = gains_of(found, tried.result.adjusted.state, rows)
     return gain
 
 

@@ -7,13 +7,14 @@ the others see it, and everything is looked at again, for the image of a point f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.attribution import BlockRecords, Explanation, explain
+from aatri.adjustment.statistics.leave_one_out import as_good
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
@@ -64,16 +65,34 @@ class AtPoints:
     members : Members
     out, undecided : (r,) bool
         Of the members.
-    gain : (r,) float64
-        Of the member's point.
+    single : (r,) bool
+        To leave out one record of the member's point is enough.
     xyz_m : (n, 3) float64, m, reduced
     """
 
     members: Members
     out: Bool
     undecided: Bool
-    gain: Float
+    single: Bool
     xyz_m: Float
+
+    def told_apart(self, gain: Float) -> AtPoints:
+        """Decided by the whole block where one record of a point is wrong, and its other unknowns held do not tell.
+
+        A control point bends the images around it until its rays disagree as much as it does.
+
+        Parameters
+        ----------
+        gain : (r,) float64
+            Of leaving out each member, see `leave_one_out`; NaN not known.
+        """
+        out, undecided, open_ = self.out.copy(), self.undecided.copy(), self.undecided & self.single
+        for block in np.unique(self.members.block[open_]).tolist():
+            rows = np.flatnonzero(open_ & (self.members.block == block))
+            if np.isfinite(gain[rows]).all():
+                best = as_good(gain[rows])
+                out[rows], undecided[rows] = best, best & (best.sum() > 1)
+        return replace(self, out=out, undecided=undecided)
 
 
 def explained(
@@ -110,7 +129,7 @@ def explained(
             break
         before = found.out
     return AtPoints(
-        members, members.of(found.out), members.of(found.undecided), found.gain[members.block], here[POINT][points]
+        members, members.of(found.out), members.of(found.undecided), found.single[members.block], here[POINT][points]
     )
 
 

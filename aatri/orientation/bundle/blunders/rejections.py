@@ -13,7 +13,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import TestedBlock
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
 from aatri.orientation.bundle.result import BundleResult
 
 DOUBT = 6.0
@@ -43,6 +43,8 @@ class Rejections:
     attributions : (n_points,) int64
     doubtful : (n_points,) bool
         Points where nothing tells what is wrong, and it is small.
+    kept : (n,) bool
+        Records of which one is wrong there.
     """
 
     def __init__(self, given: BundleInput, options: SearchOptions) -> None:
@@ -55,6 +57,7 @@ class Rejections:
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
         self.attributions = np.zeros(len(given.point_ids), dtype=np.int64)
         self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
+        self.kept = np.zeros(len(self.all.native), dtype=bool)
 
     def next_rejections(self, tried: TestedBlock, use: Bool) -> Bool:
         """The clearest gross errors, at points by all records of the point."""
@@ -65,7 +68,7 @@ class Rejections:
         suspected = np.ones(len(points), dtype=bool)
         out = self.wrong_at_points(tried.result, points, suspected, use, tried.test, tried.tails, move=False) & use
         attributed = np.isin(self.all.point, np.unique(self.all.point[out]))
-        attributed |= self.doubtful[np.maximum(self.all.point, 0)]
+        attributed |= self.at_doubtful
         blamed = picked & ~(attributed & self.all.at_points)
         kept = self.within_room(out | blamed, use, tried.test)
         # Where the coordinates of a point may not go, its rays do not go in their stead.
@@ -104,6 +107,8 @@ class Rejections:
         native = self.all.split((self.all.native if move else active) & seen)
         limits = tuple(self.options.limit * of_kind for of_kind in self.all.split(tails))
         found: AtPoints = explained(self.all.observed, native, state, points, suspected, limits)
+        if not move:
+            found = found.told_apart(_gains(found, result))
         rows = self.all.first[found.members.place] + found.members.row
         largest = np.zeros(len(points))
         np.maximum.at(largest, found.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])
@@ -113,7 +118,7 @@ class Rejections:
         self.doubtful[points] = doubt
         surely = ~doubt[found.members.block]
         wrong[rows[found.out & surely]] = True
-        self.undecided[rows] = found.undecided & surely
+        self.undecided[rows], self.kept[rows] = found.undecided & surely, found.undecided & ~surely
         if move:
             xyz = self.given.xyz_m.copy()
             xyz[points] = found.xyz_m
@@ -130,5 +135,19 @@ class Rejections:
                 kept[some[order[room:]]] = False
         return kept
 
+    @property
+    def at_doubtful(self) -> Bool:
+        """Records at points where nothing tells what is wrong, (n,)."""
+        return self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
+
     def of_points(self, points: Int) -> Bool:
         return self.all.at_points & np.isin(self.all.point, points)
+
+
+def _gains(found: AtPoints, result: BundleResult) -> Float:
+    """What leaving out each undecided member gains in the whole block, (r,); NaN for others."""
+    gain = np.full(len(found.out), np.nan)
+    for place in np.unique(found.members.place[found.undecided]).tolist():
+        some = np.flatnonzero(found.undecided & (found.members.place == place))
+        gain[some] = gains_of(result.observations[place], result.adjusted.state, found.members.row[some])
+    return gain

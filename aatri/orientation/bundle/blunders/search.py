@@ -118,11 +118,11 @@ class _Search(FittedSigmas):
         undecided = gone & (self.undecided | turn.undecided | self._lost(tried.result, gone))
         asked = (tried.result, self.given.rays, self.all.split(gone), self.options.limit)
         renumbered = tuple(other_numbers(*asked, swapped))
-        doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
-        above = use & (((tried.plain if tried.small else tried.test) > self.options.limit) | turn.kept)
-        told = SearchOutcome(
-            use, undecided, above & ~turn.kept, doubtful, swapped, renumbered, tried.small, tried.plain, self.whole
-        )
+        above = use & ((tried.plain if tried.small else tried.test) > self.options.limit)
+        doubtful = above & self.at_doubtful
+        doubted = use & self.kept & self.of_points(np.unique(self.all.point[doubtful]))
+        above &= ~turn.kept & ~doubtful
+        told = SearchOutcome(use, undecided, above, doubted, swapped, renumbered, tried.small, tried.plain, self.whole)
         notes = (
             *self.scaling.notes(self._final),
             *self._tail_notes(),
@@ -134,7 +134,7 @@ class _Search(FittedSigmas):
             *self._with_final_sigmas(tried),
             notes,
             self.all.keys(undecided),
-            self.all.keys(above),
+            self.all.keys(above | doubtful | doubted | turn.kept),
             tuple((a, b) for a, b in pairs),
             renumbered,
             self.scaling.main_factor(self._final),
@@ -172,11 +172,10 @@ class _Search(FittedSigmas):
     def _overfull(self, above: Bool, use: Bool) -> Bool:
         """What is to come back of kinds of which more is wrong than there is room for: all, and nothing goes again."""
         assert self.pool.room is not None
-        doubtful = self.all.at_points & self.doubtful[np.maximum(self.all.point, 0)]
         back, left = np.zeros_like(use), room_left(self.snooping, self.pool, use)
         for kind, part in enumerate(self.all.parts):
             mine = self.began[part] & ~use[part] & self.pool.counted[part]
-            if left[kind] <= 0 and mine.any() and (above & ~doubtful)[part].any():
+            if left[kind] <= 0 and mine.any() and (above & ~self.at_doubtful)[part].any():
                 self.pool.room[kind] = 0
                 back[part] = mine
         return back

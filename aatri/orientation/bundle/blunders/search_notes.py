@@ -38,8 +38,8 @@ class SearchOutcome:
         Left out though only some of them are wrong.
     above : (n,) bool
         Active with a test above the limit.
-    doubtful : (n,) bool
-        At points where nothing tells what is wrong, and it is small: nothing is left out.
+    doubted : (n,) bool
+        Active, at points where one of them is wrong, by little, and nothing tells which.
     swapped : tuple of Swap
     renumbered : tuple of OtherNumber
     small : bool
@@ -53,7 +53,7 @@ class SearchOutcome:
     active: Bool
     undecided: Bool
     above: Bool
-    doubtful: Bool
+    doubted: Bool
     swapped: tuple[Swap, ...]
     renumbered: tuple[OtherNumber, ...] = ()
     small: bool = False
@@ -78,20 +78,22 @@ def findings(given: BundleInput, records: AllRecords, found: SearchOutcome, opti
         (gone & whole, "left out together: most of the kind disagree with the rest, which agrees without them"),
         (gone & ~whole & ~found.undecided, "rejected as gross errors"),
         (gone & found.undecided, "left out: some of them are wrong, and nothing tells which"),
-        (
-            found.above & found.doubtful,
-            f"beyond {options.limit:.3g} sigma and kept: nothing tells which of the point's is wrong",
-        ),
-        (
-            found.above & ~found.doubtful,
-            f"beyond {options.limit:.3g} sigma and kept{why}",
-        ),
+        (found.above, f"beyond {options.limit:.3g} sigma and kept{why}"),
     )
     for part, o in zip(records.parts, records.observed):
         for which, what in said:
             if which[part].any():
                 text = f"{o.kind}: {int(which[part].sum())} of {len(o)} {what}"
                 notes.append(Note("warning", text, labels(o, which[part])))
+    if found.doubted.any():
+        text = f"at {len(np.unique(records.point[found.doubted]))} points one of these is wrong, by little (beyond "
+        text += f"{options.limit:.3g} sigma), and nothing tells which: all are used"
+        names = [
+            f"{o.kind} {name}"
+            for part, o in zip(records.parts, records.observed)
+            for name in labels(o, found.doubted[part])
+        ]
+        notes.append(Note("warning", text, tuple(names)))
     for swap in found.swapped:
         o = records.observed[swap.place]
         rows = np.isin(np.arange(len(o)), [swap.first, swap.second])

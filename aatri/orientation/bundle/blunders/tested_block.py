@@ -9,6 +9,7 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.statistics.leave_one_out import gains_of_leaving_out
 from aatri.adjustment.statistics.tau import tau_limit
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -83,6 +84,18 @@ def residuals_and_redundancy(found: AdjustedObservations, state: State, rows: In
     v = whitened_residuals(records, state, rows)
     r = 1.0 + np.where(records.active[rows], -1.0, 1.0)[:, None] * np.einsum("nii->ni", found.covariance[rows])
     return v, np.where(records.observed_components()[rows] & (r > WELL_CONTROLLED), r, 0.0)
+
+
+def gains_of(found: AdjustedObservations, state: State, rows: Int) -> Float:
+    """What leaving out each of some observations would gain, (k,); of one that is out, what it would cost to use it."""
+    records = found.observed.records
+    gain, known = np.full(len(rows), np.nan), np.isfinite(found.covariance[rows]).all(axis=(1, 2))
+    if known.any():
+        some = rows[known]
+        used = np.where(records.active[some], 1.0, -1.0)[:, None, None]
+        v = whitened_residuals(records, state, some)
+        gain[known] = gains_of_leaving_out(v, used * found.covariance[some])
+    return gain
 
 
 def known_covariance(found: AdjustedObservations, squares: BundleResult | None, i: int) -> Float:

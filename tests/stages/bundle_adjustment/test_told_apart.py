@@ -1,0 +1,67 @@
+"""A wrong control point bends the images around it: its rays, with the images held, seem as wrong as it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+TEST = 5.7
+"""Test of the wrong one: beyond the limit, and of what nothing tells apart as much is kept."""
+
+
+def _flown(seed: int) -> Chain:
+    block = simulated(
+        seed,
+        preset="uav",
+        flight={"strips": 2, "images_per_strip": 5, "cross_strips": 0},
+        known={"full": 8},
+        ties={"random_per_image": 40.0},
+        noise={"image_um": 10.0},
+    )
+    return run_chain(block, BundleOptions(reliability=True))
+
+
+def _with_wrong_control(chain: Chain, row: int) -> tuple[Solution, list[str]]:
+    """Adjusted with one coordinate of a control point off so far that its test is `TEST`."""
+    tests, residuals, ground = chain.bundle.tests, chain.bundle.residuals, chain.block.ground_points
+    assert tests is not None
+    at = np.flatnonzero((residuals.kind == "control") & (residuals.row == row))[0]
+    axis = int(np.argmax(tests.redundancy[at]))
+    sigma_m = np.sqrt(ground.covariance_m2[row, axis, axis] / tests.redundancy[at, axis])
+    xyz = ground.xyz_m.copy()
+    xyz[row, axis] -= (TEST - tests.test[at, axis]) * sigma_m
+    block, told = replace(chain.block, ground_points=replace(ground, xyz_m=xyz)), Told()
+    initial = replace(chain.strip_block, suspects=Suspects.empty())
+    return bundle(block, chain.refined, initial, context=told), told.warnings
+
+
+@pytest.fixture(scope="module")
+def fourth() -> Chain:
+    return _flown(4)
+
+
+@pytest.mark.parametrize("point", range(8))
+def test_wrong_control_that_its_rays_could_be_taken_for_is_told_from_them_by_the_whole_block(
+    fourth: Chain, point: int
+) -> None:
+    row = int(np.flatnonzero((fourth.block.ground_points.role == 1).all(axis=1))[point])
+    s = _with_wrong_control(fourth, row)[0].suspects
+    out = staying_out(s)
+    assert list(zip(s.kind[out].tolist(), s.row[out].tolist())) == [("control", row)]
+
+
+def test_where_nothing_tells_which_all_that_may_be_wrong_are_named() -> None:
+    chain = _flown(1)
+    solution, warnings = _with_wrong_control(chain, 17)
+    (text,) = (w for w in warnings if "nothing tells which" in w)
+    assert "control GCP02" in text
+    assert "image_point 0104/GCP02" in text
+    assert solution.suspects.verdict.tolist() == ["kept", "kept"]
