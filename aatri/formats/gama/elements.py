@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
-from xml.parsers import expat
 
 from aatri.errors import InputError
 from aatri.formats.gama.network import GivenPoint, Network, Row
-from aatri.formats.gama.xml_text import xml_text
-from aatri.formats.text.number_text import number_of, rad_from_dms, whole_number_of
+from aatri.formats.text.number_text import rad_from_dms
+from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.ids import clipped
 from aatri.units import ANGLE_RAD
 
@@ -28,8 +26,6 @@ OF_GAMA = ("conf-pr", "tol-abs", "sigma-act", "algorithm", "cov-band", "update-c
 LENGTHS, ANGLES = ("distance", "s-distance", "dh"), ("direction", "angle", "z-angle", "azimuth")
 
 CC_RAD, SECOND_RAD, MM = 1e-4 * ANGLE_RAD["gon"], ANGLE_RAD["arcsec"], 1e-3
-
-Attributes = dict[str, str]
 
 
 def read_network(path: Path) -> Network:
@@ -46,59 +42,37 @@ def read_network(path: Path) -> Network:
 class _Reader:
     def __init__(self, path: Path) -> None:
         self.path, self.network = path, Network()
-        self.line: dict[ElementTree.Element, int] = {}
         self.stdev: dict[str, list[float]] = {}
         self.sets = 0
 
     def read(self) -> Network:
-        root = self._tree()
-        if _tag(root) != "gama-local":
-            raise self._fault(root, f"the root element is {_tag(root)!r}", "an input file of gama-local is wanted")
+        root = read_xml(self.path, ("gama-local",), "an input file of gama-local")
         for network in self._children(root, ("network",)):
             self.network.axes = network.get("axes-xy", "ne")
             self.network.clockwise = network.get("angles", "left-handed") == "left-handed"
             self._attributes(network, ("axes-xy", "angles"))
             for part in self._children(network, ("description", "parameters", "points-observations")):
                 {"description": self._description, "parameters": self._parameters,
-                 "points-observations": self._content}[_tag(part)](part)  # fmt: skip
+                 "points-observations": self._content}[part.tag](part)  # fmt: skip
         return self.network
 
-    def _tree(self) -> ElementTree.Element:
-        """The document, with the line of each element: expat tells it where an element starts."""
-        parser, builder = expat.ParserCreate("utf-8"), ElementTree.TreeBuilder()
+    def _description(self, part: XmlElement) -> None:
+        self.network.description = " ".join(part.text.split())
 
-        def start(name: str, attributes: Attributes) -> None:
-            self.line[builder.start(name, attributes)] = parser.CurrentLineNumber
-
-        parser.StartElementHandler = start
-        parser.EndElementHandler = lambda name: builder.end(name)
-        parser.CharacterDataHandler = builder.data
-        text = xml_text(self.path)
-        try:
-            parser.Parse(text.encode(), True)
-        except expat.ExpatError as error:
-            where = f"{self.path}:{error.lineno}:{error.offset + 1}"
-            raise InputError(f"no XML: {expat.ErrorString(error.code)}", where=where,
-                             remedy="give the input file of gama-local, *.gkf") from error  # fmt: skip
-        return builder.close()
-
-    def _description(self, part: ElementTree.Element) -> None:
-        self.network.description = " ".join((part.text or "").split())
-
-    def _parameters(self, part: ElementTree.Element) -> None:
+    def _parameters(self, part: XmlElement) -> None:
         self._attributes(part, ("sigma-apr", "angular"))
         self.network.sigma_apr = self._number(part, "sigma-apr", 10.0)
         for name in ("latitude", "ellipsoid"):
             if part.get(name):
-                raise self._fault(part, f"{name}={part.get(name)!r} is not supported",
+                raise part.error(f"{name}={part.get(name)!r} is not supported",
                                   "remove it: the frame is a local one")  # fmt: skip
 
-    def _content(self, part: ElementTree.Element) -> None:
+    def _content(self, part: XmlElement) -> None:
         names = [f"{kind}-stdev" for kind in ("distance", "direction", "angle", "zenith-angle", "azimuth")]
         self._attributes(part, names)
         self.stdev = {name: self._default_sigma(part, name) for name in names}
         for child in self._children(part, ("point", "obs", "height-differences", "coordinates", "vectors")):
-            tag = _tag(child)
+            tag = child.tag
             if tag == "point":
                 self._point(child)
             elif tag == "coordinates":
@@ -106,24 +80,24 @@ class _Reader:
             else:
                 self._cluster(child, tag)
 
-    def _point(self, e: ElementTree.Element) -> None:
+    def _point(self, e: XmlElement) -> None:
         self._attributes(e, ("id", "x", "y", "z", "fix", "adj"))
-        xyz = {axis: self._number(e, axis) for axis in "xyz" if e.get(axis) is not None}
+        xyz = {axis: self._number(e, axis) for axis in "xyz" if axis in e.attributes}
         fixed, adjusted = e.get("fix", "").lower(), e.get("adj", "")
         for axis in fixed:
             if axis not in xyz:
-                raise self._fault(e, f"point {e.get('id')!r} is fixed in {axis}, but has none", f"give {axis}")
+                raise e.error(f"point {e.get('id')!r} is fixed in {axis}, but has none", f"give {axis}")
         datum = {c.lower() for c in adjusted if c.isupper()}
         if datum and datum != {c.lower() for c in adjusted}:
-            raise self._fault(e, f"point {e.get('id')!r} carries the datum in {', '.join(sorted(datum))} only",
+            raise e.error(f"point {e.get('id')!r} carries the datum in {', '.join(sorted(datum))} only",
                               "a point carries the datum in all its coordinates, or in none")  # fmt: skip
-        self.network.points.append(GivenPoint(self._text(e, "id"), xyz, fixed, adjusted, self.line[e]))
+        self.network.points.append(GivenPoint(self._text(e, "id"), xyz, fixed, adjusted, e.line))
 
-    def _coordinates(self, e: ElementTree.Element) -> None:
+    def _coordinates(self, e: XmlElement) -> None:
         """Observed coordinates: points with a covariance matrix over all of them."""
         first = len(self.network.coordinates)
         for child in self._children(e, ("point", "cov-mat")):
-            if _tag(child) == "point":
+            if child.tag == "point":
                 self._point(child)
                 point = self.network.points[-1]
                 self.network.coordinates += [(point.id, axis, point.xyz[axis]) for axis in "xyz" if axis in point.xyz]
@@ -131,16 +105,16 @@ class _Reader:
                 for i, j, value in self._matrix(child, len(self.network.coordinates) - first):
                     self.network.coordinate_covariance.append((first + i, first + j, value * MM**2))
 
-    def _cluster(self, e: ElementTree.Element, tag: str) -> None:
+    def _cluster(self, e: XmlElement, tag: str) -> None:
         inside = {"obs": (*LENGTHS, *ANGLES), "height-differences": ("dh",), "vectors": ("vec",)}[tag]
         self._attributes(e, ("from", "from_dh", "orientation"))
         self.sets += 1
         first = len(self.network.rows)
         matrix = None
         for child in self._children(e, (*inside, "cov-mat")):
-            if _tag(child) == "cov-mat":
+            if child.tag == "cov-mat":
                 matrix = child
-            elif _tag(child) == "vec":
+            elif child.tag == "vec":
                 self._vector(child)
             else:
                 self.network.rows.append(self._row(child, e))
@@ -153,12 +127,12 @@ class _Reader:
                 what = f"observation {k + 1} of the cluster has {'no' if row.sigma == 0 else 'an impossible'} stdev"
                 raise InputError(what, where=f"{self.path}:{row.line}", remedy="give stdev, more than 0")
 
-    def _row(self, e: ElementTree.Element, cluster: ElementTree.Element) -> Row:
-        tag = _tag(e)
+    def _row(self, e: XmlElement, cluster: XmlElement) -> Row:
+        tag = e.tag
         self._attributes(e, ("from", "to", "bs", "fs", "val", "stdev", "from_dh", "to_dh", "bs_dh", "fs_dh", "dist"))
-        station = e.get("from") or cluster.get("from") or ""
+        station = e.get("from") or cluster.get("from")
         if not station:
-            raise self._fault(e, f"{tag} has no `from`", "name the station here or in <obs>")
+            raise e.error(f"{tag} has no `from`", "name the station here or in <obs>")
         heights = (self._number(e, "from_dh", self._number(cluster, "from_dh", math.nan)),
                    self._number(e, "to_dh", math.nan))  # fmt: skip
         if tag in ANGLES:
@@ -171,29 +145,28 @@ class _Reader:
         sigma = self._sigma(e, tag, unit, value)
         if tag == "angle":
             heights = (self._number(e, "bs_dh", math.nan), self._number(e, "fs_dh", math.nan))
-            return Row("angle", self._text(e, "bs"), self._text(e, "fs"), value, sigma, unit, self.line[e],
+            return Row("angle", self._text(e, "bs"), self._text(e, "fs"), value, sigma, unit, e.line,
                        station, "", *heights)  # fmt: skip
         kind = {"distance": "horizontal_distance", "s-distance": "distance", "dh": "height_difference",
                 "z-angle": "zenith"}.get(tag, tag)  # fmt: skip
         set_ = f"{station} {self.sets}" if tag == "direction" else ""
-        return Row(kind, station, self._text(e, "to"), value, sigma, unit, self.line[e], "", set_, *heights)
+        return Row(kind, station, self._text(e, "to"), value, sigma, unit, e.line, "", set_, *heights)
 
-    def _vector(self, e: ElementTree.Element) -> None:
+    def _vector(self, e: XmlElement) -> None:
         self._attributes(e, ("from", "to", "dx", "dy", "dz", "from_dh", "to_dh"))
         heights = self._number(e, "from_dh", math.nan), self._number(e, "to_dh", math.nan)
         for axis in "xyz":
             ends, value = (self._text(e, "from"), self._text(e, "to")), self._number(e, f"d{axis}")
-            self.network.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, self.line[e], "", "", *heights))
+            self.network.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, e.line, "", "", *heights))
 
-    def _sigma(self, e: ElementTree.Element, tag: str, unit: float, value: float) -> float:
+    def _sigma(self, e: XmlElement, tag: str, unit: float, value: float) -> float:
         """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km; 0: none.
 
         A levelled section of `dist` km has that of sigma-apr in mm times its root.
         """
-        own = e.get("stdev")
-        if own is not None:
+        if "stdev" in e.attributes:
             return self._number(e, "stdev") * unit
-        if tag == "dh" and e.get("dist") is not None:
+        if tag == "dh" and "dist" in e.attributes:
             return self.network.sigma_apr * math.sqrt(max(self._number(e, "dist"), 0.0)) * unit
         name = {"s-distance": "distance", "z-angle": "zenith-angle"}.get(tag, tag)
         given = self.stdev.get(f"{name}-stdev", ())
@@ -205,73 +178,57 @@ class _Reader:
         except (OverflowError, ZeroDivisionError):
             return math.inf
 
-    def _default_sigma(self, part: ElementTree.Element, name: str) -> list[float]:
+    def _default_sigma(self, part: XmlElement, name: str) -> list[float]:
         """The numbers of a standard deviation by type: `a b c` of distances, else `a`."""
         words = part.get(name, "").split()
         if len(words) > (3 if name == "distance-stdev" else 1):
             form = "`a b c`, the last two of distances only"
-            raise self._fault(part, f"{name} has {len(words)} numbers", f"write {form}")
-        return [self._parsed(part, name, word) for word in words]
+            raise part.error(f"{name} has {len(words)} numbers", f"write {form}")
+        return [part.parsed(word, name) for word in words]
 
-    def _angle(self, e: ElementTree.Element) -> tuple[float, float]:
+    def _angle(self, e: XmlElement) -> tuple[float, float]:
         text = self._text(e, "val")
         if not re.search("[0-9]-", text):  # 7e-5 is a number
             return self._number(e, "val") * ANGLE_RAD["gon"], CC_RAD
         try:
             return rad_from_dms(text), SECOND_RAD
         except ValueError as error:
-            raise self._fault(e, f"val is {clipped(text)!r}, not an angle", "write d-m-s or gon") from error
+            raise e.error(f"val is {clipped(text)!r}, not an angle", "write d-m-s or gon") from error
 
-    def _matrix(self, e: ElementTree.Element, n: int) -> list[tuple[int, int, float]]:
+    def _matrix(self, e: XmlElement, n: int) -> list[tuple[int, int, float]]:
         """Upper band by rows: row, column, value."""
         self._attributes(e, ("dim", "band"))
         dim, band = self._count(e, "dim"), self._count(e, "band")
         if dim != n:
-            raise self._fault(e, f"cov-mat of dimension {dim} for {n} observations", "both are to be equal")
+            raise e.error(f"cov-mat of dimension {dim} for {n} observations", "both are to be equal")
         places = [(i, j) for i in range(dim) for j in range(i, min(dim, i + band + 1))]
-        values = [self._parsed(e, "cov-mat", word) for word in (e.text or "").split()]
+        values = [e.parsed(word, "cov-mat") for word in e.text.split()]
         if len(values) != len(places):
-            raise self._fault(e, f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
+            raise e.error(f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
         return [(i, j, value) for (i, j), value in zip(places, values)]
 
-    def _children(self, e: ElementTree.Element, known: tuple[str, ...]) -> list[ElementTree.Element]:
-        for child in e:
-            if _tag(child) not in known:
-                raise self._fault(child, f"element {clipped(_tag(child))!r} is not supported",
-                                  f"inside {_tag(e)} there may be {', '.join(known)}")  # fmt: skip
-        return list(e)
+    def _children(self, e: XmlElement, known: tuple[str, ...]) -> list[XmlElement]:
+        for child in e.children:
+            if child.tag not in known:
+                raise child.error(f"element {clipped(child.tag)!r} is not supported",
+                                  f"inside {e.tag} there may be {', '.join(known)}")  # fmt: skip
+        return e.children
 
-    def _attributes(self, e: ElementTree.Element, known: tuple[str, ...] | list[str]) -> None:
-        for name in e.attrib:
+    def _attributes(self, e: XmlElement, known: tuple[str, ...] | list[str]) -> None:
+        for name in e.attributes:
             if name not in known and name not in OF_GAMA and name not in ("latitude", "ellipsoid"):
-                raise self._fault(e, f"attribute {clipped(name)!r} of {_tag(e)} is not supported", "remove it")
+                raise e.error(f"attribute {clipped(name)!r} of {e.tag} is not supported", "remove it")
 
-    def _text(self, e: ElementTree.Element, name: str) -> str:
-        value = (e.get(name) or "").strip(" \t\r\n")
+    def _text(self, e: XmlElement, name: str) -> str:
+        value = e.get(name).strip(" \t\r\n")
         if not value:
-            raise self._fault(e, f"{_tag(e)} has no {name!r}", "give it")
+            raise e.error(f"{e.tag} has no {name!r}", "give it")
         return value
 
-    def _number(self, e: ElementTree.Element, name: str, default: float | None = None) -> float:
-        if e.get(name) is None and default is not None:
+    def _number(self, e: XmlElement, name: str, default: float | None = None) -> float:
+        if name not in e.attributes and default is not None:
             return default
-        return self._parsed(e, name, self._text(e, name))
+        return e.parsed(self._text(e, name), name)
 
-    def _parsed(self, e: ElementTree.Element, name: str, text: str) -> float:
-        try:
-            return number_of(text)
-        except ValueError as error:
-            raise self._fault(e, f"{name} is {clipped(text)!r}: {error}", "write it like -1234.5") from error
-
-    def _count(self, e: ElementTree.Element, name: str) -> int:
-        try:
-            return abs(whole_number_of(self._text(e, name)))
-        except ValueError as error:
-            raise self._fault(e, f"{name} is {clipped(e.get(name) or '')!r}, {error}", "write digits only") from error
-
-    def _fault(self, e: ElementTree.Element, what: str, remedy: str) -> InputError:
-        return InputError(what, where=f"{self.path}:{self.line.get(e, 0)}", remedy=remedy)
-
-
-def _tag(e: ElementTree.Element) -> str:
-    return e.tag.rpartition("}")[2]
+    def _count(self, e: XmlElement, name: str) -> int:
+        return abs(e.whole(self._text(e, name), name))

@@ -31,6 +31,8 @@ MEMORY_PER_BYTE = 13
 MOST_NAMES = 10
 """Most names of a folder listed in a message."""
 
+_PAGE = re.compile(rb"\s*(<!doctype html|<html[\s>])", re.IGNORECASE)
+
 _COMMON = {
     sign
     for high in (*range(0xA1, 0xAA), *range(0xB0, 0xD8))
@@ -112,7 +114,14 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path), remedy=remedy) from error
 
 
+def refuse_page(data: bytes, path: Path) -> None:
+    """A fault if a file is a page of the web, as servers send it in place of a file that they do not have."""
+    if _PAGE.match(data.removeprefix(codecs.BOM_UTF8)):
+        raise InputError("this is a web page (HTML), not data", where=f"{path}:1", remedy="get the file itself")
+
+
 def _decoded(data: bytes, path: Path, reporter: Reporter) -> str:
+    refuse_page(data, path)
     for magic, what in _BINARY.items():
         if data.startswith(magic):
             raise InputError(f"this is {what}", where=str(path), remedy="export it as CSV, encoding UTF-8")

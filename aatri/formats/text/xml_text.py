@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 from aatri.errors import InputError
-from aatri.formats.text.text_file import read_bytes
+from aatri.formats.text.text_file import read_bytes, refuse_page
 
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,200}?\sencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
 _BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
@@ -28,6 +28,9 @@ def xml_text(path: Path) -> str:
         If it cannot be read, is not in the encoding it declares, or uses entities of its own.
     """
     data = read_bytes(path)
+    refuse_page(data, path)
+    if data.startswith(b"PK"):
+        raise InputError("this is a zip archive, not XML", where=str(path), remedy="unpack it")
     declared = _DECLARED.match(data)
     marked = next((name for mark, name in _BYTE_ORDER_MARKS.items() if data.startswith(mark)), None)
     encoding = marked or (declared.group(1).decode() if declared else "utf-8")

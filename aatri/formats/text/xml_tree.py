@@ -1,0 +1,158 @@
+"""The elements of an XML file, each with its line, so that every message can say where.
+
+Names are without their namespace. A file that is no XML, or another one than its reader wants, is refused by its root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.errors import InputError
+from aatri.formats.text.number_text import number_of, whole_number_of
+from aatri.formats.text.xml_text import xml_text
+from aatri.ids import clipped
+
+LIKE = "write it like -1234.5"
+
+
+@dataclass(eq=False)
+class XmlElement:
+    """An element: name, attributes, the text directly in it, the elements in it, and where it stands."""
+
+    tag: str
+    attributes: dict[str, str]
+    path: Path
+    line: int
+    children: list[XmlElement] = field(default_factory=list, repr=False)
+    pieces: list[str] = field(default_factory=list, repr=False)
+
+    @property
+    def text(self) -> str:
+        """The text in it, blanks at its ends left out."""
+        return "".join(self.pieces).strip(" \t\r\n")
+
+    def error(self, what: str, remedy: str = "") -> InputError:
+        """An error at this element."""
+        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
+
+    def get(self, name: str, default: str = "") -> str:
+        """An attribute."""
+        return self.attributes.get(name, default)
+
+    def all(self, *path: str) -> list[XmlElement]:
+        """The elements reached by these names, one step each."""
+        reached = [self]
+        for tag in path:
+            reached = [child for element in reached for child in element.children if child.tag == tag]
+        return reached
+
+    def within(self, tag: str) -> Iterator[XmlElement]:
+        """The elements of a name at any depth, in the order of the file."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            if element.tag == tag:
+                yield element
+            waiting += reversed(element.children)
+
+    def optional(self, *path: str) -> XmlElement | None:
+        """The one element reached by these names, or None.
+
+        Raises
+        ------
+        InputError
+            If there are two.
+        """
+        reached = self.all(*path)
+        if len(reached) > 1:
+            raise reached[1].error(f"{path[-1]} twice in {self.tag}", "remove one")
+        return reached[0] if reached else None
+
+    def one(self, *path: str) -> XmlElement:
+        """The one element reached by these names.
+
+        Raises
+        ------
+        InputError
+            If there is none, or two.
+        """
+        element = self.optional(*path)
+        if element is None:
+            raise self.error(f"{self.tag} has no {'/'.join(path)}", "the file is incomplete: export it again")
+        return element
+
+    def number(self, *path: str, default: float | None = None) -> float:
+        """The number in an element; of this one without a path."""
+        element = self.optional(*path) if path else self
+        if element is None and default is not None:
+            return default
+        return (element or self.one(*path)).parsed(self.one(*path).text if path else self.text)
+
+    def numbers(self, count: int, *path: str) -> Float:
+        """So many numbers in an element, between blanks."""
+        element = self.one(*path) if path else self
+        words = element.text.split()
+        if len(words) != count:
+            raise element.error(f"{element.tag} has {len(words)} numbers, not {count}", "export it again")
+        return np.array([element.parsed(word) for word in words])
+
+    def parsed(self, text: str, name: str = "") -> float:
+        """A text of this element as a number."""
+        try:
+            return number_of(text)
+        except ValueError as error:
+            raise self.error(f"{name or self.tag} is {clipped(text)!r}: {error}", LIKE) from error
+
+    def whole(self, text: str, name: str = "") -> int:
+        """A text of this element as a whole number."""
+        try:
+            return whole_number_of(text)
+        except ValueError as error:
+            raise self.error(f"{name or self.tag} is {clipped(text)!r}, {error}", "write digits only") from error
+
+
+def read_xml(path: Path, roots: Collection[str], what: str) -> XmlElement:
+    """The root of an XML file.
+
+    Parameters
+    ----------
+    path : Path
+    roots : collection of str
+        Names that the root may have.
+    what : str
+        What the file should be, for messages.
+
+    Raises
+    ------
+    InputError
+        If it is no XML, uses entities of its own, or has another root.
+    """
+    parser = expat.ParserCreate("utf-8")
+    parser.buffer_text = True
+    document = XmlElement("", {}, path, 0)
+    within = [document]
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        element = XmlElement(name.rpartition(":")[2], attributes, path, parser.CurrentLineNumber)
+        within[-1].children.append(element)
+        within.append(element)
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: within.pop()
+    parser.CharacterDataHandler = lambda text: within[-1].pieces.append(text)
+    text = xml_text(path)
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        where = f"{path}:{error.lineno}:{error.offset + 1}"
+        raise InputError(f"no XML: {expat.ErrorString(error.code)}", where=where, remedy=f"give {what}") from error
+    root = document.children[0]
+    if root.tag not in roots:
+        raise root.error(f"the root element is {clipped(root.tag)!r}", f"{what} is wanted")
+    return root
