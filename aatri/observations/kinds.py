@@ -71,6 +71,8 @@ class Kind:
     ----------
     observe : callable
         Takes it from a block, given its options where it has such.
+    table : str, optional
+        Table of the Block that has its rows: where it is empty there are none.
     options : callable, optional
         Its own among those of all kinds.
     uses : tuple of str
@@ -78,28 +80,29 @@ class Kind:
     """
 
     observe: Callable[..., tuple[Observed, ...]]
+    table: str = ""
     options: Callable[[KindOptions], Options] | None = None
     uses: tuple[str, ...] = ()
 
 
 KINDS = (
     Kind(image_points),
-    Kind(control, uses=OF_CONTROL),
-    Kind(positions, lambda o: o.positions, uses=OF_POSITIONS),
-    Kind(drift, lambda o: o.positions, uses=OF_DRIFT),
-    Kind(attitudes, lambda o: o.attitudes, uses=OF_ATTITUDES),
-    Kind(rigs, lambda o: o.rigs, uses=OF_RIGS),
-    Kind(distances, lambda o: o.distances, uses=OF_DISTANCES),
-    Kind(directions, uses=OF_DIRECTIONS),
-    Kind(zenith_angles, lambda o: o.zenith_angles, uses=OF_ZENITH_ANGLES),
-    Kind(height_differences, uses=OF_HEIGHT_DIFFERENCES),
-    Kind(coordinate_differences, uses=OF_COORDINATE_DIFFERENCES),
-    Kind(relative_differences, uses=OF_RELATIVE_DIFFERENCES),
-    Kind(relative_angles, uses=OF_RELATIVE_ANGLES),
-    Kind(planes, uses=OF_PLANES),
-    Kind(lines, uses=OF_LINES),
-    Kind(round_shapes, uses=OF_ROUND_SHAPES),
-    Kind(relative_distances, uses=OF_RELATIVE_DISTANCES),
+    Kind(control, "ground_points", uses=OF_CONTROL),
+    Kind(positions, "exterior", lambda o: o.positions, uses=OF_POSITIONS),
+    Kind(drift, "exterior", lambda o: o.positions, uses=OF_DRIFT),
+    Kind(attitudes, "exterior", lambda o: o.attitudes, uses=OF_ATTITUDES),
+    Kind(rigs, "rig_members", lambda o: o.rigs, uses=OF_RIGS),
+    Kind(distances, "geodetic", lambda o: o.distances, uses=OF_DISTANCES),
+    Kind(directions, "geodetic", uses=OF_DIRECTIONS),
+    Kind(zenith_angles, "geodetic", lambda o: o.zenith_angles, uses=OF_ZENITH_ANGLES),
+    Kind(height_differences, "geodetic", uses=OF_HEIGHT_DIFFERENCES),
+    Kind(coordinate_differences, "geodetic", uses=OF_COORDINATE_DIFFERENCES),
+    Kind(relative_differences, "relative_control", uses=OF_RELATIVE_DIFFERENCES),
+    Kind(relative_angles, "relative_control", uses=OF_RELATIVE_ANGLES),
+    Kind(planes, "relative_control", uses=OF_PLANES),
+    Kind(lines, "relative_control", uses=OF_LINES),
+    Kind(round_shapes, "relative_control", uses=OF_ROUND_SHAPES),
+    Kind(relative_distances, "relative_control", uses=OF_RELATIVE_DISTANCES),
 )
 
 USES = tuple(sorted({*OF_COVARIANCES, *(name for kind in KINDS for name in kind.uses)}))
@@ -110,17 +113,19 @@ def observe(given: Given, options: KindOptions) -> tuple[Observed, ...]:
     """All observations of a block."""
     found: list[Observed] = []
     for kind in KINDS:
-        found += kind.observe(given) if kind.options is None else kind.observe(given, kind.options(options))
+        if not kind.table or len(getattr(given.block, kind.table)):
+            found += kind.observe(given) if kind.options is None else kind.observe(given, kind.options(options))
     return with_geodetic_covariances(given.block, found)
 
 
 def options_without_data(block: Block, options: KindOptions) -> list[Note]:
     """Options of kinds that are set although the block offers nothing they are for."""
-    offered, notes = {offer.name for offer in block.offers()}, []
-    for name in KindOptions.model_fields:
-        own = dict(options)[name]
+    stated = {name: own for name in KindOptions.model_fields if (own := dict(options)[name]) != type(own)()}
+    offered = {offer.name for offer in block.offers()} if stated else set()
+    notes = []
+    for name, own in stated.items():
         kinds = [kind for kind in KINDS if kind.options is not None and kind.options(options) is own]
         uses = {use for kind in kinds for use in kind.uses if not use.startswith("camera")}
-        if own != type(own)() and dict(own).get("use", True) and not uses & offered:
+        if dict(own).get("use", True) and not uses & offered:
             notes.append(Note("warning", f"{name}: options are set, but the block has none of them"))
     return notes

@@ -58,6 +58,8 @@ class Given:
         The frame of the adjustment, where it is not that of the block: `start` is in it, and the origin is its own.
     geodesy : TangentFrame, optional
         A tangent frame of the block's CRS, also where the adjustment is in the block's own frame; None if it has none.
+    notes : tuple of Note
+        What there is to say of the start.
     """
 
     block: Block
@@ -68,6 +70,7 @@ class Given:
     level: Level = PLANE
     frame: TangentFrame | None = None
     geodesy: TangentFrame | None = None
+    notes: tuple[Note, ...] = ()
 
     def axes_at(self, place: Float) -> Float:
         """B: the axes of the block at places of the adjustment (not reduced), (n, 3, 3), columns."""
@@ -200,7 +203,7 @@ class Observed:
     sees: tuple[bool, bool, bool] | Bool = (True, True, True)
     notes: tuple[Note, ...] = ()
     units: tuple[str, ...] = ()
-    refitted: Callable[[Given], Observed] | None = None
+    refitted: Callable[[State], Observed] | None = None
     spread: Spread | None = None
 
     @property

@@ -204,6 +204,8 @@ def rig_records(pairs: RigPairs, position_m: float, angle_rad: float) -> tuple[R
 
 def poses_by_rigs(block: Block, poses: Poses) -> Poses:
     """Poses that are not known, from those of the same exposure and the mounts as given."""
+    if not len(block.rig_members):
+        return poses
     pairs, t = rig_pairs(block), block.rig_members.position_m
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
     for source, target, ms, mt in (

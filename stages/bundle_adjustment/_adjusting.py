@@ -11,6 +11,7 @@ from aatri.adapters.bundle.exchanged_images import without_exchanged_images
 from aatri.adjustment.settings import SolverSettings
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
+from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
@@ -32,7 +33,7 @@ COARSE = 5.0
 
 
 def adjusted_in_rounds(
-    given: BundleInput, options: BundleOptions, context: Context
+    source: Given, given: BundleInput, options: BundleOptions, context: Context
 ) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""
     searching, groups = options.blunders.search_options(), tuple[AcceptedGroup, ...]()
@@ -53,7 +54,7 @@ def adjusted_in_rounds(
         given = given if searching.method == "none" else without_exchanged_images(given)
         done, groups = search_with_groups(given, adjust, single, candidate_groups, searching)
     if options.self_calibration is not None and options.self_calibration.remove:
-        done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, options, rows))
+        done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, source, options, rows))
     return done, groups
 
 

@@ -19,6 +19,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
+from aatri.observations.observed import Given
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult, from_result
@@ -34,20 +35,19 @@ MOST_ROUNDS = 10
 
 
 def at_ideal_coordinates(
-    block: Block,
-    image_points: ImagePoints | None,
+    source: Given,
     chosen: ChosenSet | None,
     done: Round,
     adjust: Callable[[BundleInput], BundleResult],
 ) -> Round:
     """The adjusted block with the terms of an ideal set at its ideal coordinates; other sets are what they are."""
-    if image_points is None or chosen is None or not any(part.parameters.ideal for part in chosen.parts):
+    if source.image_points is None or chosen is None or not any(part.parameters.ideal for part in chosen.parts):
         return done
     for _ in range(MOST_ROUNDS):
-        rows = _formed_anew(block, image_points, chosen, done.result)
+        rows = _formed_anew(source.block, source.image_points, chosen, done.result)
         if rows is None:
             break
-        anew = _with_terms(from_result(done.given, done.result), rows)
+        anew = _with_terms(source, from_result(done.given, done.result), rows)
         done = replace(done, given=anew, result=adjust(anew))
     return done
 
@@ -71,11 +71,9 @@ def _formed_anew(
     return tuple(rows.get(p.given.group, p.given) for p in result.parameters)
 
 
-def _with_terms(given: BundleInput, rows: tuple[ParameterRows, ...]) -> BundleInput:
+def _with_terms(source: Given, given: BundleInput, rows: tuple[ParameterRows, ...]) -> BundleInput:
     """The block with other terms of its image points; what is rejected, and their weights, stay."""
-    assert given.given is not None
-    taken_from = replace(given.given, parameters=rows)
-    anew, observed = iter(observed_image_points(taken_from)), []
+    anew, observed = iter(observed_image_points(replace(source, parameters=rows))), []
     for o in given.observed:
         if o.kind == IMAGE_POINT:
             records, whole = next(anew).records, o.whole
@@ -83,7 +81,7 @@ def _with_terms(given: BundleInput, rows: tuple[ParameterRows, ...]) -> BundleIn
                 whole = replace(whole, records=_as(records, whole.records))
             o = replace(o, records=_as(records, o.records), whole=whole)
         observed.append(o)
-    return replace(given, observed=tuple(observed), parameters=rows, given=taken_from)
+    return replace(given, observed=tuple(observed), parameters=rows)
 
 
 def _as(records: Records, before: Records) -> Records:

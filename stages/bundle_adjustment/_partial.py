@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
@@ -25,6 +25,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
 from aatri.observations.kinds import KindOptions, options_without_data
+from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
@@ -56,13 +57,14 @@ def resected(
 ) -> Solution:
     """Images on known points; those without orientation start by the linear transformation or three points."""
     image_points = _corrected(block, image_points, context)
-    given = bundle_input(block, image_points, initial, options, linear_start=linear)
+    source = observation_source(block, image_points, initial, linear_start=linear)
+    given = bundle_input(source, options, initial.suspects)
     control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
     known = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
     covariance = _covariances(known, initial.points.covariance_m2, block.points.id, "point") if weighted else None
     as_given, given = given, with_known_points(given, known & finite_rows(given.xyz_m), covariance)
     tell(switched_off(as_given, given), context)
-    made = _made(block, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
+    made = _made(source, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
     if weighted:
         return made
     # Held is not known without error: what `initial` says of the points holds on.
@@ -79,12 +81,13 @@ def intersected(
 ) -> Solution:
     """Points from known images."""
     image_points = _corrected(block, image_points, context)
-    given = bundle_input(block, image_points, initial, options)
+    source = observation_source(block, image_points, initial)
+    given = bundle_input(source, options, initial.suspects)
     known = initial.images.oriented
     covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
     as_given, given = given, with_known_images(given, known, covariance)
     tell(switched_off(as_given, given), context)
-    made = _made(block, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
+    made = _made(source, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
     return made if weighted else replace(made, images=replace(made.images, covariance=initial.images.covariance))
 
 
@@ -98,12 +101,13 @@ def alternated(
 ) -> Solution:
     """Resection and intersection in turn."""
     image_points = _corrected(block, image_points, context)
-    given = bundle_input(block, image_points, initial, options)
+    source = observation_source(block, image_points, initial)
+    given = bundle_input(source, options, None if initial is None else initial.suspects)
 
     def adjust(given: BundleInput, settings: BundleSettings) -> BundleResult:
         return adjust_alternating(given, replace(settings, covariances=False), max_rounds=rounds, reporter=context)
 
-    return _made(block, initial, given, options, context, "alternating", adjust)
+    return _made(source, initial, given, options, context, "alternating", adjust)
 
 
 def _corrected(block: Block, image_points: ImagePoints, context: Context) -> ImagePoints:
@@ -125,7 +129,7 @@ def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
 
 
 def _made(
-    block: Block,
+    source: Given,
     initial: Solution | None,
     given: BundleInput,
     options: PartialOptions,
@@ -133,7 +137,7 @@ def _made(
     variant: str,
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],
 ) -> Solution:
-    tell([*options_without_data(block, options), *(note for o in given.observed for note in o.notes)], context)
+    tell([*options_without_data(source.block, options), *(note for o in given.observed for note in o.notes)], context)
     tell(inherited(initial.suspects) if initial is not None else [], context)
     settings = BundleSettings(
         solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)
@@ -141,5 +145,5 @@ def _made(
     result = adjust(given, settings)
     report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
     suspects = after(initial.suspects if initial is not None else Suspects.empty(), Round(given, result))
-    made = bundle_solution(block, given, result, suspects)
+    made = bundle_solution(source, given, result, suspects)
     return replace(made, method=f"bundle_adjustment/{variant}")

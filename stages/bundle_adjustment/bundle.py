@@ -34,7 +34,7 @@ from typing import Self
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
@@ -57,7 +57,6 @@ from aatri.checks.finding import report
 from aatri.notes import tell
 from aatri.observations.kinds import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
-from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
@@ -65,7 +64,7 @@ from aatri.plugin import SILENT, Context, Field, Need, stage
 from ._adjusting import adjusted, adjusted_in_rounds
 from ._blunders import GONE, Blunders
 from ._ideal_coordinates import at_ideal_coordinates
-from ._self_calibration import ChosenSet, SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
+from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
 from ._variance_components import VarianceComponentOptions, with_variance_components
 
@@ -181,25 +180,28 @@ def bundle(
             assemble.check_same_block(block, made.images.id, port)
     suspects = initial.suspects if initial is not None else Suspects.empty()
     tell(inherited(suspects, taken_back=options.blunders.method == "none"), context)
-    if initial is not None and options.blunders.method == "none":
+    if options.blunders.method == "none":
         suspects = taken_back(suspects)
-        initial = replace(initial, suspects=suspects)
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
-    given = _given(block, image_points, initial, calibration, chosen, options, context)
+    rows = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
+    source = observation_source(block, image_points, initial, rows)
+    given = bundle_input(source, options, suspects)
+    notes = [*options_without_data(block, options), *source.notes, *(n for o in given.observed for n in o.notes)]
+    report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)
     adjust = partial(adjusted, options=options, context=context)
-    done, groups = adjusted_in_rounds(given, options, context)
-    done = at_ideal_coordinates(block, image_points, chosen, done, adjust)
+    done, groups = adjusted_in_rounds(source, given, options, context)
+    done = at_ideal_coordinates(source, chosen, done, adjust)
     done, components = with_variance_components(block, done, adjust, options.variance_components)
     given, suspects = done.given, after(suspects, done)
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)
-    report(findings_after(done, result, groups, options.max_sigma0, tests=options.reliability), context)
+    report(findings_after(source, done, result, groups, options.max_sigma0, tests=options.reliability), context)
     of_cameras, camera_notes = camera_tables(block, result, chosen)
     tell(camera_notes, context)
     orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
     if options.blunders.method == "robust":
         suspects = with_gross_errors(result, suspects, options.blunders.search_options())
-    made = bundle_solution(block, given, result, suspects, of_cameras, orderings, tests=options.reliability)
+    made = bundle_solution(source, given, result, suspects, of_cameras, orderings, tests=options.reliability)
     uncontrolled, of_film = uncontrolled_of(done.result)
     report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
     made = replace(
@@ -210,22 +212,3 @@ def bundle(
         proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None,
     )
     return with_datum(block, made, options.datum, options.datum_over)
-
-
-def _given(
-    block: Block,
-    image_points: ImagePoints | None,
-    initial: Solution | None,
-    calibration: Solution | None,
-    chosen: ChosenSet | None,
-    options: BundleOptions,
-    context: Context,
-) -> BundleInput:
-    """What is to be adjusted, and what there is to say of it before."""
-    parameters = (
-        parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
-    )
-    given = bundle_input(block, image_points, initial, options, parameters)
-    notes = [*options_without_data(block, options), *given.notes, *(n for o in given.observed for n in o.notes)]
-    report([*notes, *findings_at_start(block, given, of_the_block=initial is None)], context)
-    return given

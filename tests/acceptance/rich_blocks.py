@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.cameras.sharing import camera_scale
 from aatri.adapters.pairs.image_pairs import neighbouring_images
 from aatri.artifacts.block import CHECK, Block
@@ -274,7 +274,7 @@ def equations(folder: Path, content: Folder) -> tuple[bytes, tuple[str, ...]]:
     parameters = parameters_of(block, refined, options.interior_unknowns, None, None)
     begun = start(content.of, block, xyz_m=np.full(content.of.xyz_m.shape, np.nan))
     begun = replace(begun, points=replace(begun.points, xyz_m=np.full((len(block.points), 3), np.nan)))
-    given = bundle_input(block, refined, begun, options, parameters)
+    given = bundle_input(observation_source(block, refined, begun, parameters), options)
     checks = np.where(block.ground_points.role == CHECK, block.ground_points.xyz_m, np.nan)
     scales = [np.array(astuple(camera_scale(block, k))[1]) for k in range(len(block.cameras))]
     state = start_of(given)

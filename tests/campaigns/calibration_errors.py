@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -35,7 +35,7 @@ def dense_errors(
     """
     chosen = chosen_set(block, options.self_calibration, observed_positions(block, options))
     parameters = parameters_of(block, points, options.interior_unknowns, chosen)
-    given = bundle_input(block, points, solution, options, parameters)
+    given = bundle_input(observation_source(block, points, solution, parameters), options, solution.suspects)
     adjusted = adjust_bundle(given, BundleSettings(options.datum, covariances=False)).adjusted
     problem = adjusted.problem
     J, _ = dense_jacobian(problem.unknowns, [r.take(np.flatnonzero(r.active)) for r in problem.records], adjusted.state)

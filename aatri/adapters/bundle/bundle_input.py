@@ -17,7 +17,6 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError, GeometryError
-from aatri.frames.tangent import TangentFrame
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import rays_of
 from aatri.observations.kinds import KindOptions, observe
@@ -27,28 +26,26 @@ from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
+from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.strip_numbering import strip_numbering
 
 
-def bundle_input(
+def observation_source(
     block: Block,
     image_points: ImagePoints | None,
     initial: Solution | None,
-    options: KindOptions,
     parameters: tuple[ParameterRows, ...] = (),
     origin: Float | None = None,
     linear_start: bool = False,
-) -> BundleInput:
-    """A block ready for adjustment; missing start values are filled in by intersection and resection.
+) -> Given:
+    """A block in the frame of its adjustment; missing start values are filled in by intersection and resection.
 
     Parameters
     ----------
     block : Block
     image_points : ImagePoints or None
     initial : Solution or None
-        Start values, and what was rejected before.
-    options : object
-        Of the kinds of observation.
+        Start values.
     parameters : tuple of ParameterRows
     origin : (3,) float64, optional
         Of the tangent frame, in the frame of the block; default its middle.
@@ -63,14 +60,17 @@ def bundle_input(
         If `initial` is of another block.
     """
     frame = frame_of(block, origin)
-    poses = poses_into(frame, *_start_poses(block, initial))
+    given_poses = given_orientations(block)
+    initial_poses = given_poses if initial is None else (initial.images.position_m, initial.images.ground_from_image)
+    poses = poses_into(frame, *initial_poses)
     xyz = points_into(frame, _start_points(block, initial))
     origin = origin_of(poses, xyz)
     poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
-    rays = rays_of(block, image_points) if image_points is not None else None
     poses = poses_by_rigs(block, poses)
-    offered = _offered(block, frame, origin)
-    if rays is not None:
+    rays = None
+    if image_points is not None:
+        rays, offered = rays_of(block, image_points), poses_into(frame, *given_poses)
+        offered = Poses(offered.position_m - origin, offered.ground_from_image)
         poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
     known = np.isfinite(xyz)
     xyz, notes = network_start(block, xyz)
@@ -83,48 +83,55 @@ def bundle_input(
                 where=f"block {block.name}",
                 remedy="give `initial` in `from:`, or positions and angles in exterior.csv",
             )
-    geodesy = geodesy_of(block, frame)
-    given = Given(
-        block,
-        image_points,
-        origin,
-        {POSE: poses, POINT: xyz},
-        parameters,
-        level_of(frame, geodesy, origin),
-        frame,
-        geodesy,
-    )
+    geodesy, start = geodesy_of(block, frame), {POSE: poses, POINT: xyz}
+    level = level_of(frame, geodesy, origin)
+    return Given(block, image_points, origin, start, parameters, level, frame, geodesy, notes)
+
+
+def bundle_input(source: Given, options: KindOptions, suspects: Suspects | None = None) -> BundleInput:
+    """All observations of a block, without what earlier stages have rejected: from here on there are arrays alone.
+
+    Parameters
+    ----------
+    source : Given
+    options : KindOptions
+    suspects : Suspects, optional
+        Of earlier stages.
+    """
+    block, poses = source.block, source.start[POSE]
+    rejected = set() if suspects is None else suspected_rows(suspects)
+    strip, n = block.images.strip, len(block.images)
     return BundleInput(
         block.images.id,
         block.points.id,
-        _observed(given, options, initial),
+        tuple(without_rows(o, rejected) for o in observe(source, options)),
         poses,
-        xyz,
-        origin,
-        rays,
-        parameters,
+        source.start[POINT],
+        source.origin_m,
+        None if source.image_points is None else rays_of(block, source.image_points),
+        source.parameters,
         marked=np.isin(np.arange(len(block.points)), block.ground_points.point[block.ground_points.datum]),
-        numbering=strip_numbering(poses.position_m, block.images.strip, block.images.sequence)
-        if len(poses.position_m)
-        else None,
-        given=given,
-        notes=notes,
+        numbering=strip_numbering(poses.position_m, strip, block.images.sequence) if n else None,
+        images=_image_groups(block),
+        level=source.level,
     )
 
 
-def _offered(block: Block, frame: TangentFrame | None, origin: Float) -> Poses:
-    """What the block itself gives of its images."""
-    poses = poses_into(frame, *given_orientations(block))
-    return Poses(poses.position_m - origin, poses.ground_from_image)
+def _image_groups(block: Block) -> ImageGroups:
+    images, cameras = block.images, block.cameras
+    film = cameras.kind != "digital"
+    corner_mm = 0.5 * np.linalg.norm(np.where(film[:, None], 1.0, cameras.pixel_size_mm) * cameras.format, axis=1)
+    strip = np.append(block.strips.id, "")[images.strip]
+    return ImageGroups(cameras.id, corner_mm, images.camera, strip, images.flight, images.time_s, images.sequence)
 
 
-def with_parameters(made: BundleInput, options: KindOptions, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+def with_parameters(
+    made: BundleInput, source: Given, options: KindOptions, parameters: tuple[ParameterRows, ...]
+) -> BundleInput:
     """The same block with other parameters of images and cameras; what is rejected stays rejected."""
-    assert made.given is not None
-    given = replace(made.given, parameters=parameters)
     rejected = rejected_rows(made.observed)
-    observed = tuple(without_rows(o, rejected) for o in observe(given, options))
-    return replace(made, observed=observed, parameters=parameters, given=given)
+    observed = tuple(without_rows(o, rejected) for o in observe(replace(source, parameters=parameters), options))
+    return replace(made, observed=observed, parameters=parameters)
 
 
 def rejected_rows(observed: Sequence[Observed]) -> set[tuple[str, int]]:
@@ -142,14 +149,6 @@ def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:
     """What earlier stages have rejected, by kind and row of its table."""
     rows = np.flatnonzero(staying_out(suspects) & (suspects.row >= 0))
     return set(zip(suspects.kind[rows].tolist(), suspects.row[rows].tolist()))
-
-
-def _observed(given: Given, options: KindOptions, initial: Solution | None) -> tuple[Observed, ...]:
-    found = observe(given, options)
-    if initial is None:
-        return found
-    rejected = suspected_rows(initial.suspects)
-    return tuple(without_rows(o, rejected) for o in found)
 
 
 def origin_of(poses: Poses, xyz_m: Float) -> Float:
@@ -183,12 +182,6 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
         film.basis,
         per_image=True,
     )
-
-
-def _start_poses(block: Block, initial: Solution | None) -> tuple[Float, Float]:
-    if initial is not None:
-        return initial.images.position_m, initial.images.ground_from_image
-    return given_orientations(block)
 
 
 def _start_points(block: Block, initial: Solution | None) -> Float:

@@ -27,6 +27,7 @@ from aatri.artifacts.solution import (
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
+from aatri.observations.observed import Given
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
@@ -36,7 +37,7 @@ NOTHING_OF_CAMERAS = ParameterTables()
 
 
 def bundle_solution(
-    block: Block,
+    source: Given,
     given: BundleInput,
     result: BundleResult,
     suspects: Suspects,
@@ -46,9 +47,9 @@ def bundle_solution(
     tests: bool = False,
 ) -> Solution:
     """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
-    adjusted = result.adjusted
+    adjusted, block = result.adjusted, source.block
     independent = independent_errors_table(block, result, tests=tests)
-    result = without_absent(result_out_of(given.given.frame if given.given else None, result))
+    result = without_absent(result_out_of(source.frame, result))
     per_image, per_point, rms_sigma_um = _image_points(given, result)
     state = adjusted.state
     return Solution(

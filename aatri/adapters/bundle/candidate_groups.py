@@ -31,11 +31,12 @@ from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.drift import group_times
 from aatri.observations.image_points import KIND as IMAGE_POINT
-from aatri.observations.observed import Given
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.candidates import ALL, Candidates, Cause
+from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 
 DISTANCE = "distance"
@@ -46,7 +47,7 @@ FEWEST = 3
 
 def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candidates]:
     """What is to be tested of a block, kind by kind."""
-    if given.given is None:
+    if given.images is None:
         return
     for place, found in enumerate(result.observations):
         rows, o = np.flatnonzero(found.used), found.observed
@@ -54,12 +55,14 @@ def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candi
             continue
         groups = [group for group, _ in o.records.touches]
         if o.kind == POSITION and groups[0] == POSE:
-            yield from _of_positions(given.given, result, place, found, rows)
+            yield from _of_positions(given.images, result, place, found, rows)
         elif o.kind == ATTITUDE and groups[:2] == [POSE, BORESIGHT]:
-            yield from _of_attitudes(given.given, result, place, found, rows)
+            yield from _of_attitudes(given.images, result, place, found, rows)
         elif o.kind == IMAGE_POINT and given.rays is not None:
             v = whitened_residuals(o.records, result.adjusted.state, rows)
-            yield from _of_image_points(given, place, rows, v / o.records.whitener[rows])
+            carried = any(p.group != FILM and p.free.any() for p in given.parameters)
+            residuals_mm = v / o.records.whitener[rows]
+            yield from _of_image_points(given.images, given.rays, place, rows, residuals_mm, cameras=not carried)
             yield from moved_together(given, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
@@ -73,31 +76,30 @@ def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Candidates:
 
 
 def _of_positions(
-    given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
+    images: ImageGroups, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
 ) -> Iterator[Candidates]:
     image = found.observed.records.touches[0][1][rows]
-    yield from _in_time(given, place, rows, image, (ALL, "strip", "flight"))
+    yield from _in_time(images, place, rows, image, (ALL, "strip", "flight"))
     by_pose = found.observed.records.evaluate(result.adjusted.state, rows)[1][0]
     R = result.adjusted.state[POSE].ground_from_image[image]
-    cameras, H = given.block.cameras.id[given.block.images.camera], by_pose[:, :, :3] @ R
+    cameras, H = images.cameras[images.camera], by_pose[:, :, :3] @ R
     yield from _units(place, "camera", cameras, image, rows, H, (Cause("lever arm", (0, 1, 2)),), True)
 
 
 def _of_attitudes(
-    given: Given, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
+    images: ImageGroups, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
 ) -> Iterator[Candidates]:
     image = found.observed.records.touches[0][1][rows]
-    cameras = given.block.cameras.id[given.block.images.camera]
+    cameras = images.cameras[images.camera]
     by_boresight = found.observed.records.evaluate(result.adjusted.state, rows)[1][1]
     fixed = not any(u.free.any() for u in found.observed.unknowns if u.name == BORESIGHT)
     yield from _units(place, "camera", cameras, image, rows, by_boresight, (Cause("boresight", (0, 1, 2)),), fixed)
-    yield from _in_time(given, place, rows, image, ("strip", "flight"))
+    yield from _in_time(images, place, rows, image, ("strip", "flight"))
 
 
-def _in_time(given: Given, place: int, rows: Int, image: Int, pers: tuple[str, ...]) -> Iterator[Candidates]:
+def _in_time(images: ImageGroups, place: int, rows: Int, image: Int, pers: tuple[str, ...]) -> Iterator[Candidates]:
     """Shift, and shift and drift, of units of images."""
-    images, strips = given.block.images, np.append(given.block.strips.id, "")
-    names = {"strip": strips[images.strip], "flight": images.flight, ALL: np.full(len(images), ALL)}
+    names = {"strip": images.strip, "flight": images.flight, ALL: np.full(len(images.camera), ALL)}
     for per in pers:
         time = group_times(images.time_s[image], images.sequence[image], names[per][image])
         largest = float(np.abs(time).max(initial=0.0)) or 1.0
@@ -138,36 +140,30 @@ def _units(
     yield Candidates(place, per, ids[enough], rows, new[number], H, causes, removable)
 
 
-def _of_image_points(given: BundleInput, place: int, rows: Int, residuals_mm: Float) -> Iterator[Candidates]:
-    assert given.rays is not None
-    assert given.given is not None
-    rays, images, block = given.rays, given.given.block.images, given.given.block
+def _of_image_points(
+    images: ImageGroups, rays: ImagePointRows, place: int, rows: Int, residuals_mm: Float, *, cameras: bool
+) -> Iterator[Candidates]:
+    """Interior orientation of cameras, where the block carries none of its own, and of what strips have of them."""
     image = rays.image[rows]
-    corner_mm = _corner_mm(given)[images.camera[image]]
+    corner_mm = _corner_mm(images, rays)[images.camera[image]]
     H = _by_camera(rays.xy_mm[rows] + residuals_mm, rays.c_mm[rows], corner_mm)
-    carried = any(p.group != FILM and p.free.any() for p in given.parameters)
     causes = (
         Cause("principal distance", (0,)),
         Cause("principal point", (1, 2)),
         Cause("radial distortion", (3,)),
         Cause("affinity", (4, 5)),
     )
-    if not carried:
-        yield from _units(place, "camera", block.cameras.id[images.camera], image, rows, H, causes)
-    strips = np.append(block.strips.id, "")[images.strip]
-    yield from _units(place, "strip", strips, image, rows, H, (*causes, Cause("camera", tuple(range(6)))))
+    if cameras:
+        yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, causes)
+    yield from _units(place, "strip", images.strip, image, rows, H, (*causes, Cause("camera", tuple(range(6)))))
 
 
-def _corner_mm(given: BundleInput) -> Float:
+def _corner_mm(images: ImageGroups, rays: ImagePointRows) -> Float:
     """Half the diagonal of the format of each camera; the largest radius that is measured where it is not known."""
-    assert given.rays is not None
-    assert given.given is not None
-    cameras, found = given.given.block.cameras, np.full(len(given.given.block.cameras), 1e-9)
-    radius = np.where(given.rays.active, np.linalg.norm(given.rays.xy_mm, axis=1), 0.0)
-    np.maximum.at(found, given.given.block.images.camera[given.rays.image], radius)
-    film = cameras.kind != "digital"
-    corner = 0.5 * np.linalg.norm(np.where(film[:, None], 1.0, cameras.pixel_size_mm) * cameras.format, axis=1)
-    return np.where(np.isfinite(corner), corner, found)
+    largest = np.full(len(images.cameras), 1e-9)
+    radius = np.where(rays.active, np.linalg.norm(rays.xy_mm, axis=1), 0.0)
+    np.maximum.at(largest, images.camera[rays.image], radius)
+    return np.where(np.isfinite(images.corner_mm), images.corner_mm, largest)
 
 
 def _by_camera(xy_mm: Float, c_mm: Float, r0_mm: Float) -> Float:

@@ -22,29 +22,30 @@ from aatri.camera.parameters.parameter_set import chosen
 from aatri.checks.finding import Finding
 from aatri.checks.limits import MOST_POINTS_OF_SCORE, UNSEEN_BEND, UNSEEN_DISTORTION
 from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.observed import Given
 from aatri.observations.poses import FILM, POINT
-from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 
 RADIAL = chosen(BROWN_CONRADY, ("k1",))
 
 
-def hidden_distortion(given: BundleInput, result: BundleResult, *, tests: bool) -> list[Finding]:
+def hidden_distortion(source: Given, result: BundleResult, *, tests: bool) -> list[Finding]:
     """What the image points of each camera say of a radial distortion that would bend the block.
 
     Parameters
     ----------
-    given : BundleInput
+    source : Given
+        What the observations of the block were taken from.
     result : BundleResult
         With covariances. Nothing is said where parameters of cameras are estimated.
     tests : bool
         Observations are tested too.
     """
     found = next((o for o in result.observations if o.observed.kind == IMAGE_POINT), None)
-    if found is None or given.given is None or given.given.image_points is None or not _asked(result, tests):
+    if found is None or source.image_points is None or not _asked(result, tests):
         return []
-    block, rows = given.given.block, np.flatnonzero(found.used)
-    held = additional_parameters(block, given.given.image_points, RADIAL, "camera", None)
+    rows = np.flatnonzero(found.used)
+    held = additional_parameters(source.block, source.image_points, RADIAL, "camera", None)
     assert held.basis is not None
     derivative = np.zeros((len(rows), 2, len(held.ids)))
     derivative[np.arange(len(rows)), :, held.block[rows]] = -held.basis[rows, :, 0]

@@ -19,6 +19,7 @@ from aatri.checks.after.weak_datum import weak_datum
 from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.finding import Finding
 from aatri.notes import Note
+from aatri.observations.observed import Given
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.parameter_estimates import column_kinds
 from aatri.orientation.bundle.result import BundleResult
@@ -26,12 +27,20 @@ from aatri.orientation.bundle.rounds import Round
 
 
 def findings_after(
-    done: Round, result: BundleResult, groups: tuple[AcceptedGroup, ...], max_sigma0: float, *, tests: bool
+    source: Given,
+    done: Round,
+    result: BundleResult,
+    groups: tuple[AcceptedGroup, ...],
+    max_sigma0: float,
+    *,
+    tests: bool,
 ) -> list[Finding | Note]:
     """What an adjusted block shows; what the methods noted on the way stands after its groups.
 
     Parameters
     ----------
+    source : Given
+        What the observations of the block were taken from.
     result : BundleResult
         Of `done`, without covariances where none are wanted.
     tests : bool
@@ -41,7 +50,7 @@ def findings_after(
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     return [
         *wrong_groups(groups),
-        *attitude_conventions(given, result.adjusted.state, before=False),
+        *attitude_conventions(source, given, result.adjusted.state, before=False),
         *done.notes,
         *result.notes,
         *left_out(given, result),
@@ -50,7 +59,7 @@ def findings_after(
         *weak_datum(given, result),
         *hinge_images(given),
         *points_off_the_terrain(given, result),
-        *hidden_distortion(given, result, tests=tests),
+        *hidden_distortion(source, result, tests=tests),
         *parameter_findings(given, result),
         *high_correlations(result, column_kinds(given)),
     ]

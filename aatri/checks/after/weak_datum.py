@@ -25,12 +25,11 @@ REMEDY = "give control spread over the block; join strips by more points; weight
 def weak_datum(given: BundleInput, result: BundleResult) -> list[Finding]:
     """A warning that names what a block hardly determines as a whole."""
     distance, adjusted = median_distance_m(given.rays, given.poses, given.xyz_m), result.adjusted
-    if distance is None or given.given is None or given.given.image_points is None or result.free is not None:
+    if distance is None or given.rays is None or result.free is not None:
         return []
     if not adjusted.has_factor or POINT not in result.covariances:
         return []
-    m, block = given.given.image_points.measurements, given.given.block
-    angle = np.nanmedian(m.sigma_mm / block.cameras.principal_distance_mm[block.images.camera[m.image]][:, None])
+    angle = np.nanmedian(given.rays.sigma_mm / given.rays.c_mm[:, None])
     sigma = np.sqrt(np.einsum("nii->n", result.point_covariance_m2) / 3)
     known, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], float(angle) * distance
     most = float(np.quantile(known, WEAK_SHARE)) if len(known) else 0.0

@@ -25,17 +25,20 @@ from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, 
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.attitudes import attitudes_of
+from aatri.observations.observed import Given
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-def attitude_conventions(given: BundleInput, state: State, *, before: bool) -> list[Finding]:
+def attitude_conventions(source: Given, given: BundleInput, state: State, *, before: bool) -> list[Finding]:
     """Attitudes in another convention than declared: an error before the adjustment, if the right one is found.
 
     Parameters
     ----------
+    source : Given
+        What the attitudes were taken from.
     given : BundleInput
     state : mapping
         Orientations: those that an earlier stage has made, or the adjusted ones.
@@ -43,9 +46,9 @@ def attitude_conventions(given: BundleInput, state: State, *, before: bool) -> l
         It is before the adjustment.
     """
     used = [o.row[o.records.active] for o in given.observed if o.kind == ATTITUDE and not o.exact]
-    if given.given is None or not used:
+    if not used:
         return []
-    block, rows = given.given.block, attitudes_of(given.given)
+    block, rows = source.block, attitudes_of(source)
     rotation = rows.axes.swapaxes(1, 2) @ state[POSE].ground_from_image[rows.image]
     usable = finite_rows(rotation) & finite_rows(rows.observed) & np.isin(rows.row, np.concatenate(used))
     findings = list[Finding]()

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aatri.arrays import Float, Text
+from aatri.artifacts.block_control import Geodetic
 from aatri.checks.finding import Finding
 from aatri.checks.limits import BETTER_CONVENTION, FEWEST_OF_CONVENTION, POOR_CONVENTION_SIGMAS
 from aatri.observations.geodetic import directions, distances, height_differences, zenith_angles
@@ -40,11 +41,11 @@ OTHERS: dict[str, dict[str, Other]] = {
 """By kind: what its values may be instead, and their change."""
 
 
-def other_conventions(given: BundleInput) -> list[Finding]:
+def other_conventions(table: Geodetic, given: BundleInput) -> list[Finding]:
     """Warnings of kinds of geodetic observations that fit the start far better in another convention."""
-    if given.given is None:
+    if not len(table):
         return []
-    state, table, findings = start_of(given), given.given.block.geodetic, list[Finding]()
+    state, findings = start_of(given), list[Finding]()
     for o in given.observed:
         if o.kind not in OTHERS or len(o) < FEWEST_OF_CONVENTION or o.records.rows != 1:
             continue

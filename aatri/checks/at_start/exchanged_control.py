@@ -12,19 +12,20 @@ import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.adjustment.statistics.exchanged import exchanged_at_start
-from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding
 from aatri.checks.limits import ENOUGH_CONTROL
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import control_of
+from aatri.observations.observed import Given
 from aatri.orientation.bundle.block import BundleInput
 from aatri.units import length
 
 
-def exchanged_control(block: Block, given: BundleInput) -> list[Finding]:
+def exchanged_control(source: Given, given: BundleInput) -> list[Finding]:
     """Control points that the start finds at each other's coordinates, and that cannot be left out."""
-    control, rays, frame = control_of(block), given.rays, given.given.frame if given.given is not None else None
+    block, frame, rays = source.block, source.frame, given.rays
+    control = control_of(block)
     if rays is None:
         return []
     number = np.full(len(block.points), -1)

@@ -8,7 +8,6 @@ been checked by the stage that made it, and starts of a geocentric frame have no
 from __future__ import annotations
 
 from aatri.adapters.frame.adjustment_frame import poses_out_of
-from aatri.artifacts.block import Block
 from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.at_start.exchanged_control import exchanged_control
@@ -16,34 +15,38 @@ from aatri.checks.at_start.frame import neglected_by_the_frame
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
 from aatri.checks.finding import Finding
 from aatri.notes import Note
+from aatri.observations.observed import Given
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.block import BundleInput, start_of
 
 
-def findings_at_start(block: Block, given: BundleInput, *, of_the_block: bool) -> list[Finding | Note]:
+def findings_at_start(source: Given, given: BundleInput, *, of_the_block: bool) -> list[Finding | Note]:
     """What there is to say before a bundle: of its frame, of conventions, and of the orientations it starts from.
 
     Parameters
     ----------
+    source : Given
+        What the observations of the block were taken from.
+    given : BundleInput
     of_the_block : bool
         The start comes from the block itself, not from an earlier stage.
     """
-    frame = given.given.frame if given.given is not None else None
+    block, frame = source.block, source.frame
     poses = poses_out_of(frame, Poses(given.poses.position_m + given.origin_m, given.poses.ground_from_image))
     xyz = given.xyz_m + given.origin_m
     xyz = xyz if frame is None else frame.to_block(xyz)
     findings: list[Finding | Note] = [
-        *other_conventions(given),
+        *other_conventions(block.geodetic, given),
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),
     ]
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(given)
-        return [*findings, *attitude_conventions(given, state, before=True)]
+        return [*findings, *attitude_conventions(source, given, state, before=True)]
     if given.rays is None or (frame is not None and frame.geocentric):
         return findings
     return [
         *findings,
         *unlikely_orientations(block, poses.position_m, poses.ground_from_image, xyz),
         *control_outside(block, poses.position_m, poses.ground_from_image),
-        *exchanged_control(block, given),
+        *exchanged_control(source, given),
     ]

@@ -8,6 +8,8 @@ Source: docs/formulas.md 5.5.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adjustment.records import Records
@@ -87,7 +89,7 @@ def _equal(given: Given, row: Int, exact: bool) -> Observed:
         unknowns=(unknowns,),
         start={group: start},
         exact=exact,
-        refitted=lambda anew: _equal(anew, row, exact),
+        refitted=lambda start: _equal(replace(given, start=start), row, exact),
         notes=(Note("note", text, tuple(labels.tolist())),),
     )
 

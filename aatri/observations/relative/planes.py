@@ -9,6 +9,8 @@ x are coordinates in the axes of the plane at the start, its normal the last. So
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adjustment.records import Records
@@ -106,7 +108,7 @@ def _level(given: Given, type_: str, row: Int, exact: bool) -> Observed:
         named(point=np.concatenate([m[1] for m in members])),
         "m",
         unknowns=(unknowns,),
-        refitted=lambda anew: _level(anew, type_, row, exact),
+        refitted=lambda start: _level(replace(given, start=start), type_, row, exact),
         start={group: start},
         exact=exact,
         sees=HEIGHT if not level.curved else (True,) * 3,

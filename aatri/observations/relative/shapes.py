@@ -11,7 +11,7 @@ docs/formulas.md 5.5.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -151,7 +151,7 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
         unknowns=(unknowns,),
         start={group: t},
         exact=exact,
-        refitted=lambda anew: _observed(anew, shape, row, exact),
+        refitted=lambda start: _observed(replace(given, start=start), shape, row, exact),
         notes=(Note("note", text, tuple(labels.tolist())),),
     )
 

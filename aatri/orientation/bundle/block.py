@@ -19,11 +19,12 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.notes import Note
 from aatri.observations.image_points import ImagePointRows
-from aatri.observations.observed import Given, Holds, Observed
+from aatri.observations.level import PLANE, Level
+from aatri.observations.observed import Holds, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_unknowns
+from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.seen_distances import median_distance_m, seen_distances_m
 from aatri.orientation.bundle.strip_numbering import StripNumbering
 
@@ -49,10 +50,10 @@ class BundleInput:
         Points on which a free datum may rest.
     numbering : StripNumbering, optional
         Places of the images for the textbook's orders of elimination; else their positions.
-    given : Given, optional
-        What the observations were taken from.
-    notes : tuple of Note
-        What there is to say of the start.
+    images : ImageGroups, optional
+        What images have in common, where that is known.
+    level : Level
+        What is up in the frame of the adjustment.
     held_images, held_points : (n,) bool, optional
         Images and points that are not adjusted, see `partial`.
     datum_position_m, datum_xyz_m : (n, 3) float64, m, optional
@@ -69,8 +70,8 @@ class BundleInput:
     parameters: tuple[ParameterRows, ...] = ()
     marked: Bool | None = None
     numbering: StripNumbering | None = None
-    given: Given | None = None
-    notes: tuple[Note, ...] = ()
+    images: ImageGroups | None = None
+    level: Level = PLANE
     held_images: Bool | None = None
     held_points: Bool | None = None
     datum_position_m: Float | None = None
@@ -192,7 +193,7 @@ def _holds(observed: Sequence[Observed]) -> list[Holds]:
 def _start_points(given: BundleInput) -> Float:
     """Start of the points, exact coordinates at their values, absent ones that are not given at the mean."""
     xyz = given.xyz_m.copy()
-    if given.given is None or not given.given.level.curved:
+    if not given.level.curved:
         known = np.isfinite(xyz)
         mean = np.where(known, xyz, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         xyz = np.where(absent_coordinates(given) & ~known, mean, xyz)

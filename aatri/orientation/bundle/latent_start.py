@@ -21,7 +21,7 @@ from aatri.progress import Reporter
 
 def has_shapes(given: BundleInput) -> bool:
     """Whether some observations are of points of a shape."""
-    return given.given is not None and any(_is_shape(o) for o in given.observed)
+    return any(_is_shape(o) for o in given.observed)
 
 
 def _is_shape(o: Observed) -> bool:
@@ -36,7 +36,6 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
     GeometryError, ConvergenceError
         If the others do not determine the block.
     """
-    assert given.given is not None
     rest = tuple(o for o in given.observed if not _is_shape(o))
     found = adjust_bundle(
         replace(given, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
@@ -51,11 +50,10 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
             )
         )
     )
-    anew = replace(given.given, start={**given.given.start, POSE: poses, POINT: xyz})
     observed = []
     for o in given.observed:
         if o.refitted is not None and _is_shape(o):
-            fitted = o.refitted(anew)
+            fitted = o.refitted({POSE: poses, POINT: xyz})
             o = fitted.without(o.rejected) if o.rejected is not None else fitted
         observed.append(o)
-    return replace(given, poses=poses, xyz_m=xyz, observed=tuple(observed), given=anew)
+    return replace(given, poses=poses, xyz_m=xyz, observed=tuple(observed))

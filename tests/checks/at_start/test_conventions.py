@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import Block
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
@@ -28,7 +28,8 @@ SURVEY = {
 
 
 def _told(block: Block) -> list[str]:
-    return [str(found) for found in other_conventions(bundle_input(block, calibrated(block), None, BundleOptions()))]
+    given = bundle_input(observation_source(block, calibrated(block), None), BundleOptions())
+    return [str(found) for found in other_conventions(block.geodetic, given)]
 
 
 @pytest.mark.parametrize(

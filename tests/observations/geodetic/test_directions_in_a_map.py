@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.orientation.bundle.block import start_of
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from tests.stages.hand_block import ground_rows, hand, read, start
@@ -32,7 +32,7 @@ def test_residuals_of_bearings_in_the_map_are_nothing(reduced: str, tmp_path: Pa
     tmp_path.joinpath("geodetic.csv").write_text("\n".join(["type,from,to,value,sigma,set,via,reduced", *rows]) + "\n")
     more = {"frames": {"map": {"axes": ["east", "north", "up"], "crs": "EPSG:32650"}}, "earth_curvature": "frame"}
     block, points = read(tmp_path, of, ground=ground_rows(of, [0, 5, 24, 29]), more=more)
-    given = bundle_input(block, points, start(of, block), BundleOptions())
+    given = bundle_input(observation_source(block, points, start(of, block)), BundleOptions())
     state, found = start_of(given), {}
     for o in given.observed:
         if o.kind in ("azimuth", "direction", "angle"):

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.control import control_of
 from aatri.observations.poses import POINT, POSE, Poses
@@ -33,7 +33,7 @@ def given() -> Parts:
         known={"full": 6},
     )
     chain = run_chain(block)
-    made = bundle_input(block, chain.refined, chain.strip_block, BundleOptions())
+    made = bundle_input(observation_source(block, chain.refined, chain.strip_block), BundleOptions())
     assert made.rays is not None
     control, positions = control_of(block), positions_of(block)
     poses = Poses(_on_grid(made.poses.position_m + made.origin_m), made.poses.ground_from_image)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
 from aatri.orientation.bundle.adjust import adjust_bundle
@@ -98,7 +98,7 @@ def test_an_exact_distance_holds_and_counts_in_the_redundancy(tmp_path: Path) ->
 
 
 def test_a_loss_of_all_observations_leaves_what_is_exact_alone(tmp_path: Path) -> None:
-    given = bundle_input(_network(tmp_path, exact="DE"), None, None, BundleOptions())
+    given = bundle_input(observation_source(_network(tmp_path, exact="DE"), None, None), BundleOptions())
     result = adjust_bundle(given, BundleSettings(huber=1.0))
     problem = result.adjusted.problem
     assert problem.constraints

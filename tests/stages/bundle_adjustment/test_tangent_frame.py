@@ -9,7 +9,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from aatri.adapters.bundle.bundle_input import bundle_input
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import CONTROL, Block
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.observations.poses import POINT
@@ -181,11 +181,10 @@ def test_one_block_in_map_geographic_and_geocentric_coordinates_and_two_frames_i
     def compared(xyz: np.ndarray) -> None:
         assert np.nanmax(np.abs(xyz - first.points.xyz_m) / sigma) < 1e-3
 
-    elsewhere = bundle_input(block, points, None, options, origin=np.array([506_000.0, 4_513_000.0, 0.0]))
-    assert elsewhere.given is not None
-    assert elsewhere.given.frame is not None
-    result = adjust_bundle(elsewhere)
-    compared(elsewhere.given.frame.to_block(result.adjusted.state[POINT] + elsewhere.origin_m))
+    elsewhere = observation_source(block, points, None, origin=np.array([506_000.0, 4_513_000.0, 0.0]))
+    assert elsewhere.frame is not None
+    result = adjust_bundle(bundle_input(elsewhere, options))
+    compared(elsewhere.frame.to_block(result.adjusted.state[POINT] + elsewhere.origin_m))
 
     geocentric = _in_geocentric_axes(block)
     second = bundle(geocentric, points)

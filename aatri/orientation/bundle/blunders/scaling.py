@@ -181,12 +181,9 @@ def _labels(o: Observed, given: BundleInput) -> tuple[list[str], Int]:
     """What tells the observations of one kind apart, and which each has: camera and group."""
     labels, label = [""], np.zeros(len(o), dtype=np.int64)
     touched = dict(o.records.touches)
-    several = given.given is not None and POSE in touched and POINT in touched and len(given.given.block.cameras) > 1
-    if several:
-        assert given.given is not None
-        block = given.given.block
-        used, label = np.unique(block.images.camera[touched[POSE]], return_inverse=True)
-        labels = [str(name) for name in block.cameras.id[used]]
+    if given.images is not None and POSE in touched and POINT in touched and len(given.images.cameras) > 1:
+        used, label = np.unique(given.images.camera[touched[POSE]], return_inverse=True)
+        labels = [str(name) for name in given.images.cameras[used]]
     if o.group is not None:
         names, group = np.unique(o.group, return_inverse=True)
         labels = [f"{a} {b}".strip() for a in labels for b in names.tolist()]
