@@ -133,6 +133,25 @@ def camera_columns(
     return cameras, {"camera": of_camera, "name": name, "value": value, "free": is_free, "sigma": sigma}
 
 
+def camera_parts(
+    lenses: Sequence[Lens], reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX, where: str = ""
+) -> dict[str, dict[str, Any]]:
+    """The same for the parts of a Block: of the distortion the parameters that each program knows, neither held nor free.
+
+    Raises
+    ------
+    InputError
+        If a distortion is none of aatri's within `allowed_px`.
+    """
+    if not lenses:
+        return {}
+    cameras, every = camera_columns(lenses, calibrate=True, allowed_px=allowed_px, reporter=reporter, where=where)
+    rows = zip(every["camera"], every["name"], every["value"], every["free"])
+    kept = [row[:3] for row in rows if row[3] and row[1] not in INTERIOR]
+    parameters = dict(zip(("camera", "name", "value"), zip(*kept))) if kept else {}
+    return {"cameras": cameras, "camera_parameters": parameters}
+
+
 def _parameter_rows(stated: Lens, ours: Lens) -> list[tuple[str, str, float, bool]]:
     """Camera, name, value, and whether the program knows it, for each parameter of our model."""
     terms = FORMS[ours.form].terms

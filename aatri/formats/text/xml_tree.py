@@ -20,6 +20,9 @@ from aatri.ids import clipped
 
 LIKE = "write it like -1234.5"
 
+MOST_LEVELS = 100
+"""Deepest nesting: no format comes near it."""
+
 
 @dataclass(eq=False)
 class XmlElement:
@@ -117,7 +120,7 @@ class XmlElement:
             raise self.error(f"{name or self.tag} is {clipped(text)!r}, {error}", "write digits only") from error
 
 
-def read_xml(path: Path, roots: Collection[str], what: str) -> XmlElement:
+def read_xml(path: Path, roots: Collection[str], what: str, text: str | None = None) -> XmlElement:
     """The root of an XML file.
 
     Parameters
@@ -127,6 +130,8 @@ def read_xml(path: Path, roots: Collection[str], what: str) -> XmlElement:
         Names that the root may have.
     what : str
         What the file should be, for messages.
+    text : str, optional
+        Its text, if it was read already: of a member of an archive.
 
     Raises
     ------
@@ -140,15 +145,16 @@ def read_xml(path: Path, roots: Collection[str], what: str) -> XmlElement:
 
     def start(name: str, attributes: dict[str, str]) -> None:
         element = XmlElement(name.rpartition(":")[2], attributes, path, parser.CurrentLineNumber)
+        if len(within) > MOST_LEVELS:
+            raise element.error(f"more than {MOST_LEVELS} levels", f"give {what}")
         within[-1].children.append(element)
         within.append(element)
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _: within.pop()
     parser.CharacterDataHandler = lambda text: within[-1].pieces.append(text)
-    text = xml_text(path)
     try:
-        parser.Parse(text.encode(), True)
+        parser.Parse((xml_text(path) if text is None else text).encode(), True)
     except expat.ExpatError as error:
         where = f"{path}:{error.lineno}:{error.offset + 1}"
         raise InputError(f"no XML: {expat.ErrorString(error.code)}", where=where, remedy=f"give {what}") from error
