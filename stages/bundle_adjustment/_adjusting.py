@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from aatri.adapters.bundle.bundle_input import with_parameters
@@ -54,7 +55,7 @@ def adjusted_in_rounds(
         given = given if searching.method == "none" else without_exchanged_images(given)
         done, groups = search_with_groups(given, adjust, single, candidate_groups, searching)
     if options.self_calibration is not None and options.self_calibration.remove:
-        done = without_idle_parameters(done, adjust, lambda block, rows: with_parameters(block, source, options, rows))
+        done = without_idle_parameters(done, adjust, partial(with_parameters, source))
     return done, groups
 
 

@@ -12,13 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.cameras.unknowns import additional_parameters
-from aatri.adjustment.records import Records
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.observations.image_points import KIND as IMAGE_POINT
-from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.observed import Given
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput
@@ -47,7 +45,7 @@ def at_ideal_coordinates(
         rows = _formed_anew(source.block, source.image_points, chosen, done.result)
         if rows is None:
             break
-        anew = _with_terms(source, from_result(done.given, done.result), rows)
+        anew = with_parameters(source, from_result(done.given, done.result), rows)
         done = replace(done, given=anew, result=adjust(anew))
     return done
 
@@ -69,23 +67,6 @@ def _formed_anew(
     if np.abs(np.where(m.active[:, None], after - before, 0.0)).max(initial=0.0) < IDEAL_MM:
         return None
     return tuple(rows.get(p.given.group, p.given) for p in result.parameters)
-
-
-def _with_terms(source: Given, given: BundleInput, rows: tuple[ParameterRows, ...]) -> BundleInput:
-    """The block with other terms of its image points; what is rejected, and their weights, stay."""
-    anew, observed = iter(observed_image_points(replace(source, parameters=rows))), []
-    for o in given.observed:
-        if o.kind == IMAGE_POINT:
-            records, whole = next(anew).records, o.whole
-            if whole is not None:
-                whole = replace(whole, records=_as(records, whole.records))
-            o = replace(o, records=_as(records, o.records), whole=whole)
-        observed.append(o)
-    return replace(given, observed=tuple(observed), parameters=rows)
-
-
-def _as(records: Records, before: Records) -> Records:
-    return replace(records, whitener=before.whitener, active=before.active)
 
 
 def _correction(parameters: list[AdjustedParameters]) -> Float:

@@ -34,7 +34,7 @@ from typing import Self
 from pydantic import field_validator, model_validator
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
@@ -58,6 +58,7 @@ from aatri.notes import tell
 from aatri.observations.kinds import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.result import without_covariances
+from aatri.orientation.bundle.rounds import with_considered
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
 
@@ -192,6 +193,7 @@ def bundle(
     done, groups = adjusted_in_rounds(source, given, options, context)
     done = at_ideal_coordinates(source, chosen, done, adjust)
     done, components = with_variance_components(block, done, adjust, options.variance_components)
+    done = with_considered(done, adjust, partial(with_parameters, source))
     given, suspects = done.given, after(suspects, done)
     wanted = options.standard_deviations or options.reliability
     result = done.result if wanted else without_covariances(done.result)

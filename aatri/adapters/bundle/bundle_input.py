@@ -18,6 +18,8 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError, GeometryError
 from aatri.geometry.vectors import finite_rows
+from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
 from aatri.observations.kinds import KindOptions, observe
 from aatri.observations.observed import Given, Observed
@@ -125,18 +127,32 @@ def _image_groups(block: Block) -> ImageGroups:
     return ImageGroups(cameras.id, corner_mm, images.camera, strip, images.flight, images.time_s, images.sequence)
 
 
-def with_parameters(
-    made: BundleInput, source: Given, options: KindOptions, parameters: tuple[ParameterRows, ...]
-) -> BundleInput:
-    """The same block with other parameters of images and cameras; what is rejected stays rejected."""
-    rejected = rejected_rows(made.observed)
-    observed = tuple(without_rows(o, rejected) for o in observe(replace(source, parameters=parameters), options))
-    return replace(made, observed=observed, parameters=parameters)
+def with_parameters(source: Given, made: BundleInput, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+    """The same block with other parameters of images and cameras; weights, rejections and start values stay.
+
+    Parameters
+    ----------
+    source : Given
+    made : BundleInput
+    parameters : tuple of ParameterRows
+        The groups of `made` with other terms, or with others free; those that are not free begin anew.
+    """
+    rays, *priors = observed_image_points(replace(source, parameters=parameters))
+    before, observed = {f"{p.group}_prior" for p in parameters}, list[Observed]()
+    for o in made.observed:
+        if o.kind == IMAGE_POINT:
+            observed += [_of_parameters(o, rays, parameters), *priors]
+        elif o.kind not in before:
+            observed.append(o)
+    return replace(made, observed=tuple(observed), parameters=parameters)
 
 
-def rejected_rows(observed: Sequence[Observed]) -> set[tuple[str, int]]:
-    """What is rejected, by kind and row of its table."""
-    return {(o.kind, int(row)) for o in observed if o.rejected is not None for row in o.row[o.rejected]}
+def _of_parameters(before: Observed, now: Observed, parameters: Sequence[ParameterRows]) -> Observed:
+    """Rays with other parameters, of the weights they had before."""
+    records = replace(now.records, whitener=before.records.whitener, active=before.records.active)
+    start = {p.group: np.where(p.free, before.start[p.group], p.start) for p in parameters}
+    whole = None if before.whole is None else _of_parameters(before.whole, now, parameters)
+    return replace(before, records=records, unknowns=now.unknowns, start=start, whole=whole)
 
 
 def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed:

@@ -30,10 +30,11 @@ from aatri.adjustment.statistics.significance import (
 
 @dataclass(frozen=True)
 class Removal:
-    """A parameter to leave out, and why."""
+    """A parameter to leave out, and why: by a test of its value, or because the data do not tell it from others."""
 
     name: str
     reason: str
+    by_test: bool = False
 
 
 def held_at_zero(e: Estimates, name: str) -> Estimates:
@@ -76,7 +77,9 @@ def propose_removal(e: Estimates, alpha: float = 0.05, keep: Collection[str] = (
     idle = [i for i in open_rows if not tests.significant[i]]
     if idle:
         i = min(idle, key=lambda k: strength[k])
-        return Removal(e.names[i], f"not significant: |t| = {strength[i]:.2f}, p = {tests.p_value[i]:.2f}")
+        return Removal(
+            e.names[i], f"not significant: |t| = {strength[i]:.2f}, p = {tests.p_value[i]:.2f}", by_test=True
+        )
     return None
 
 

@@ -5,12 +5,14 @@ Sets of additional parameters are tested against zero, a-posteriori sigma0 and i
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.removal import Removal, stepwise_removal
+from aatri.adjustment.statistics.removal import stepwise_removal
 from aatri.adjustment.statistics.significance import Estimates, estimates
+from aatri.arrays import Bool
 from aatri.camera.models import calibration
 from aatri.camera.parameters.advice import kinds_of_columns
 from aatri.notes import Note
@@ -19,11 +21,10 @@ from aatri.observations.poses import CAMERA, is_additional
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 
-CHOSEN = (
-    "standard deviations are those of the parameters that are left; the same block has chosen them, which makes them "
-    "too small, those of points by some 5 %, of orientations by up to 20 %; `remove: false` keeps them true"
+COUNTED = (
+    "what is left out as not significant counts in the standard deviations of points and orientations with its own; "
+    "those of the parameters are those of the set that is left"
 )
-"""What is to be said after a choice of parameters; measured, see docs/methods/self_calibration.md."""
 
 MOST_COLUMNS = 2000
 """Image points that tell what a parameter does."""
@@ -64,36 +65,50 @@ def column_kinds(given: BundleInput) -> dict[str, str]:
     return found
 
 
-def without_idle(given: BundleInput, result: BundleResult) -> tuple[tuple[ParameterRows, ...] | None, list[Note]]:
-    """The parameters with those held at zero that are not worth keeping; None if all are.
+@dataclass(frozen=True)
+class IdleParameters:
+    """Which parameters stay, group by group, and why others do not.
+
+    Attributes
+    ----------
+    kept : tuple of (n, s) bool
+    considered : tuple of (n, s) bool
+        With those that are not significant; empty where there are none.
+    notes : tuple of Note
+        Empty where all are worth keeping.
+    """
+
+    kept: tuple[Bool, ...]
+    considered: tuple[Bool, ...]
+    notes: tuple[Note, ...]
+
+
+def idle_parameters(given: BundleInput, result: BundleResult) -> IdleParameters:
+    """Additional parameters that are not worth keeping.
 
     Parameters
     ----------
     given : BundleInput
     result : BundleResult
-
-    Returns
-    -------
-    tuple of ParameterRows or None
-    list of Note
-        What is left out, and why.
     """
-    groups, notes = list(given.parameters), list[Note]()
-    for i, group in enumerate(result.parameters):
+    kept = [p.free.copy() for p in given.parameters]
+    considered, notes = [free.copy() for free in kept], list[Note]()
+    for group, stays, counts in zip(result.parameters, kept, considered):
         if not is_additional(group.given.group):
             continue
-        free = group.given.free.copy()
-        for k in range(len(free)):
+        for k in range(len(stays)):
             e = unit_estimates(group, k, result)
-            removals = stepwise_removal(e)[1] if e is not None else ()
-            for removal in removals:
-                free[k, parameter_names(group.given, k).index(removal.name)] = False
-            notes += _removals(str(group.given.ids[k]), removals)
-        groups[i] = replace(given.parameters[i], free=free)
-    if notes:
-        notes.append(Note("warning", CHOSEN))
-    return (tuple(groups) if notes else None), notes
+            for removal in stepwise_removal(e)[1] if e is not None else ():
+                column = parameter_names(group.given, k).index(removal.name)
+                stays[k, column] = False
+                counts[k, column] &= removal.by_test
+                notes.append(Note("note", f"{group.given.ids[k]}: {removal.name} left out, {removal.reason}"))
+    by_test = any((a != b).any() for a, b in zip(kept, considered))
+    if by_test:
+        notes.append(Note("note", COUNTED))
+    return IdleParameters(tuple(kept), tuple(considered) if by_test else (), tuple(notes))
 
 
-def _removals(unit: str, removals: tuple[Removal, ...]) -> list[Note]:
-    return [Note("note", f"{unit}: {removal.name} left out, {removal.reason}") for removal in removals]
+def with_free(parameters: Sequence[ParameterRows], free: Sequence[Bool]) -> tuple[ParameterRows, ...]:
+    """The parameters with others of them free."""
+    return tuple(replace(p, free=some) for p, some in zip(parameters, free, strict=True))

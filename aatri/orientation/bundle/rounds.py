@@ -12,16 +12,20 @@ import numpy as np
 
 from aatri.arrays import Bool, Int
 from aatri.errors import ResourceError, SpecError
+from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
-from aatri.orientation.bundle.parameter_estimates import without_idle
+from aatri.orientation.bundle.parameter_estimates import idle_parameters, with_free
 from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import BundleResult, from_result
 
 Adjust = Callable[[BundleInput], BundleResult]
+Rebuilt = Callable[[BundleInput, tuple[ParameterRows, ...]], BundleInput]
+"""The block with other parameters."""
 
 Key = tuple[str, int]
 """An observation, whatever else is in the list: its kind and the row of its table; without one, -1 less its place."""
@@ -73,6 +77,7 @@ class Round:
     swapped: tuple[tuple[Key, Key], ...] = ()
     renumbered: tuple[OtherNumber, ...] = ()
     scale: float = 1.0
+    considered: tuple[Bool, ...] = ()
 
 
 def with_readmission(given: BundleInput, adjust: Adjust) -> Round:
@@ -101,18 +106,14 @@ def with_readmission(given: BundleInput, adjust: Adjust) -> Round:
     return Round(again, adjust(again), tuple(notes))
 
 
-def without_idle_parameters(
-    before: Round, adjust: Adjust, rebuilt: Callable[[BundleInput, tuple[ParameterRows, ...]], BundleInput]
-) -> Round:
+def without_idle_parameters(before: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
     """Adjust once more without additional parameters that are not worth keeping.
 
     Parameters
     ----------
     before : Round
         With standard deviations.
-    adjust : callable
-    rebuilt : callable
-        (block, parameters) -> the block with other parameters.
+    adjust, rebuilt : callable
 
     Raises
     ------
@@ -126,8 +127,45 @@ def without_idle_parameters(
         )
     if not any(np.isfinite(p.covariance).any() for p in before.result.parameters):
         raise SpecError("self_calibration.remove needs standard deviations", remedy="standard_deviations: true")
-    parameters, notes = without_idle(before.given, before.result)
-    if parameters is None:
+    idle = idle_parameters(before.given, before.result)
+    if not idle.notes:
         return before
-    reduced = rebuilt(before.given, parameters)
-    return replace(before, given=reduced, result=adjust(reduced), notes=(*before.notes, *notes))
+    reduced = rebuilt(before.given, with_free(before.given.parameters, idle.kept))
+    notes = (*before.notes, *idle.notes)
+    return replace(before, given=reduced, result=adjust(reduced), notes=notes, considered=idle.considered)
+
+
+def with_considered(done: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
+    """The same result; what was left out as not significant counts in the covariances of points and orientations.
+
+    A parameter that is held at zero errs by what it truly is, p. That it is not significant says that it is of the
+    size of its standard deviation: p ~ N(0, P), P its covariance where it is free. With its estimate p_f then
+
+        E(p p') = P / 2 + p_f p_f' / 4
+
+    is carried on to all else, where P makes up the difference of the covariances with and without it, and p_f that of
+    the results. Parameters keep the covariance of the set that is left.
+
+    Parameters
+    ----------
+    done : Round
+        After all changes of weights.
+    adjust, rebuilt : callable
+
+    Source: Tapley, Schutz, Born 2004, Statistical orbit determination, 6.3 (consider parameters); Zellner 1986 (g = 1).
+    """
+    if not done.considered:
+        return done
+    left = done.result
+    whole = adjust(rebuilt(done.given, with_free(done.given.parameters, done.considered)))
+    turned = log_rotation(whole.poses.ground_from_image @ left.poses.ground_from_image.swapaxes(1, 2))
+    moved = {
+        POINT: whole.xyz_m - left.xyz_m,
+        POSE: np.concatenate([whole.poses.position_m - left.poses.position_m, turned], axis=1),
+    }
+    counted = {
+        name: (left.covariances[name] + whole.covariances[name]) / 2 + d[:, :, None] * d[:, None, :] / 4
+        for name, d in moved.items()
+        if name in left.covariances
+    }
+    return replace(done, result=replace(left, covariances={**left.covariances, **counted}))
