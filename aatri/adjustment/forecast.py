@@ -119,7 +119,7 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     Raises
     ------
     ResourceError
-        If the problem is beyond the limit and exact constraints need its factor.
+        If the problem is beyond the limit, and exact constraints or what is demanded need its factor.
     """
     solver = problem.settings.solver
     expected, limit = forecast(problem), memory_limit(problem.settings.memory_gb)
@@ -132,7 +132,9 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
             reporter.log(f"above the limit of {limit / 1e9:.3g} GB: the factor goes to {tempfile.gettempdir()}")
         return replace(problem, spill=not fits)
     if problem.constraints:
-        _refuse_constraints(expected, limit, solver)
+        _refuse("exact constraints", "observe them with small standard deviations", expected, limit, solver)
+    if problem.settings.demands:
+        _refuse(problem.settings.demands, "do not ask for them", expected, limit, solver)
     why = "" if solver != "auto" else f"above the limit of {limit / 1e9:.3g} GB even with the factor on disk: "
     reporter.log(f"{why}conjugate gradients; there will be no standard deviations")
     subtrees, piece = subtrees_within(problem.tree, limit / 2), piece_within(problem.layout.n_kept, limit / 4)
@@ -152,11 +154,11 @@ def _announce(problem: IndexedProblem, expected: Forecast, reporter: Reporter) -
     )
 
 
-def _refuse_constraints(expected: Forecast, limit: float, solver: Solver) -> None:
+def _refuse(what: str, otherwise: str, expected: Forecast, limit: float, solver: Solver) -> None:
     if solver == "conjugate_gradients":
-        raise SpecError("exact constraints need a factor: not by conjugate gradients", remedy="solver: auto")
+        raise SpecError(f"{what} need a factor: not by conjugate gradients", remedy="solver: auto")
     raise ResourceError(
-        f"exact constraints need a factor: {expected.memory_bytes(spill=True) / 1e9:.3g} GB and "
+        f"{what} need a factor: {expected.memory_bytes(spill=True) / 1e9:.3g} GB of memory and "
         f"{expected.factor_bytes / 1e9:.3g} GB on disk; the limit is {limit / 1e9:.3g} GB",
-        remedy="observe them with small standard deviations, or raise memory_gb",
+        remedy=f"{otherwise}, or raise memory_gb",
     )

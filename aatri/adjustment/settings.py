@@ -30,6 +30,8 @@ class SolverSettings:
         Limit of the memory; default: a share of the machine's.
     solver : str
         `auto`, or one of `direct` and `conjugate_gradients` whatever the forecast; see `forecast`.
+    demands : str
+        What was asked for that only a factor gives, in words: without the memory for it nothing is solved.
     """
 
     max_iterations: int = 30
@@ -39,3 +41,4 @@ class SolverSettings:
     reproducible: bool = False
     memory_gb: float | None = None
     solver: Solver = "auto"
+    demands: str = ""

@@ -76,7 +76,7 @@ def adjusted(
 
 def _settings(options: BundleOptions, how: AdjustOptions) -> BundleSettings:
     searched = options.blunders.method != "none"
-    covariances = searched or options.standard_deviations or options.reliability
+    covariances = searched or options.standard_deviations is not False or options.reliability
     covariances = covariances or options.variance_components is not None
     solution = SolverSettings(
         max_iterations=options.max_iterations,
@@ -85,6 +85,7 @@ def _settings(options: BundleOptions, how: AdjustOptions) -> BundleSettings:
         reproducible=options.reproducible,
         memory_gb=options.memory_gb,
         solver=options.solver,
+        demands="standard deviations" if options.standard_deviations or options.reliability else "",
     )
     keep_factor = not searched  # a search would keep the factors of several adjustments
     return BundleSettings(options.datum, options.datum_over, covariances, keep_factor, how.huber, how.weights, solution)

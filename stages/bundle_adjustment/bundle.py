@@ -95,7 +95,10 @@ class BundleOptions(KindOptions):
         description="what a free datum rests on: all points, the projection centres of all images, or the points that "
         "the block marks (column datum)",
     )
-    standard_deviations: bool = Field(True, description="compute standard deviations of all orientations and points")
+    standard_deviations: bool | None = Field(
+        None,
+        description="of all orientations and points; null: where memory holds the factor; true: an error elsewhere",
+    )
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
     )
@@ -195,7 +198,7 @@ def bundle(
     done, components = with_variance_components(block, done, adjust, options.variance_components)
     done = with_considered(done, adjust, partial(with_parameters, source))
     given, suspects = done.given, after(suspects, done)
-    wanted = options.standard_deviations or options.reliability
+    wanted = options.standard_deviations is not False or options.reliability
     result = done.result if wanted else without_covariances(done.result)
     report(findings_after(source, done, result, groups, options.max_sigma0, tests=options.reliability), context)
     of_cameras, camera_notes = camera_tables(block, result, chosen)

@@ -6,6 +6,7 @@
     {file: images.csv, append: "..."}             further text
     {file: images.csv, before: "..."}             the text before a place
     {file: images.csv, remove: true}              no such file; link: TARGET makes it a link
+    {file: images.csv, of_memory: 0.1}            a hole behind the text, up to a share of the machine's memory
     {points: {old: new}}                          other ids of points, without geodetic and relative control
     ..., repeat: 300                              `by` or `append` so many times
 
@@ -50,7 +51,7 @@ def apply(change: Change, tables: Tables) -> None:
         tables[change["file"]] = _text(tables, change["file"]).partition(change["before"])[0]
     elif "remove" in change or "link" in change:
         del tables[change["file"]]
-    elif not change.keys() & {"encoding", "ends"}:
+    elif not change.keys() & {"encoding", "ends", "of_memory"}:
         _change_rows(change, tables)
     if change.keys() & {"encoding", "ends"}:
         text = _text(tables, change["file"]).replace("\n", change.get("ends", "\n"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ FILES = sorted(HERE.glob("*.yaml"))
 KEYS = {
     "id",
     "what",
+    "otherwise",
     "base",
     "stations",
     "points",
@@ -75,6 +77,9 @@ class BadInput:
         for change in row.get("changes", ()):
             if "link" in change:
                 (place / "block" / change["file"]).symlink_to(change["link"])
+            if "of_memory" in change:
+                memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+                os.truncate(place / "block" / change["file"], int(change["of_memory"] * memory))
         until = row.get("until", "block" if base == "tables" else "bundle")
         stages = indent(row["stages"], "  ") if "stages" in row else pipeline_of(base, until, row.get("with", {}))
         gates = f"gates: {row['gates']}\n" if "gates" in row else ""

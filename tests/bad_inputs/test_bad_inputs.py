@@ -45,7 +45,7 @@ def test_a_bad_input_is_answered_with_the_approved_message(
     assert done.exit_code != 1
 
 
-_MASKED = re.compile(r"[0-9][0-9./]*")
+_MASKED = re.compile(r"[0-9][0-9./]*(?:e[-+]?[0-9]+)?")
 """Figures and ids of what has not converged: they differ from machine to machine."""
 _FIGURE = re.compile(r"(?<![\w.:-])-?[0-9]+\.[0-9]+(?:e[-+]?[0-9]+)?")
 _ROUNDED = re.compile(r"(?<![\w.:/-])-?[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?(?![\w/:])")

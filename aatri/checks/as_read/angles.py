@@ -135,6 +135,14 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
     single = np.unique(pairs.image)[each > limit]
     if not len(single) or not rays.observed:
         return None
+    of_single = pairs.take(np.isin(pairs.image, single))
+    off, cause = misfit(rays, of_single), _height_or_lens(rays, of_single)
+    left = misfit(cause.rays, of_single)
+    if len(of_single.image) >= FEWEST_ANGLES and left < min(EXPLAINED_ANGLES * off, FIT_OBSERVED):
+        text = f"in single images angles between rays to control points differ by {_percent(off)} from those measured"
+        remedy = "give them a camera of their own"
+        remedy = remedy if cause.of == "camera" else f"check the heights of their positions, or {remedy}"
+        return Contradiction(f"{text}; {cause.text}, by {_percent(left)}", remedy, cause.of, False, single)
     text = f"angles between rays to control points differ by more than {limit:.0%} from those measured"
     points = points_off(rays, pairs, limit)
     if 0 < len(points) < len(single):
@@ -150,8 +158,7 @@ def points_off(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]
         points = np.union1d(first, second)
         median = [float(np.median(off[(first == k) | (second == k)])) for k in points]
         gone.append(int(points[int(np.argmax(median))]))
-        rest = (first != gone[-1]) & (second != gone[-1])
-        pairs = Pairs(pairs.image[rest], pairs.first[rest], pairs.second[rest])
+        pairs = pairs.take((first != gone[-1]) & (second != gone[-1]))
     return tuple(sorted(gone)) if len(pairs.image) else ()
 
 

@@ -58,6 +58,10 @@ class Pairs:
     first: Int
     second: Int
 
+    def take(self, chosen: Bool) -> Pairs:
+        """The chosen ones."""
+        return Pairs(self.image[chosen], self.first[chosen], self.second[chosen])
+
 
 def pairs_of(rays: ControlRays) -> Pairs:
     """Pairs of the rays of each image, but for those to nearly the same place.
@@ -75,7 +79,7 @@ def pairs_of(rays: ControlRays) -> Pairs:
     second = [g[j] for g in groups for i in range(len(g)) for j in range(i + 1, len(g))]
     pairs = Pairs(rays.image[first], np.array(first, np.int64), np.array(second, np.int64))
     seen = np.maximum(angle_between(*in_image(rays, pairs)), angle_between(*in_space(rays, pairs))) > LEAST_ANGLE_RAD
-    return Pairs(pairs.image[seen], pairs.first[seen], pairs.second[seen])
+    return pairs.take(seen)
 
 
 def in_image(rays: ControlRays, pairs: Pairs) -> tuple[Float, Float]:

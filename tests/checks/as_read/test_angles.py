@@ -135,6 +135,17 @@ def test_a_single_image_of_another_camera_is_named() -> None:
     assert not found.certain
 
 
+@pytest.mark.parametrize("factor", [0.8, 1.3])
+def test_images_of_another_lens_are_told_with_its_principal_distance(factor: float) -> None:
+    rays = _rays()
+    of_strip = rays.image >= 4
+    found = _found(replace(rays, xy_mm=np.where(of_strip[:, None], factor, 1.0) * rays.xy_mm))
+    assert f"a principal distance of {C_MM * factor:.4g} instead of {C_MM:.4g} mm" in found.text
+    assert found.images.tolist() == [4, 5]
+    assert not found.certain
+    assert "camera of their own" in found.remedy
+
+
 def test_two_rays_say_nothing() -> None:
     rays = _rays()
     few = replace(
